@@ -1,42 +1,30 @@
 """The `skyway` command: its subcommands, `--version`, and the printing of errors."""
 
 import sys
-from typing import Annotated, NoReturn
+from collections.abc import Iterable
+from importlib import import_module
+from typing import Annotated, Final, NoReturn
 
 import typer
 
-from skyway.cli.compose import compose_command
-from skyway.cli.delivery import request_command, track_command
-from skyway.cli.demo.command import demo_command
-from skyway.cli.doctor import doctor_command
-from skyway.cli.drones.drone import drone_command
-from skyway.cli.drones.fleet import fleet_command
-from skyway.cli.experiment import experiment_command
-from skyway.cli.network import network_app
-from skyway.cli.system.secrets_command import secrets_command
-from skyway.cli.system.up import up_command
-from skyway.cli.top.command import top_command
-from skyway.cli.verify import verify_command
 from skyway.errors import SkywayError
 
-app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-app.command("up")(up_command)
-app.command("demo")(demo_command)
-app.command("compose")(compose_command)
-app.command("experiment")(experiment_command)
-app.command("request")(request_command)
-app.command("track")(track_command)
-app.command("drone")(drone_command)
-app.command("fleet")(fleet_command)
-app.command("top")(top_command)
-app.command("secrets")(secrets_command)
-app.command("verify")(verify_command)
-app.command("doctor")(doctor_command)
-app.add_typer(network_app, name="network")
+#: Each subcommand, and what runs it.
+_COMMANDS: Final = {
+    "up": "skyway.cli.system.up:up_command",
+    "demo": "skyway.cli.demo.command:demo_command",
+    "compose": "skyway.cli.compose:compose_command",
+    "experiment": "skyway.cli.experiment:experiment_command",
+    "request": "skyway.cli.delivery:request_command",
+    "track": "skyway.cli.delivery:track_command",
+    "drone": "skyway.cli.drones.drone:drone_command",
+    "fleet": "skyway.cli.drones.fleet:fleet_command",
+    "top": "skyway.cli.top.command:top_command",
+    "secrets": "skyway.cli.system.secrets_command:secrets_command",
+    "verify": "skyway.cli.verify:verify_command",
+    "doctor": "skyway.cli.doctor:doctor_command",
+    "network": "skyway.cli.network:network_app",
+}
 
 
 def _print_version(is_asked: bool) -> None:
@@ -48,7 +36,6 @@ def _print_version(is_asked: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _options(
     _version: Annotated[
         bool,
@@ -63,12 +50,29 @@ def _options(
     """The open backend for drone-based multi-package delivery."""
 
 
+def make_app(commands: Iterable[str] = tuple(_COMMANDS)) -> typer.Typer:
+    """The command with these subcommands, whose modules are imported now."""
+    app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+    app.callback()(_options)
+    for name in commands:
+        module, _, member = _COMMANDS[name].partition(":")
+        command = getattr(import_module(module), member)
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, name=name)
+        else:
+            app.command(name)(command)
+    return app
+
+
 def main() -> None:
     """Run a subcommand.
 
     An error that Skyway reports ends it with a message and exit code 1. So does a file that cannot
     be used, because a wrong path is the most frequent mistake.
     """
+    # One subcommand needs a third of the time to start that all of them need.
+    given = [name for name in sys.argv[1:2] if name in _COMMANDS]
+    app = make_app(given or _COMMANDS)
     try:
         app()
     except SkywayError as error:

@@ -13,7 +13,7 @@ from skyway_gateway.settings import GatewaySettings
 from skyway_provider_registry.settings import RegistrySettings
 from typer.core import TyperGroup
 
-from skyway.cli.main import app
+from skyway.cli.main import make_app
 
 ROOT = Path(__file__).parents[2]
 COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
@@ -41,7 +41,7 @@ def test_every_command_exists(name: str) -> None:
 
 def _parse(arguments: list[str]) -> None:
     """Parse as the command line would, without running; an unknown name or option raises."""
-    command = typer.main.get_command(app)
+    command = typer.main.get_command(make_app())
     while isinstance(command, TyperGroup):
         command = command.commands[arguments[0]]
         arguments = arguments[1:]

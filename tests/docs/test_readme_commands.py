@@ -7,7 +7,7 @@ import pytest
 import typer
 from typer.core import TyperGroup
 
-from skyway.cli.main import app
+from skyway.cli.main import make_app
 
 README = (Path(__file__).parents[2] / "README.md").read_text()
 SHORTEST_PATH = re.findall(r"^\.venv/bin/skyway (.+?)(?: &)?$", README, re.MULTILINE)
@@ -20,7 +20,7 @@ def test_the_shortest_path_has_four_commands() -> None:
 
 @pytest.mark.parametrize("line", SHORTEST_PATH)
 def test_a_command_of_the_shortest_path_can_be_parsed(line: str) -> None:
-    command, arguments = typer.main.get_command(app), line.split()
+    command, arguments = typer.main.get_command(make_app()), line.split()
     while isinstance(command, TyperGroup):
         command, arguments = command.commands[arguments[0]], arguments[1:]
 

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from skyway.cli.delivery import proof_of
-from skyway.cli.main import app
+from skyway.cli.main import make_app
 from tests.library.cli.conftest import Gateway
 
 runner = CliRunner()
@@ -59,7 +59,7 @@ def ends_with(gateway: Gateway, event_type: str) -> None:
 def test_a_package_without_mass_or_destination_is_refused_and_nothing_is_sent(
     gateway: Gateway, package: str
 ) -> None:
-    result = runner.invoke(app, ["request", "san-marcos", "-p", package])
+    result = runner.invoke(make_app(), ["request", "san-marcos", "-p", package])
 
     assert result.exit_code == 1
     assert f"--package {package}: the mass is missing; write --package" in result.stderr
@@ -67,7 +67,7 @@ def test_a_package_without_mass_or_destination_is_refused_and_nothing_is_sent(
 
 
 def test_a_request_sends_the_mass_of_each_package(gateway: Gateway) -> None:
-    result = runner.invoke(app, ["request", "a", "-p", "b=0.8", "-p", "c=2"])
+    result = runner.invoke(make_app(), ["request", "a", "-p", "b=0.8", "-p", "c=2"])
 
     assert (result.exit_code, result.stdout) == (0, "dlv_1\n")
     sent = gateway.calls[-1][2]
@@ -90,13 +90,13 @@ def test_the_exit_code_says_how_a_followed_delivery_ended(
 ) -> None:
     ends_with(gateway, last_event)
 
-    assert runner.invoke(app, command).exit_code == exit_code
+    assert runner.invoke(make_app(), command).exit_code == exit_code
 
 
 def test_a_request_without_a_network_says_how_to_publish_one(gateway: Gateway) -> None:
     gateway.answers["GET", "/v1/networks"] = NOTHING
 
-    result = runner.invoke(app, ["request", "a", "-p", "b=1"])
+    result = runner.invoke(make_app(), ["request", "a", "-p", "b=1"])
 
     assert result.exit_code == 1
     assert result.stderr == "no network is published: skyway network import bundled\n"
@@ -108,7 +108,7 @@ def test_a_request_without_providers_is_sent_and_says_that_no_provider_can_fly_i
 ) -> None:
     gateway.answers["GET", "/v1/providers"] = NOTHING
 
-    result = runner.invoke(app, ["request", "a", "-p", "b=1"])
+    result = runner.invoke(make_app(), ["request", "a", "-p", "b=1"])
 
     assert (result.exit_code, result.stdout) == (0, "dlv_1\n")
     assert "no provider is registered yet" in result.stderr

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from skyway.cli.main import app
+from skyway.cli.main import make_app
 from tests.library.cli.conftest import Gateway
 
 runner = CliRunner()
@@ -30,7 +30,7 @@ def closed_port() -> Iterator[int]:
 
 
 def test_an_empty_folder_is_no_trouble(tmp_path: Path) -> None:
-    result = runner.invoke(app, ["doctor", "--data", str(tmp_path)])
+    result = runner.invoke(make_app(), ["doctor", "--data", str(tmp_path)])
 
     assert result.exit_code == 0
     assert "SQLite; skyway up makes the files" in result.stdout
@@ -42,7 +42,7 @@ def test_a_named_database_that_does_not_answer_is_trouble(
 ) -> None:
     monkeypatch.setenv("SKYWAY_DATABASE_URL", f"postgresql://127.0.0.1:{closed_port}/x")
 
-    result = runner.invoke(app, ["doctor", "--data", str(tmp_path)])
+    result = runner.invoke(make_app(), ["doctor", "--data", str(tmp_path)])
 
     assert result.exit_code == 1
     assert "PostgreSQL at 127.0.0.1 does not answer" in result.stdout
@@ -56,7 +56,7 @@ def test_a_named_database_that_answers_shows_its_version(
 ) -> None:
     monkeypatch.setenv("SKYWAY_DATABASE_URL", database_url)
 
-    result = runner.invoke(app, ["doctor", "--data", str(tmp_path)])
+    result = runner.invoke(make_app(), ["doctor", "--data", str(tmp_path)])
 
     assert result.exit_code == 0, result.stdout
     assert "answers: version" in result.stdout
@@ -67,7 +67,7 @@ def test_a_named_broker_that_does_not_answer_is_trouble(
 ) -> None:
     monkeypatch.setenv("SKYWAY_MQTT_URL", f"mqtt://127.0.0.1:{closed_port}")
 
-    result = runner.invoke(app, ["doctor", "--data", str(tmp_path)])
+    result = runner.invoke(make_app(), ["doctor", "--data", str(tmp_path)])
 
     assert result.exit_code == 1
     assert f"the broker at mqtt://127.0.0.1:{closed_port} does not answer" in result.stdout
@@ -78,7 +78,7 @@ def test_a_sqlite_file_that_is_no_database_is_trouble(tmp_path: Path) -> None:
         connection.execute("CREATE TABLE t (x)")
     (tmp_path / "registry.db").write_text("not a database, but long enough to be read as one" * 9)
 
-    result = runner.invoke(app, ["doctor", "--data", str(tmp_path)])
+    result = runner.invoke(make_app(), ["doctor", "--data", str(tmp_path)])
 
     assert result.exit_code == 1
     assert f"reads {tmp_path / 'gateway.db'} (1 tables)" in result.stdout
@@ -90,7 +90,7 @@ def test_a_gateway_that_is_not_ready_says_what_is_missing(
 ) -> None:
     answering_gateway.answers["GET", "/readyz"] = (503, {"detail": "missing: database"})
 
-    result = runner.invoke(app, ["doctor", "--data", str(tmp_path)])
+    result = runner.invoke(make_app(), ["doctor", "--data", str(tmp_path)])
 
     assert result.exit_code == 1
     assert "answers: missing: database" in result.stdout
@@ -99,7 +99,7 @@ def test_a_gateway_that_is_not_ready_says_what_is_missing(
 def test_a_gateway_without_a_broker_is_trouble(answering_gateway: Gateway, tmp_path: Path) -> None:
     answering_gateway.answers["GET", "/readyz"] = (200, {"checks": {"mqtt": False}})
 
-    result = runner.invoke(app, ["doctor", "--data", str(tmp_path)])
+    result = runner.invoke(make_app(), ["doctor", "--data", str(tmp_path)])
 
     assert result.exit_code == 1
     assert "no connection to the broker" in result.stdout
@@ -115,7 +115,7 @@ def test_a_running_system_without_network_and_provider_says_how_to_get_them(
         ("GET", "/v1/providers"): empty,
     }
 
-    result = runner.invoke(app, ["doctor", "--data", str(tmp_path)])
+    result = runner.invoke(make_app(), ["doctor", "--data", str(tmp_path)])
 
     assert "no network is published: skyway network import bundled" in result.stdout
     assert "no provider is registered: skyway fleet --drones 10" in result.stdout

@@ -2,11 +2,11 @@
 
 from typer.testing import CliRunner
 
-from skyway.cli.main import app
+from skyway.cli.main import make_app
 
 
 def test_an_unknown_part_is_refused():
-    result = CliRunner().invoke(app, ["experiment", "--only", "nothing"])
+    result = CliRunner().invoke(make_app(), ["experiment", "--only", "nothing"])
 
     assert result.exit_code == 2
     assert "'nothing' is not a part" in result.stderr
@@ -15,7 +15,7 @@ def test_an_unknown_part_is_refused():
 def test_one_part_alone_writes_its_page_figures_and_rows(tmp_path):
     arguments = ["experiment", "--quick", "--only", "congestion", "--out", str(tmp_path)]
 
-    result = CliRunner().invoke(app, arguments)
+    result = CliRunner().invoke(make_app(), arguments)
 
     assert result.exit_code == 0
     assert "delivery time, 0 to 95% taken" in result.stdout.replace("\n", " ") or result.stdout

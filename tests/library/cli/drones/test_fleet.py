@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from skyway.cli.drones import fleet
-from skyway.cli.main import app
+from skyway.cli.main import make_app
 from tests.library.cli.conftest import Gateway
 
 runner = CliRunner()
@@ -41,7 +41,7 @@ def gateway(answering_gateway: Gateway) -> Gateway:
 def test_a_fleet_that_cannot_fly_registers_no_provider(
     gateway: Gateway, options: list[str], message: str
 ) -> None:
-    result = runner.invoke(app, ["fleet", "--drones", "2", *options])
+    result = runner.invoke(make_app(), ["fleet", "--drones", "2", *options])
 
     assert result.exit_code == 1
     assert message in result.stderr
@@ -51,7 +51,7 @@ def test_a_fleet_that_cannot_fly_registers_no_provider(
 def test_a_fleet_without_a_network_says_how_to_publish_one(gateway: Gateway) -> None:
     gateway.answers["GET", "/v1/networks"] = (200, {"items": []})
 
-    result = runner.invoke(app, ["fleet", "--drones", "2"])
+    result = runner.invoke(make_app(), ["fleet", "--drones", "2"])
 
     assert result.exit_code == 1
     assert "no network is published: skyway network import bundled" in result.stderr
@@ -61,7 +61,7 @@ def test_a_fleet_without_a_network_says_how_to_publish_one(gateway: Gateway) -> 
 def test_a_new_provider_whose_drones_are_refused_is_suspended(gateway: Gateway) -> None:
     gateway.answers[REGISTER_DRONES] = (503, {"detail": "composition is unavailable"})
 
-    result = runner.invoke(app, ["fleet", "--drones", "2", "--home", "home"])
+    result = runner.invoke(make_app(), ["fleet", "--drones", "2", "--home", "home"])
 
     assert result.exit_code == 1
     assert gateway.calls[-1] == ("PATCH", "/v1/providers/prv_1", {"state": "SUSPENDED"})
@@ -75,7 +75,7 @@ def test_a_fleet_that_can_fly_is_registered_and_stored(
     monkeypatch.setattr(fleet, "fly", lambda _folder, drones, _arguments: flown.append(drones))
     file = tmp_path / "fleet.json"
 
-    result = runner.invoke(app, ["fleet", str(file), "--drones", "2", "--home", "home"])
+    result = runner.invoke(make_app(), ["fleet", str(file), "--drones", "2", "--home", "home"])
 
     assert result.exit_code == 0, result.stderr
     assert gateway.calls[-1][2] == [{"model_id": "paper-scenario", "home_station_id": "home"}] * 2

@@ -7,11 +7,11 @@ from typer.testing import CliRunner
 
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.main import app
+from skyway.cli.main import make_app
 
 
 def make_secrets(folder: DataFolder, *options: str) -> str:
-    done = CliRunner().invoke(app, ["secrets", "--data", str(folder.path), *options])
+    done = CliRunner().invoke(make_app(), ["secrets", "--data", str(folder.path), *options])
     assert done.exit_code == 0, done.output
     return (folder.broker / "mosquitto.conf").read_text()
 

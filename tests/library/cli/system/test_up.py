@@ -12,7 +12,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.main import app
+from skyway.cli.main import make_app
 from skyway.cli.system import up
 from skyway.cli.system.running_system import System
 from skyway.cli.system.supervisor import Supervisor
@@ -36,7 +36,7 @@ def test_a_system_that_is_still_starting_can_be_stopped(
 
     monkeypatch.setattr(up, "running_system", never_ready)
 
-    done = CliRunner().invoke(app, ["up", "--data", str(tmp_path)])
+    done = CliRunner().invoke(make_app(), ["up", "--data", str(tmp_path)])
 
     assert happened == ["ended"]
     assert "has stopped" in done.output

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from skyway.cli.main import app
+from skyway.cli.main import make_app
 from skyway.cli.top.reader import MessageCounts, NoAnswer, TopReader
 from skyway.cli.top.screen import TopScreen
 
@@ -161,7 +161,7 @@ def test_the_command_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.delenv("SKYWAY_GATEWAY_URL", raising=False)
     monkeypatch.delenv("SKYWAY_OPERATOR_KEY", raising=False)
 
-    ended = CliRunner().invoke(app, ["top", "--once", "--data", str(tmp_path)])
+    ended = CliRunner().invoke(make_app(), ["top", "--once", "--data", str(tmp_path)])
 
     assert ended.exit_code == 1
     assert "SKYWAY_GATEWAY_URL is not set" in ended.output
