@@ -3,10 +3,18 @@
 import sys
 
 from skyway.runtime.service_process import ServiceProcess
-from skyway_gateway.app import PACKAGE, build_app
-from skyway_gateway.parts import SERVICE
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.verify import violations
 
+
+def _serve(settings: GatewaySettings) -> int:
+    # Imported here: the other commands do without the app.
+    from skyway.runtime.http.serving import serve
+    from skyway_gateway.app import build_app
+
+    return serve(build_app(settings), settings)
+
+
 if __name__ == "__main__":
-    sys.exit(ServiceProcess(SERVICE, PACKAGE, GatewaySettings, build_app, violations).run())
+    process = ServiceProcess("gateway", "skyway_gateway", GatewaySettings, _serve, violations)
+    sys.exit(process.run())

@@ -3,10 +3,20 @@
 import sys
 
 from skyway.runtime.service_process import ServiceProcess
-from skyway_composition.app import PACKAGE, build_app
-from skyway_composition.parts import SERVICE
 from skyway_composition.settings import CompositionSettings
 from skyway_composition.verify import violations
 
+
+def _serve(settings: CompositionSettings) -> int:
+    # Imported here: the other commands do without the app.
+    from skyway.runtime.http.serving import serve
+    from skyway_composition.app import build_app
+
+    return serve(build_app(settings), settings)
+
+
 if __name__ == "__main__":
-    sys.exit(ServiceProcess(SERVICE, PACKAGE, CompositionSettings, build_app, violations).run())
+    process = ServiceProcess(
+        "composition", "skyway_composition", CompositionSettings, _serve, violations
+    )
+    sys.exit(process.run())

@@ -3,10 +3,20 @@
 import sys
 
 from skyway.runtime.service_process import ServiceProcess
-from skyway_provider_registry.app import PACKAGE, build_app
-from skyway_provider_registry.parts import SERVICE
 from skyway_provider_registry.settings import RegistrySettings
 from skyway_provider_registry.verify import violations
 
+
+def _serve(settings: RegistrySettings) -> int:
+    # Imported here: the other commands do without the app.
+    from skyway.runtime.http.serving import serve
+    from skyway_provider_registry.app import build_app
+
+    return serve(build_app(settings), settings)
+
+
 if __name__ == "__main__":
-    sys.exit(ServiceProcess(SERVICE, PACKAGE, RegistrySettings, build_app, violations).run())
+    process = ServiceProcess(
+        "registry", "skyway_provider_registry", RegistrySettings, _serve, violations
+    )
+    sys.exit(process.run())

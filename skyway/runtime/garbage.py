@@ -11,8 +11,14 @@ from typing import Final
 _THRESHOLDS: Final = (20_000, 20, 20)
 
 
+def load_without_collecting() -> None:
+    """Scan nothing until `keep_what_is_loaded`: modules stay, and scans are a sixth of loading."""
+    gc.disable()
+
+
 def keep_what_is_loaded() -> None:
     """Never scan the present objects again, and scan later objects less often."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(*_THRESHOLDS)
+    gc.enable()

@@ -1,4 +1,7 @@
-"""A cloud service as a process: ``python -m PACKAGE [serve | migrate | verify]``."""
+"""A cloud service as a process: ``python -m PACKAGE [serve | migrate | verify]``.
+
+Each command imports what it needs: `verify` takes a third of the time without the app.
+"""
 
 import argparse
 import asyncio
@@ -8,15 +11,12 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from fastapi import FastAPI
-
 from skyway.errors import SkywayError
 from skyway.runtime.exit_codes import exit_code_of
-from skyway.runtime.http.serving import serve
+from skyway.runtime.garbage import load_without_collecting
 from skyway.runtime.logs import configure_logs
 from skyway.runtime.settings import DatabaseSettings, ServiceSettings
 from skyway.runtime.sql.database import Database
-from skyway.runtime.sql.migrations import migrate
 from skyway.runtime.sql.violations import Violation
 
 S = TypeVar("S", bound=ServiceSettings)
@@ -29,7 +29,8 @@ class ServiceProcess(Generic[S]):
     name: str
     package: str
     settings: type[S]
-    build_app: Callable[[S], FastAPI]
+    #: Imports the app and serves it; returns the exit code.
+    serve: Callable[[S], int]
     violations: Callable[[Database], Awaitable[Sequence[Violation]]]
 
     def run(self, arguments: Sequence[str] | None = None) -> int:
@@ -47,9 +48,12 @@ class ServiceProcess(Generic[S]):
     def _serve(self) -> int:
         settings = self.settings.load()
         configure_logs(self.name, settings.log_level)
-        return serve(self.build_app(settings), settings)
+        load_without_collecting()
+        return self.serve(settings)
 
     def _migrate(self) -> int:
+        from skyway.runtime.sql.migrations import migrate
+
         asyncio.run(migrate(DatabaseSettings.load().database_url, self.package))
         return 0
 

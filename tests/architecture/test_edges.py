@@ -22,9 +22,7 @@ ALLOWED = {
         r"(.*/)?(\w+_)?store\.py|migrations/.*|tables(\.py|/.*)|verify(\.py|/.*)"
         r"|runtime/(sql|outbox|idempotency)/.*"
     ),
-    "fastapi": re.compile(
-        r"(.*/)?(\w+_)?routes\.py|app\.py|runtime/http/.*|runtime/service_process\.py"
-    ),
+    "fastapi": re.compile(r"(.*/)?(\w+_)?routes\.py|app\.py|runtime/http/.*"),
     "starlette": re.compile(r"(.*/)?(\w+_)?routes\.py|app\.py|runtime/http/.*"),
 }
 

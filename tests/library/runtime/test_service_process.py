@@ -3,7 +3,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from fastapi import FastAPI
 
 from skyway.runtime.exit_codes import ExitCode
 from skyway.runtime.service_process import ServiceProcess
@@ -16,10 +15,7 @@ def make_process(found: Sequence[Violation] = ()) -> ServiceProcess[ServiceSetti
     async def violations(_db: Database) -> Sequence[Violation]:
         return found
 
-    def build_app(_settings: ServiceSettings) -> FastAPI:
-        return FastAPI()
-
-    return ServiceProcess("tower", "skyway_tower", ServiceSettings, build_app, violations)
+    return ServiceProcess("tower", "skyway_tower", ServiceSettings, lambda _settings: 0, violations)
 
 
 @pytest.fixture
