@@ -9,8 +9,8 @@ from typing import Any, Final
 from benchmarks.load.burst import Burst
 from benchmarks.load.city import City
 from skyway.cli.gateway import GatewayApi
+from skyway.cli.system.niceness import SIMULATES
 from skyway.cli.system.running_system import System
-from skyway.cli.system.supervisor import SIMULATES
 from skyway.errors import SkywayError
 
 NETWORK_ID: Final = "city"

@@ -4,20 +4,18 @@ from typing import Any
 
 from tests.gateway.whole_gateway import Gateway, make_request
 
+#: Makes a connection read-only for as long as it is open.
 READ_ONLY = {
     "sqlite": "PRAGMA query_only = ON",
     "postgresql": "SET SESSION CHARACTERISTICS AS TRANSACTION READ ONLY",
 }
-READ_WRITE = {
-    "sqlite": "PRAGMA query_only = OFF",
-    "postgresql": "SET SESSION CHARACTERISTICS AS TRANSACTION READ WRITE",
-}
 
 
-async def writing_connection(gateway: Gateway) -> Any:
-    """The driver's connection on which the gateway writes."""
+async def refuse_next_write(gateway: Gateway) -> None:
+    """Make the connection read-only on which the gateway writes."""
     async with gateway.parts.db.write() as tx:
-        return (await tx.connection.get_raw_connection()).driver_connection
+        driver: Any = (await tx.connection.get_raw_connection()).driver_connection
+    await driver.execute(READ_ONLY[gateway.parts.db.dialect])
 
 
 async def test_a_read_only_database_is_answered_with_503_until_it_can_be_written(
@@ -25,17 +23,15 @@ async def test_a_read_only_database_is_answered_with_503_until_it_can_be_written
 ) -> None:
     gateway = gateway_on_both
     earlier = await gateway.accepted()
-    connection, dialect = await writing_connection(gateway), gateway.parts.db.dialect
-    await connection.execute(READ_ONLY[dialect])
+    cancelling = f"/v1/deliveries/{earlier}/cancel"
 
+    await refuse_next_write(gateway)
     refused = await gateway.post(make_request())
-    cancelled = await gateway.http.post(
-        f"/v1/deliveries/{earlier}/cancel", headers=gateway.customer
-    )
+    await refuse_next_write(gateway)
+    not_cancelled = await gateway.http.post(cancelling, headers=gateway.customer)
     still_read = await gateway.get(earlier)
-    await connection.execute(READ_WRITE[dialect])
 
-    assert [each.status_code for each in (refused, cancelled)] == [503, 503]
+    assert [each.status_code for each in (refused, not_cancelled)] == [503, 503]
     assert refused.json()["detail"] == "database is unavailable: it is read-only now"
     assert refused.headers["retry-after"] == "1"
     assert still_read["state"] == "REQUESTED"

@@ -3,14 +3,19 @@
 import os
 import socket
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
-from skyway.cli.system.supervisor import Child, listen
+from skyway.cli.system.listening import listen
+from skyway.cli.system.patience import until_done
+from skyway.cli.system.supervisor import Child
 
 _HOST = "127.0.0.1"
+
+#: How long to wait for a port that is in use, seconds of wall time.
+_PORTS_FREE_WITHIN_S = 60.0
 
 #: The package that each process runs.
 PACKAGES = {
@@ -46,6 +51,26 @@ def bind(ports: Ports, held: ExitStack) -> dict[str, socket.socket]:
         name: held.enter_context(listen(_HOST, port, purpose=f"the {name}"))
         for name, port in ports_by_name.items()
     }
+
+
+async def bind_when_free(
+    ports: Ports, held: ExitStack, *, say: Callable[[str], None]
+) -> dict[str, socket.socket]:
+    """The same, once the ports are free: the processes of a killed Skyway need a moment to leave.
+
+    Raises
+    ------
+    NotNow
+        A port is still in use after a minute.
+    """
+
+    async def bind_all() -> dict[str, socket.socket]:
+        with ExitStack() as bound:
+            sockets = bind(ports, bound)
+            held.push(bound.pop_all())
+            return sockets
+
+    return await until_done(bind_all, say=say, within_s=_PORTS_FREE_WITHIN_S)
 
 
 def service_urls(sockets: Mapping[str, socket.socket]) -> dict[str, str]:

@@ -4,13 +4,25 @@ import os
 from urllib.parse import SplitResult, urlsplit
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
+from skyway.cli.system.patience import NotNow
 from skyway.errors import SkywayError
+
+#: Classes of SQLSTATE that a person must settle: a refused role or password, no such database, and
+#: a role that may not create databases. https://www.postgresql.org/docs/current/errcodes-appendix.html
+_WRONG_SETTINGS = ("28", "3D", "42")
 
 
 async def database_urls(folder: DataFolder) -> dict[str, str]:
     """The database URL of each service; missing PostgreSQL databases are created.
 
     `SKYWAY_DATABASE_URL` names the server, and the database to connect to for that.
+
+    Raises
+    ------
+    NotNow
+        The server does not answer now.
+    SkywayError
+        The server refuses the role, or the URL is wrong.
     """
     server = os.environ.get("SKYWAY_DATABASE_URL")
     if server is None:
@@ -38,13 +50,16 @@ async def _create_missing(server: SplitResult, databases: list[str]) -> None:
         connection = await asyncpg.connect(
             _with_database(server, server.path.lstrip("/") or "postgres"), timeout=10
         )
-    except (OSError, asyncpg.PostgresError) as error:
-        raise SkywayError(f"SKYWAY_DATABASE_URL: the server does not answer: {error}") from error
-    try:
-        rows = await connection.fetch("SELECT datname FROM pg_database")
-        present = {row["datname"] for row in rows}
-        for database in databases:
-            if database not in present:
-                await connection.execute(f'CREATE DATABASE "{database}"')
-    finally:
-        await connection.close()
+        try:
+            rows = await connection.fetch("SELECT datname FROM pg_database")
+            present = {row["datname"] for row in rows}
+            for database in databases:
+                if database not in present:
+                    await connection.execute(f'CREATE DATABASE "{database}"')
+        finally:
+            await connection.close()
+    except (OSError, asyncpg.PostgresError, asyncpg.InterfaceError) as error:
+        state = getattr(error, "sqlstate", None) or ""
+        kind = SkywayError if state.startswith(_WRONG_SETTINGS) else NotNow
+        words = str(error) or type(error).__name__
+        raise kind(f"SKYWAY_DATABASE_URL: the server does not do what is asked: {words}") from error

@@ -6,6 +6,7 @@ the last anchor. So each start continues the clock of the previous start.
 
 import asyncio
 import json
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -40,7 +41,9 @@ async def keep_heartbeat(folder: DataFolder) -> None:
     rate = anchor["rate"]
     while True:
         now = datetime.now(UTC)
-        _replace(folder.heartbeat_file, fleet_at + (now - wall_at) * rate, now, rate=rate)
+        # On a full disk the last heartbeat stays, and the next start lets its time run on.
+        with suppress(OSError):
+            _replace(folder.heartbeat_file, fleet_at + (now - wall_at) * rate, now, rate=rate)
         await asyncio.sleep(_HEARTBEAT_S)
 
 

@@ -10,17 +10,13 @@ from pathlib import Path
 
 from skyway.cli.data_folder import DataFolder, held
 from skyway.cli.system.broker_files import write_mosquitto_files
-from skyway.cli.system.children import Ports, bind, child, environment, service_urls
+from skyway.cli.system.children import Ports, bind_when_free, child, environment, service_urls
 from skyway.cli.system.databases import database_urls
 from skyway.cli.system.fleet_time import anchor_clock, keep_heartbeat
+from skyway.cli.system.patience import until_done
 from skyway.cli.system.readiness import until_ready
 from skyway.cli.system.secrets import make_secrets, write_keys_file
 from skyway.cli.system.supervisor import Child, Supervisor, first_of
-from skyway.errors import SkywayError
-
-#: How long all services together may take until they are ready, wall seconds. Without `make setup`
-#: the first start compiles the planner, which takes a minute on a busy machine.
-_READY_WITHIN_S = 180.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +51,12 @@ async def running_system(
     """Start everything, wait until it is ready, and end everything on leaving.
 
     `SKYWAY_DATABASE_URL` and `SKYWAY_MQTT_URL` replace the embedded database and broker. When the
-    start takes long, `say` gets the reason.
+    start takes long, or a process has to be started again, `say` gets the reason.
 
     Raises
     ------
     SkywayError
-        A process does not start; the message names it and its log.
+        A process cannot run for a cause that cannot pass; the message names it and its log.
     """
     # Even in a folder that others may enter, only this user can read databases and logs.
     os.umask(0o077)
@@ -68,14 +64,14 @@ async def running_system(
     with ExitStack() as opened:
         opened.enter_context(held(folder))
         anchor_clock(folder, rate=rate)
-        sockets = bind(ports, opened)
+        sockets = await bind_when_free(ports, opened, say=say)
         settings = environment(folder, sockets)
         if "broker" not in sockets:
             write_mosquitto_files(folder)
-        databases = await database_urls(folder)
+        databases = await until_done(lambda: database_urls(folder), say=say)
         system = System(
             folder=folder,
-            supervisor=Supervisor(),
+            supervisor=Supervisor(say=say),
             urls=service_urls(sockets),
             mqtt_url=os.environ.get("SKYWAY_MQTT_DRONE_URL", settings["SKYWAY_MQTT_URL"]),
         )
@@ -91,21 +87,10 @@ async def running_system(
                         name, folder, listener=listener, shared=settings, database_urls=databases
                     )
                     system.supervisor.start(process)
-                await _until_ready(system, say)
+                # Each service says for as long as it takes what it waits for.
+                await first_of(until_ready(system.urls, say=say), system.supervisor.failed())
                 yield system
         finally:
             heartbeat.cancel()
             with suppress(asyncio.CancelledError):
                 await heartbeat
-
-
-async def _until_ready(system: System, say: Callable[[str], None]) -> None:
-    """Wait until all services are ready; a child that keeps dying raises its error."""
-    try:
-        async with asyncio.timeout(_READY_WITHIN_S):
-            await first_of(until_ready(system.urls, say=say), system.supervisor.failed())
-    except TimeoutError as error:
-        raise SkywayError(
-            f"not everything was ready within {_READY_WITHIN_S:.0f} s; "
-            f"the logs are in {system.folder.logs}"
-        ) from error

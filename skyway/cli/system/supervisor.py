@@ -4,30 +4,58 @@ import asyncio
 import os
 import signal
 import socket
-import time
-from collections import deque
-from collections.abc import Coroutine, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final, Protocol, Self
 
+from skyway.cli.system.niceness import give_way
+from skyway.cli.system.restarts import Restarts, cause_of, is_for_good
 from skyway.errors import SkywayError
+from skyway.runtime.clock import AnchoredClock, FleetClock, sleep_wall
 
-#: So many deaths of one child in so many seconds stop everything (docs/reference/operations.md).
-_DEATHS_TO_GIVE_UP = 4
-_DEATHS_WITHIN_S = 30.0
+#: The end of a log in which the last words of a process are.
+_LAST_BYTES: Final = 4096
 
 
-class ProcessKeepsDying(SkywayError):
-    """A child died too often; the message names the child and its log."""
+class ProcessCannotRun(SkywayError):
+    """A child ended for a cause that cannot pass; the message holds the child's own last words."""
 
-    def __init__(self, name: str, *, exit_code: int, log: Path) -> None:
-        super().__init__(
-            f"{name} ended with code {exit_code}, {_DEATHS_TO_GIVE_UP} times within "
-            f"{_DEATHS_WITHIN_S:.0f} s; its log is {log}"
-        )
+    def __init__(self, child: "Child", *, exit_code: int) -> None:
+        said = _last_line(child.log)
+        super().__init__(f"{child.name} {cause_of(exit_code)}: {said}; its log is {child.log}")
+
+
+class Process(Protocol):
+    """A running child, as asyncio gives one."""
+
+    @property
+    def pid(self) -> int:
+        """Its id."""
+        ...
+
+    @property
+    def returncode(self) -> int | None:
+        """Its exit code, -N after signal N; None while it runs."""
+        ...
+
+    async def wait(self) -> int:
+        """Wait for its end; the exit code."""
+        ...
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal to it."""
+        ...
+
+    def kill(self) -> None:
+        """End it with SIGKILL."""
+        ...
+
+
+#: Starts a child that holds this end of the pipe to its parent.
+Start = Callable[["Child", int], Awaitable[Process]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,12 +77,29 @@ class Child:
 class Supervisor:
     """Runs children until its `async with` block ends; they also end when this process is killed.
 
-    `leave_within_s`: how long a child may take after SIGTERM before it is killed.
+    Parameters
+    ----------
+    say
+        Gets one line when a child is started again: why, and when.
+    leave_within_s
+        How long a child may take after SIGTERM before it is killed.
+    start, clock
+        How children are started and the time passes; tests have their own.
     """
 
-    def __init__(self, *, leave_within_s: float = 5.0) -> None:
+    def __init__(
+        self,
+        *,
+        say: Callable[[str], None] = lambda _line: None,
+        leave_within_s: float = 5.0,
+        start: "Start | None" = None,
+        clock: FleetClock | None = None,
+    ) -> None:
+        self._say = say
         self._leave_within_s = leave_within_s
-        self._processes: dict[str, asyncio.subprocess.Process] = {}
+        self._start = start or start_process
+        self._clock = clock or AnchoredClock.plain()
+        self._processes: dict[str, Process] = {}
         self._keepers: dict[str, asyncio.Task[None]] = {}
         self._failure: asyncio.Future[None] | None = None
         self._parent_pipe = (-1, -1)
@@ -98,50 +143,77 @@ class Supervisor:
         return process.pid if process is not None and process.returncode is None else None
 
     async def failed(self) -> None:
-        """Wait until a child keeps dying, and raise `ProcessKeepsDying`."""
+        """Wait until a child cannot run, and raise `ProcessCannotRun`."""
         if self._failure is None:
             raise RuntimeError("the supervisor is not entered")
         await asyncio.shield(self._failure)
 
     async def _keep(self, child: Child) -> None:
-        deaths: deque[float] = deque(maxlen=_DEATHS_TO_GIVE_UP)
+        """Run the child, and start it again with growing pauses, until its cause cannot pass."""
+        restarts = Restarts()
         while True:
-            process = await self._spawn(child)
-            self._processes[child.name] = process
-            if child.gives_way_by:
-                await asyncio.to_thread(give_way, process.pid, by=child.gives_way_by)
-            exit_code = await process.wait()
-            now = time.monotonic()
-            deaths.append(now)
-            recent = sum(now - death < _DEATHS_WITHIN_S for death in deaths)
-            if recent == _DEATHS_TO_GIVE_UP:
-                if self._failure is not None and not self._failure.done():
-                    error = ProcessKeepsDying(child.name, exit_code=exit_code, log=child.log)
-                    self._failure.set_exception(error)
+            started_at = self._clock.wall_now()
+            cause = await self._run(child)
+            if cause is None:
                 return
-            await asyncio.sleep(0.05 * 4 ** (recent - 1))
+            ran_s = (self._clock.wall_now() - started_at).total_seconds()
+            pause_s = restarts.pause_s(ran_s=ran_s)
+            if restarts.is_news(cause, pause_s):
+                again = "now" if pause_s < 1 else f"in {pause_s:g} s"
+                self._say(f"{child.name} {cause}; it starts again {again}. Log: {child.log}")
+            await sleep_wall(self._clock, pause_s)
 
-    async def _spawn(self, child: Child) -> asyncio.subprocess.Process:
-        parent_fd = self._parent_pipe[0]
-        passed = [parent_fd]
-        environment = {**os.environ, **child.environment, "SKYWAY_PARENT_FD": str(parent_fd)}
-        if child.listener is not None:
-            passed.append(child.listener.fileno())
-            environment["SKYWAY_SOCKET_FD"] = str(child.listener.fileno())
-        with child.log.open("ab") as log:
-            return await asyncio.create_subprocess_exec(
-                *child.command,
-                stdin=asyncio.subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                env=environment,
-                pass_fds=passed,
-                # Ctrl-C reaches only the parent, which ends its children in order.
-                start_new_session=True,
-            )
+    async def _run(self, child: Child) -> str | None:
+        """Run the child once; why it ended, or None when it must not be started again."""
+        try:
+            process = await self._start(child, self._parent_pipe[0])
+        except OSError as error:  # such as: no descriptors, no memory, a full disk for the log
+            return f"cannot be started ({error.strerror})"
+        self._processes[child.name] = process
+        if child.gives_way_by:
+            await asyncio.to_thread(give_way, process.pid, by=child.gives_way_by)
+        exit_code = await process.wait()
+        if not is_for_good(exit_code):
+            return cause_of(exit_code)
+        if self._failure is not None and not self._failure.done():
+            self._failure.set_exception(ProcessCannotRun(child, exit_code=exit_code))
+        return None
 
 
-async def _end(process: asyncio.subprocess.Process, *, within_s: float) -> None:
+async def start_process(child: Child, parent_fd: int) -> asyncio.subprocess.Process:
+    """Start a child; it ends when the other end of the pipe `parent_fd` closes."""
+    passed = [parent_fd]
+    environment = {**os.environ, **child.environment, "SKYWAY_PARENT_FD": str(parent_fd)}
+    # Without bytecode a process that was killed would compile everything anew, which takes seconds.
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    if child.listener is not None:
+        passed.append(child.listener.fileno())
+        environment["SKYWAY_SOCKET_FD"] = str(child.listener.fileno())
+    with child.log.open("ab") as log:
+        return await asyncio.create_subprocess_exec(
+            *child.command,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            env=environment,
+            pass_fds=passed,
+            # Ctrl-C reaches only the parent, which ends its children in order.
+            start_new_session=True,
+        )
+
+
+def _last_line(log: Path) -> str:
+    """The last line of a log: there a process that cannot run says why."""
+    try:
+        with log.open("rb") as file:
+            file.seek(max(0, log.stat().st_size - _LAST_BYTES))
+            lines = file.read().decode(errors="replace").split("\n")
+    except OSError as error:
+        return f"its log cannot be read ({error.strerror})"
+    return next((line for line in reversed(lines) if line.strip()), "without a word")
+
+
+async def _end(process: Process, *, within_s: float) -> None:
     with suppress(ProcessLookupError):
         process.send_signal(signal.SIGTERM)
     try:
@@ -151,65 +223,6 @@ async def _end(process: asyncio.subprocess.Process, *, within_s: float) -> None:
         with suppress(ProcessLookupError):
             process.kill()
         await process.wait()
-
-
-def listen(host: str, port: int, *, purpose: str) -> socket.socket:
-    """A listening socket to pass to a child; port 0 is any free port.
-
-    Raises
-    ------
-    SkywayError
-        The port is in use; the message names the port and its purpose.
-    """
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind((host, port))
-    except OSError as error:
-        listener.close()
-        raise SkywayError(f"port {port} for {purpose} cannot be used: {error.strerror}") from error
-    listener.listen(1024)
-    return listener
-
-
-#: How much nicer simulated drones are than the system, in steps of nice(1): where all want the
-#: processor they get a third of the time.
-SIMULATES: Final = 5
-
-_NICEST: Final = 19
-#: Linux changes the niceness of a group at most once in this many seconds, except for root.
-_BETWEEN_GROUPS_S: Final = 0.1
-_TRIES: Final = 20
-
-
-def give_way(pid: int, *, by: int) -> None:
-    """Make a new process nicer than this one; do nothing where the system has no niceness.
-
-    This needs no privileges, and children of the process inherit it.
-    """
-    if not hasattr(os, "setpriority"):
-        return
-    niceness = min(os.getpriority(os.PRIO_PROCESS, 0) + by, _NICEST)
-    with suppress(OSError):  # it may have ended, or it may be nicer already
-        os.setpriority(os.PRIO_PROCESS, pid, niceness)
-        if os.getsid(pid) == pid:
-            _give_way_as_group(pid, niceness)
-
-
-def _give_way_as_group(pid: int, niceness: int) -> None:
-    """Make the process's session nicer too.
-
-    With autogroup on, as on most desktops, Linux first shares a processor among sessions. The
-    niceness of processes counts only within a session (sched(7)).
-    """
-    group = Path(f"/proc/{pid}/autogroup")
-    for _ in range(_TRIES if group.exists() else 0):
-        try:
-            group.write_text(str(niceness))
-        except BlockingIOError:
-            time.sleep(_BETWEEN_GROUPS_S)
-        else:
-            return
 
 
 async def first_of(*runners: Coroutine[Any, Any, object]) -> None:

@@ -44,7 +44,10 @@ async def _up(folder: DataFolder, *, rate: float, ports: Ports) -> None:
 
 
 async def _run(console: Console, folder: DataFolder, *, rate: float, ports: Ports) -> None:
-    async with running_system(folder, rate=rate, ports=ports, say=console.print) as system:
+    def say(line: str) -> None:
+        console.print(line, soft_wrap=True, markup=False)
+
+    async with running_system(folder, rate=rate, ports=ports, say=say) as system:
         announce(console, system)
         await system.supervisor.failed()
 

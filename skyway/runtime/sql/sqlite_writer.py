@@ -20,7 +20,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.engines import sqlite_engine
-from skyway.runtime.sql.trouble import named_trouble, trouble_of_writing
+from skyway.runtime.sql.trouble import named_trouble, spoils_connection, trouble_of_writing
 
 log = logging.getLogger(__name__)
 
@@ -71,6 +71,7 @@ class SqliteWriter:
         self._arrived = asyncio.Event()
         self._is_closing = False
         self._running: _Turn | None = None
+        self._is_spoilt = False  # the present connection
         self._task: asyncio.Task[None] | None = None
 
     async def __aenter__(self) -> Self:
@@ -107,8 +108,9 @@ class SqliteWriter:
         self._arrived.set()
         try:
             yield await turn.granted
-        except Exception:
+        except Exception as error:
             was_granted = self._running is turn
+            self._is_spoilt |= was_granted and spoils_connection(error)
             self._end(turn, is_kept=False)
             if was_granted:
                 await turn.settled
@@ -136,13 +138,21 @@ class SqliteWriter:
         return bool(self._queue)
 
     async def _serve(self) -> None:
-        """Commit groups on one connection until closing; after an error, leave it for another."""
+        """Commit groups on one connection until closing; after an error, close it for another."""
+        self._is_spoilt = False
         try:
             async with self._engine.connect() as connection:
-                while await self._has_work():
-                    await self._commit_group(connection)
+                try:
+                    while not self._is_spoilt and await self._has_work():
+                        await self._commit_group(connection)
+                except BaseException:
+                    self._is_spoilt = True
+                    raise
+                finally:
+                    if self._is_spoilt:
+                        await connection.invalidate()
         except _NotCommitted:
-            pass  # Leaving the connection rolled the group back. The blocks after it come next.
+            pass  # Closing the connection rolled the group back. The blocks after it come next.
         except Exception as error:
             trouble = trouble_of_writing(error)
             if trouble is None:

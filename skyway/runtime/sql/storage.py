@@ -22,6 +22,7 @@ from skyway.runtime.sql.sqlite_writer import SqliteWriter
 from skyway.runtime.sql.trouble import (
     NameTrouble,
     named_trouble,
+    spoils_connection,
     trouble_of_reading,
     trouble_of_writing,
 )
@@ -163,7 +164,9 @@ async def _connect(
             raise trouble_of(error) or no_connection from error
         try:
             yield connection
-        except BaseException:
+        except BaseException as error:
+            if spoils_connection(error):
+                await connection.invalidate()
             # A cancelled block must still give its connection back.
             await asyncio.shield(connection.close())
             raise

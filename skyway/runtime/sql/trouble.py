@@ -99,13 +99,28 @@ def trouble_of_writing(error: BaseException) -> ServiceUnavailable | None:
 
     A block that only reads may not write. So "read-only" is trouble here, and a bug there.
     """
-    cause = error.orig if isinstance(error, DBAPIError) else error
-    is_read_only = _sqlstate(cause) == _POSTGRESQL_READ_ONLY or (
-        getattr(cause, "sqlite_errorcode", None) == sqlite3.SQLITE_READONLY
-    )
-    if is_read_only:
+    if _is_read_only(_cause(error)):
         return _unavailable("it is read-only now")
     return trouble_of_reading(error)
+
+
+def spoils_connection(error: BaseException) -> bool:
+    """Whether the blocks after this error need a new connection.
+
+    A connection that SQLite opened while the file could not be written stays read-only, and so does
+    a connection to a server that has given its role to another.
+    """
+    cause = _cause(error)
+    return _is_read_only(cause) or _sqlite_trouble(cause) is not None
+
+
+def _cause(error: BaseException) -> BaseException | None:
+    return error.orig if isinstance(error, DBAPIError) else error
+
+
+def _is_read_only(cause: BaseException | None) -> bool:
+    is_on_sqlite = getattr(cause, "sqlite_errorcode", None) == sqlite3.SQLITE_READONLY
+    return is_on_sqlite or _sqlstate(cause) == _POSTGRESQL_READ_ONLY
 
 
 def _trouble_of_statement(error: DBAPIError) -> ServiceUnavailable | None:
