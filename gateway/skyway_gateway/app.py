@@ -30,12 +30,10 @@ from skyway.runtime.sql.migrations import migrate
 from skyway_gateway.access.routes import key_routes
 from skyway_gateway.audit.routes import audit_routes
 from skyway_gateway.audit.trail import AuditTrail
-from skyway_gateway.deliveries.accepting.routes import delivery_routes
 from skyway_gateway.deliveries.booking.queue_store import free_claims
-from skyway_gateway.deliveries.cancelling.routes import cancelling_routes
-from skyway_gateway.deliveries.reading.earnings_routes import earnings_routes
-from skyway_gateway.deliveries.reading.routes import reading_routes
+from skyway_gateway.deliveries.reading.routes import earnings_routes, reading_routes
 from skyway_gateway.deliveries.reporting.routes import report_routes
+from skyway_gateway.deliveries.requests.routes import cancelling_routes, delivery_routes
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.forward.table import larger_bodies

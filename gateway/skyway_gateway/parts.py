@@ -15,14 +15,14 @@ from skyway_gateway.access.issue_keys import Keys
 from skyway_gateway.access.recognise_keys import CachedKeys, DroneKeys
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
-from skyway_gateway.deliveries.accepting.accept import Acceptance
 from skyway_gateway.deliveries.booking.book import Booker
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
-from skyway_gateway.deliveries.cancelling.cancel import Canceller
 from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.reporting.apply_reports import ReportApplier
 from skyway_gateway.deliveries.reporting.notify_overdue import OverdueNotifier
+from skyway_gateway.deliveries.requests.accept import Acceptance
+from skyway_gateway.deliveries.requests.cancel import Canceller
 from skyway_gateway.notifications.record_events import EventRecorder
 from skyway_gateway.notifications.stream_events import EventListeners
 from skyway_gateway.notifications.webhooks.post_webhook import WebhookPost

@@ -29,8 +29,7 @@ NOT_YET: Final = (
 
 #: Names that stay: the OpenAPI documents show these arguments as titles of bodies.
 PUBLIC_NAMES: Final = {
-    "gateway/skyway_gateway/deliveries/accepting/routes.py": "wanted",
-    "gateway/skyway_gateway/deliveries/cancelling/routes.py": "wanted",
+    "gateway/skyway_gateway/deliveries/requests/routes.py": "wanted",
     "services/skyway_provider_registry/fleets/registration_routes.py": "wanted",
 }
 

@@ -14,14 +14,13 @@ from hypothesis.stateful import (
     rule,
     run_state_machine_as_test,
 )
-from skyway_gateway.deliveries.accepting.new_delivery import new_delivery
 from skyway_gateway.deliveries.lifecycle.booking_effects import after_booking, after_giving_up
 from skyway_gateway.deliveries.lifecycle.cancellation_effects import after_cancellation
-from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus, may_follow
 from skyway_gateway.deliveries.lifecycle.lateness import when_overdue
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.lifecycle.report_effects import after_report
-from skyway_gateway.deliveries.lifecycle.states import may_follow
+from skyway_gateway.deliveries.requests.accept import new_delivery
 from skyway_gateway.notifications.stream_events import LAST_EVENTS
 
 from skyway.contracts.mission import Cancellation, Mission, MissionReport

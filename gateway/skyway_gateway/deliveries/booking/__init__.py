@@ -1,5 +1,5 @@
 """Booking missions for packages that wait.
 
-`run_bookings` is the loop, `book` is one round of one delivery. `booking_request` decides what to
-ask for, `infeasibility` decides whether a later round can help. `queue_store` is the queue.
+`run_bookings` is the loop, `book` is one round of one delivery. `booking_round` decides what to ask
+for, and whether a later round can help. `queue_store` is the queue.
 """

@@ -24,8 +24,9 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import tracing
 from skyway_gateway.clients import CANCELLATIONS_PATH, Composition, Registry
-from skyway_gateway.deliveries.booking.booking_request import booking_request, candidate_query
-from skyway_gateway.deliveries.booking.infeasibility import (
+from skyway_gateway.deliveries.booking.booking_round import (
+    booking_request,
+    candidate_query,
     has_too_many_refusals,
     no_reason_given,
     not_in_time,
@@ -33,7 +34,12 @@ from skyway_gateway.deliveries.booking.infeasibility import (
     refusal_reasons,
     why_infeasible,
 )
-from skyway_gateway.deliveries.booking.queue_store import claim_queued, hold, try_later
+from skyway_gateway.deliveries.booking.queue_store import (
+    claim_queued,
+    hold,
+    note_reasons,
+    try_later,
+)
 from skyway_gateway.deliveries.lifecycle.booking_effects import (
     after_booking,
     after_giving_up,
@@ -165,7 +171,7 @@ class Booker:
         reasons = reasons or (no_reason_given(delivery.request, detail),)
         # Store the reasons first: if this process dies, the next round still has them.
         async with self.db.write() as tx:
-            await delivery_store.note_reasons(tx, delivery.delivery_id, reasons)
+            await note_reasons(tx, delivery.delivery_id, reasons)
         closed = await self.composition.close(delivery.delivery_id)
         booked = [one for one in closed.missions if one.attempt == delivery.attempt]
         if booked:  # an earlier round has booked it

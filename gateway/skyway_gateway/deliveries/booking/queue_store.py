@@ -94,5 +94,12 @@ async def try_later(
     await tx.execute(update(deliveries).where(this).values(values))
 
 
+async def note_reasons(tx: Tx, delivery_id: DeliveryId, reasons: Sequence[ProviderReason]) -> None:
+    """Store the reasons for giving up the packages that wait, before they are given up."""
+    values = {"reasons": reasons_text(reasons), **NEXT_VERSION}
+    this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)
+    await tx.execute(update(deliveries).where(this).values(values))
+
+
 def _lease_end_ms(clock: FleetClock) -> int:
     return moment_to_ms(clock.wall_now()) + int(_LEASE_S * 1000)

@@ -1,6 +1,7 @@
 """The life of a delivery, as pure decisions: no database, no network, no clock is read.
 
-`delivery` and `states` say what a delivery is. `progress` holds what all changes have in common,
-and how a delivery ends. The `..._effects` say what a booking, a cancellation or a mission report
-changes; `hand_overs` and `lateness` are parts of reports. `event_data` builds events.
+`delivery` says what a delivery is and which states follow which. `progress` holds what all changes
+have in common, and how a delivery ends. The `..._effects` say what a booking, a cancellation or a
+mission report changes; `hand_overs` and `lateness` are parts of reports. `event_data` builds
+events.
 """

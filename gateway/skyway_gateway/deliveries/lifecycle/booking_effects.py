@@ -1,4 +1,4 @@
-"""What changes when missions are booked for a delivery, and when booking gives up."""
+"""What changes when missions are booked for a delivery, and when and how booking gives up."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -7,7 +7,9 @@ from typing import Final
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.mission import Mission
+from skyway.delivery.request import DeliveryRequest
 from skyway.ids import PackageId
+from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
@@ -27,6 +29,22 @@ from skyway_gateway.notifications.record_events import Happening
 
 #: The code of a package that no mission could be booked for.
 NOT_PLANNED_CODE: Final = "NOT_PLANNED"
+
+#: How long a request without a deadline waits, fleet and wall seconds (docs/reference/time.md).
+_BUSY_FLEET_S: Final = 3600.0
+_BUSY_WALL_S: Final = 60.0
+
+
+def give_up_at(request: DeliveryRequest, clock: FleetClock) -> datetime:
+    """The request's deadline; without one, an hour after now or after the earliest pickup.
+
+    The hour is fleet time, and at least a minute of wall time.
+    """
+    if request.qos.deadline_at is not None:
+        return request.qos.deadline_at
+    now = clock.now()
+    margin = fleet_margin(clock, fleet_s=_BUSY_FLEET_S, wall_s=_BUSY_WALL_S)
+    return max(now, request.earliest_pickup_at or now) + margin
 
 
 def after_booking(delivery: Delivery, missions: Sequence[Mission], *, at: datetime) -> Progress:

@@ -1,7 +1,8 @@
-"""A delivery as its customer sees it: the life of one request."""
+"""A delivery as its customer sees it: the life of one request, and its states in order."""
 
+from collections.abc import Mapping
 from datetime import datetime
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
@@ -21,16 +22,95 @@ from skyway.ids import (
     StationId,
     SubjectId,
 )
-from skyway.json_model import JsonModel
-from skyway_gateway.deliveries.lifecycle.proof import Proof
-from skyway_gateway.deliveries.lifecycle.states import (
-    SETTLED_PACKAGE_STATES,
-    TERMINAL_STATES,
-    DeliveryState,
-    PackageState,
+from skyway.json_model import JsonModel, WireModel
+
+DeliveryState = Literal[
+    "REQUESTED",
+    "PLANNED",
+    "DISPATCHED",
+    "LOADING",
+    "IN_PROGRESS",
+    "COMPLETED",
+    "PARTIALLY_COMPLETED",
+    "CANCELLED",
+    "FAILED",
+    "REJECTED",
+]
+
+PackageState = Literal[
+    "CREATED",
+    "LOADED",
+    "IN_TRANSIT",
+    "DELIVERED",
+    "RETURNING",
+    "RETURNED",
+    "STRANDED",
+    "CANCELLED",
+]
+
+_ENDS: Final[frozenset[DeliveryState]] = frozenset(
+    {"COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED"}
 )
 
+TERMINAL_STATES: Final[frozenset[DeliveryState]] = _ENDS | {"REJECTED"}
+
+#: A delivery in these states has, or had, a mission.
+UNDER_WAY_STATES: Final[frozenset[DeliveryState]] = frozenset(
+    {"PLANNED", "DISPATCHED", "LOADING", "IN_PROGRESS"}
+)
+
+#: A delivery is over when all its packages are in these states.
+SETTLED_PACKAGE_STATES: Final[frozenset[PackageState]] = frozenset(
+    {"DELIVERED", "RETURNED", "STRANDED", "CANCELLED"}
+)
+
+#: A package in these states is on a drone.
+ON_BOARD_STATES: Final[frozenset[PackageState]] = frozenset({"LOADED", "IN_TRANSIT", "RETURNING"})
+
+#: Which states may follow each state. A report may skip states, such as LOADING when the drone
+#: loads within one report. A request is REJECTED when none of its packages is ever booked.
+_NEXT: Final[Mapping[DeliveryState, frozenset[DeliveryState]]] = {
+    "REQUESTED": frozenset({"PLANNED", "REJECTED", "CANCELLED", "FAILED"}),
+    "PLANNED": _ENDS | {"REQUESTED", "DISPATCHED", "LOADING", "IN_PROGRESS"},
+    # A delivery goes back when a drone refuses the mission that was furthest along.
+    "DISPATCHED": _ENDS | {"REQUESTED", "PLANNED", "LOADING", "IN_PROGRESS"},
+    "LOADING": _ENDS | {"IN_PROGRESS"},
+    "IN_PROGRESS": _ENDS,
+}
+
 Activity = Literal["FLYING", "WAITING", "RECHARGING", "DELIVERING", "OUT_OF_CONTACT"]
+
+
+class Proof(WireModel):
+    """What a drone reported when it handed a package over, to a recipient or back to a station.
+
+    One hand-over may concern several packages: the loads are of all, `mass_kg` is of this package.
+    """
+
+    station_id: Annotated[
+        StationId | None,
+        Field(description="Where the package was handed over; null away from every station."),
+    ]
+    position: Annotated[
+        Position | None,
+        Field(description="Where the drone stood: longitude and latitude, degrees."),
+    ] = None
+    at: FleetMoment
+    mission_id: Annotated[MissionId, Field(description="The mission that carried it.")]
+    provider_id: Annotated[ProviderId, Field(description="The provider of the drone.")]
+    drone_id: Annotated[DroneId, Field(description="The drone that carried it.")]
+    soc: Annotated[
+        Soc | None, Field(description="The drone's state of charge at the hand-over.")
+    ] = None
+    mass_kg: Annotated[
+        float | None, Field(description="The measured mass of this package, kilograms.")
+    ] = None
+    load_before_kg: Annotated[
+        float | None, Field(description="What the drone carried before the hand-over, kilograms.")
+    ] = None
+    load_after_kg: Annotated[
+        float | None, Field(description="What the drone carried after the hand-over, kilograms.")
+    ] = None
 
 
 class PackageStatus(JsonModel):
@@ -199,75 +279,6 @@ class Delivery(JsonModel):
         return tuple(mission for mission in self.missions if mission.is_live)
 
 
-class DeliveryPlan(JsonModel):
-    """How a delivery is flown; each plan counts seconds from its mission's `start_at`."""
-
-    delivery_id: Annotated[DeliveryId, Field(description="The id of the delivery.")]
-    state: Annotated[DeliveryState, Field(description="How far the delivery is.")]
-    missions: Annotated[
-        tuple[FlownMission, ...],
-        Field(description="Its missions with their plans; empty before it is planned."),
-    ]
-
-
-class PackageProof(JsonModel):
-    """The proof of one package; null members while the package is on its way."""
-
-    package_id: Annotated[PackageId, Field(description="The customer's id of the package.")]
-    state: Annotated[PackageState, Field(description="Where the package is in its life.")]
-    custodian: Annotated[Custodian, Field(description="Who holds the package now.")]
-    station_id: Annotated[
-        StationId | None, Field(description="Where it was handed over; null on its way.")
-    ] = None
-    position: Annotated[
-        Position | None,
-        Field(description="Where the drone stood: longitude and latitude, degrees."),
-    ] = None
-    at: Annotated[FleetMoment | None, Field(description="When it was handed over.")] = None
-    mission_id: Annotated[MissionId | None, Field(description="The mission that carried it.")] = (
-        None
-    )
-    provider_id: Annotated[ProviderId | None, Field(description="The provider of the drone.")] = (
-        None
-    )
-    drone_id: Annotated[DroneId | None, Field(description="The drone that carried it.")] = None
-    soc: Annotated[
-        Soc | None, Field(description="The drone's state of charge at the hand-over.")
-    ] = None
-    mass_kg: Annotated[
-        float | None, Field(description="The measured mass of this package, kilograms.")
-    ] = None
-    load_before_kg: Annotated[
-        float | None, Field(description="What the drone carried before the hand-over, kilograms.")
-    ] = None
-    load_after_kg: Annotated[
-        float | None, Field(description="What the drone carried after the hand-over, kilograms.")
-    ] = None
-
-
-class DeliveryProof(JsonModel):
-    """The proof of all packages of a delivery."""
-
-    delivery_id: Annotated[DeliveryId, Field(description="The id of the delivery.")]
-    state: Annotated[DeliveryState, Field(description="How far the delivery is.")]
-    packages: Annotated[tuple[PackageProof, ...], Field(description="The proof of each package.")]
-
-
-class ProviderDelivery(JsonModel):
-    """What a provider sees of a delivery that one of its drones flies."""
-
-    delivery_id: Annotated[DeliveryId, Field(description="The id of the delivery.")]
-    state: Annotated[DeliveryState, Field(description="How far the delivery is.")]
-    activity: Annotated[
-        Activity | None,
-        Field(description="What the drone does now; null before the start and after the end."),
-    ]
-    pickup: Annotated[Place, Field(description="Where the packages are picked up.")]
-    missions: Annotated[
-        tuple[FlownMission, ...], Field(description="The missions of the provider's own drones.")
-    ]
-    packages: Annotated[
-        tuple[PackageStatus, ...], Field(description="The packages of the delivery.")
-    ]
-    created_at: FleetMoment
-    updated_at: FleetMoment
+def may_follow(after: DeliveryState, before: DeliveryState) -> bool:
+    """Whether a delivery in state `before` may change to state `after`, or stay in it."""
+    return after == before or after in _NEXT.get(before, ())

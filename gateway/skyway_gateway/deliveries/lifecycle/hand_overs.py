@@ -1,16 +1,22 @@
 """What changes when packages are loaded, delivered, returned or stranded."""
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from pydantic import TypeAdapter, ValidationError
 
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.mission import Mission, MissionReport
+from skyway.geo import Position
+from skyway.ids import PackageId
 from skyway_gateway.deliveries.lifecycle import event_data
-from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus, Proof
 from skyway_gateway.deliveries.lifecycle.progress import Progress, changed, with_packages
-from skyway_gateway.deliveries.lifecycle.proof import Proof
 from skyway_gateway.notifications.record_events import Happening
+
+_NUMBER: Final = TypeAdapter(float | None)
+_POSITION: Final = TypeAdapter(Position | None)
 
 
 def loaded(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
@@ -52,7 +58,7 @@ def delivered(delivery: Delivery, mission: Mission, report: MissionReport) -> Pr
             # A reason from before the delivery no longer holds.
             "code": None,
             "detail": None,
-            "proof": Proof.of(report, package.package_id),
+            "proof": _proof(report, package.package_id),
         }
 
     return _with_events(
@@ -74,7 +80,7 @@ def returned(delivery: Delivery, mission: Mission, report: MissionReport) -> Pro
             "eta_at": None,
             "code": package.code or report.code,
             "detail": package.detail or report.detail,
-            "proof": Proof.of(report, package.package_id),
+            "proof": _proof(report, package.package_id),
         }
 
     return _with_events(
@@ -138,3 +144,31 @@ def _station_or_drone(package: PackageStatus, report: MissionReport) -> Custodia
     if report.station_id is None:
         return package.custodian
     return Custodian(kind="STATION", id=report.station_id)
+
+
+def _proof(report: MissionReport, package_id: PackageId) -> Proof:
+    """The proof of this package in a report; evidence in an unknown form is left out."""
+    evidence = report.data
+    masses_kg, place = evidence.get("mass_kg"), evidence.get("place")
+    mass_kg = masses_kg.get(package_id) if isinstance(masses_kg, Mapping) else None
+    position = place.get("position") if isinstance(place, Mapping) else None
+    return Proof(
+        station_id=report.station_id,
+        position=_read(_POSITION, position),
+        at=report.at,
+        mission_id=report.mission_id,
+        provider_id=report.provider_id,
+        drone_id=report.drone_id,
+        soc=report.soc,
+        mass_kg=_read(_NUMBER, mass_kg),
+        load_before_kg=_read(_NUMBER, evidence.get("load_before_kg")),
+        load_after_kg=_read(_NUMBER, evidence.get("load_after_kg")),
+    )
+
+
+def _read(form: TypeAdapter[Any], value: object) -> Any:  # of the adapter's type, or None
+    # Evidence that cannot be read must not hold up the delivery.
+    try:
+        return form.validate_python(value)
+    except ValidationError:
+        return None

@@ -8,8 +8,12 @@ from typing import Final
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.ids import PackageId
 from skyway_gateway.deliveries.lifecycle import event_data
-from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Flags, PackageStatus
-from skyway_gateway.deliveries.lifecycle.states import DeliveryState
+from skyway_gateway.deliveries.lifecycle.delivery import (
+    Delivery,
+    DeliveryState,
+    Flags,
+    PackageStatus,
+)
 from skyway_gateway.notifications.record_events import Happening
 
 #: The code of a package that somebody cancelled.

@@ -10,7 +10,9 @@ from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.mission import Mission, MissionReport
 from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.delivery import (
+    ON_BOARD_STATES,
     Delivery,
+    DeliveryState,
     FlownMission,
     PackageStatus,
     Refusal,
@@ -27,7 +29,6 @@ from skyway_gateway.deliveries.lifecycle.progress import (
     with_packages,
     with_returning,
 )
-from skyway_gateway.deliveries.lifecycle.states import ON_BOARD_STATES, DeliveryState
 from skyway_gateway.notifications.record_events import Happening
 
 

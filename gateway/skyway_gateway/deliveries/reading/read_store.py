@@ -1,18 +1,20 @@
-"""The SQL of lists of deliveries: each query returns only what the caller may see."""
+"""The SQL of lists of deliveries, which hold only what the caller may see, and of earnings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from datetime import date, timedelta
+from typing import Any, Final
 
-from sqlalchemy import Select, exists, select
+from sqlalchemy import Select, distinct, exists, func, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import ProviderId
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
+from skyway.units import moment_to_ms
 from skyway_gateway.access.ownership_store import owned
-from skyway_gateway.deliveries.lifecycle.delivery import Delivery
-from skyway_gateway.deliveries.lifecycle.states import DeliveryState
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery, DeliveryState
+from skyway_gateway.deliveries.reading.earnings import DayEarnings, EarningsQuery
 from skyway_gateway.deliveries.records.delivery_store import with_parts
 from skyway_gateway.tables import deliveries, missions
 
@@ -62,3 +64,39 @@ async def _page(
         statement = statement.where(deliveries.c.delivery_id < after[0])
     statement = statement.order_by(deliveries.c.delivery_id.desc()).limit(query.limit + 1)
     return await with_parts(connection, (await connection.execute(statement)).all())
+
+
+_DAY_MS: Final = 86_400_000
+_FIRST_DAY: Final = date(1970, 1, 1)
+
+
+async def days_of(
+    connection: AsyncConnection, provider_id: ProviderId, query: EarningsQuery
+) -> tuple[DayEarnings, ...]:
+    """A provider's completed missions by the day on which they ended, the first day first."""
+    day = (missions.c.ended_ms // _DAY_MS).label("day")
+    statement = select(
+        day,
+        missions.c.currency,
+        func.count(distinct(missions.c.delivery_id)).label("deliveries"),
+        func.count().label("missions"),
+        func.sum(missions.c.price_amount).label("amount"),
+    ).where(missions.c.provider_id == provider_id, missions.c.state == "COMPLETED")
+    if query.from_at is not None:
+        statement = statement.where(missions.c.ended_ms >= moment_to_ms(query.from_at))
+    if query.to_at is not None:
+        statement = statement.where(missions.c.ended_ms < moment_to_ms(query.to_at))
+    # The currency used last comes last within its day.
+    statement = statement.group_by(day, missions.c.currency).order_by(
+        day, func.max(missions.c.ended_ms)
+    )
+    return tuple(
+        DayEarnings(
+            day=_FIRST_DAY + timedelta(days=row.day),
+            currency=row.currency,
+            deliveries=row.deliveries,
+            missions=row.missions,
+            amount=int(row.amount),
+        )
+        for row in await connection.execute(statement)
+    )

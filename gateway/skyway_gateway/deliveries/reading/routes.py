@@ -1,4 +1,4 @@
-"""Deliveries as their customers, operators and providers read them."""
+"""Deliveries and earnings as customers, operators and providers read them."""
 
 from typing import Annotated
 
@@ -18,15 +18,19 @@ from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
-    DeliveryPlan,
-    DeliveryProof,
-    PackageProof,
-    ProviderDelivery,
+    DeliveryState,
 )
-from skyway_gateway.deliveries.lifecycle.states import DeliveryState
 from skyway_gateway.deliveries.reading import read_store
+from skyway_gateway.deliveries.reading.earnings import Earnings, EarningsQuery, earnings_of
 from skyway_gateway.deliveries.reading.read_store import DeliveryFilter
 from skyway_gateway.deliveries.reading.tracking import FeatureCollection, feature_collection
+from skyway_gateway.deliveries.reading.views import (
+    DeliveryPlan,
+    DeliveryProof,
+    ProviderDelivery,
+    for_provider,
+    proof_of,
+)
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.notifications.stream_events import EventStream
 
@@ -88,7 +92,7 @@ def _add_lists(router: ServiceRouter, db: Database, gate: KeyGate) -> None:
         async with db.read() as connection:
             found = await read_store.page_of_provider(connection, provider_id, query)
         return page_of(
-            found, query, item=_for_provider, sort_key=lambda delivery: (delivery.delivery_id,)
+            found, query, item=for_provider, sort_key=lambda delivery: (delivery.delivery_id,)
         )
 
 
@@ -133,7 +137,7 @@ def _add_details(
         caller.must_be("customer", "operator")
         async with db.read() as connection:
             delivery = await delivery_store.one_of(connection, caller, delivery_id)
-        return _proof_of(delivery)
+        return proof_of(delivery)
 
     @router.get("/v1/deliveries/{delivery_id}/track", response_class=GeoJsonResponse)
     async def get_delivery_track(
@@ -185,30 +189,26 @@ def _add_events(router: ServiceRouter, db: Database, gate: KeyGate, stream: Even
         )
 
 
-def _proof_of(delivery: Delivery) -> DeliveryProof:
-    return DeliveryProof(
-        delivery_id=delivery.delivery_id,
-        state=delivery.state,
-        packages=tuple(
-            PackageProof(
-                package_id=package.package_id,
-                state=package.state,
-                custodian=package.custodian,
-                **dict(package.proof or {}),
+def earnings_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
+    """/v1/providers/{provider_id}/earnings."""
+    router = ServiceRouter(tags=("deliveries",))
+
+    @router.get("/v1/providers/{provider_id}/earnings")
+    async def get_provider_earnings(
+        provider_id: ProviderId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[EarningsQuery, Query()],
+    ) -> Earnings:
+        """Sum what a provider's completed missions earned, in all and by day.
+
+        Callers: provider, operator.
+        """
+        caller.must_be("provider", "operator")
+        if caller.role == "provider" and caller.subject_id != provider_id:
+            raise NotFound("provider", provider_id)
+        async with db.survey() as connection:
+            return earnings_of(
+                provider_id, await read_store.days_of(connection, provider_id, query)
             )
-            for package in delivery.packages
-        ),
-    )
 
-
-def _for_provider(delivery: Delivery) -> ProviderDelivery:
-    return ProviderDelivery(
-        delivery_id=delivery.delivery_id,
-        state=delivery.state,
-        activity=delivery.activity,
-        pickup=delivery.request.pickup,
-        missions=delivery.missions,
-        packages=delivery.packages,
-        created_at=delivery.created_at,
-        updated_at=delivery.updated_at,
-    )
+    return router

@@ -19,9 +19,9 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     Flags,
     FlownMission,
     PackageStatus,
+    Proof,
     Refusal,
 )
-from skyway_gateway.deliveries.lifecycle.proof import Proof
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery, StoredDelivery
 
 #: The values of a row by the names of their columns.

@@ -9,7 +9,7 @@ from skyway.ids import DeliveryId
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.progress import Progress
-from skyway_gateway.deliveries.records import delivery_store, saving_store
+from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.stored_delivery import (
     DeliveryCache,
     QueuedDelivery,
@@ -44,7 +44,7 @@ class DeliveryWriter:
         self, tx: Tx, queued: QueuedDelivery, first: Happening, *, claim: Mapping[str, object]
     ) -> None:
         """Add a delivery that was just accepted, with its first event."""
-        saving_store.add(tx, queued, claim=claim)
+        delivery_store.add(tx, queued, claim=claim)
         self._record(tx, queued.stored, [first], after=0)
 
     def save(
@@ -66,7 +66,7 @@ class DeliveryWriter:
         if report is None and delivery == before.delivery and not happenings:
             return
         after = before.then(delivery, new_events=len(happenings))
-        saving_store.save(tx, before, after, report=report, give_up_at=give_up_at)
+        delivery_store.save(tx, before, after, report=report, give_up_at=give_up_at)
         self._record(tx, after, happenings, after=before.last_sequence)
 
     def _record(

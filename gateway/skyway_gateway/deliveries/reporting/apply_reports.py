@@ -11,7 +11,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import tracing
 from skyway_gateway.clients import CANCELLATIONS_PATH
-from skyway_gateway.deliveries.lifecycle.booking_deadline import give_up_at
+from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.report_effects import after_report
 from skyway_gateway.deliveries.records import delivery_store

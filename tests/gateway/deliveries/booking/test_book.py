@@ -381,7 +381,7 @@ async def _claimed(gateway: Gateway) -> Any:
 
 async def _ask(gateway: Gateway, queued: Any) -> Any:
     """Book a delivery in composition and stop before anything is written here."""
-    from skyway_gateway.deliveries.booking.booking_request import booking_request, candidate_query
+    from skyway_gateway.deliveries.booking.booking_round import booking_request, candidate_query
 
     found = await gateway.registry.candidates(candidate_query(queued))
     asked = booking_request(queued.delivery, found.shortlist)

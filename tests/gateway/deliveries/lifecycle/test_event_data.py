@@ -2,8 +2,8 @@
 
 from datetime import UTC, datetime, timedelta
 
-from skyway_gateway.deliveries.accepting.new_delivery import new_delivery
 from skyway_gateway.deliveries.lifecycle.booking_effects import after_booking
+from skyway_gateway.deliveries.requests.accept import new_delivery
 
 from skyway.delivery.plan import PickUp
 from skyway.delivery.request import DeliveryRequest

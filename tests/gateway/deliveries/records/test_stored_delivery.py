@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from skyway_gateway.deliveries.cancelling.cancel_request import CancelRequest
 from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache, StoredDelivery
+from skyway_gateway.deliveries.requests.cancel import CancelRequest
 
 from skyway.contracts.mission_reports import TracedReport
 from skyway.ids import DeliveryId

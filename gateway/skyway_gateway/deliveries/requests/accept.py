@@ -1,15 +1,23 @@
-"""Accepts delivery requests: each is checked against network and fleets, then written once.
+"""Accepts delivery requests and offers: each is checked against network and fleets, then written.
 
 The row is the queue: once it is written, booking finds it, even if this process dies.
 """
 
 from dataclasses import dataclass
+from datetime import datetime
 from functools import partial
+from typing import Annotated
 
+from pydantic import Field
+
+from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.contracts.delivery_event_data import Custodian
+from skyway.contracts.mission import OfferLimits
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import SkywayError
-from skyway.ids import DeliveryId, SubjectId
+from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
+from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.idempotency.once import Answer, once
@@ -17,18 +25,65 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.claims import FREE
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import current_traceparent
-from skyway_gateway.deliveries.accepting.new_delivery import OfferChoice, new_delivery
 from skyway_gateway.deliveries.booking.queue_store import held_by
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.lifecycle import event_data
-from skyway_gateway.deliveries.lifecycle.booking_deadline import give_up_at
-from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Flags, PackageStatus
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery, StoredDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.notifications.record_events import Happening
 from skyway_gateway.quotes.accept_offer import accept_offer
 from skyway_gateway.quotes.check_request import CheckedRequest, RequestChecks
 from skyway_gateway.quotes.store import one_of
+
+
+class OfferChoice(JsonModel):
+    """An offer of a quote that the customer accepts; the quote holds the request."""
+
+    quote_id: Annotated[QuoteId, Field(description="The quote that holds the offer.")]
+    offer_id: Annotated[OfferId, Field(description="The offer to accept.")]
+
+
+def new_delivery(
+    delivery_id: DeliveryId,
+    *,
+    customer_id: SubjectId,
+    request: DeliveryRequest,
+    offer: OfferLimits | None,
+    reasons: tuple[ProviderReason, ...] = (),
+    at: datetime,
+) -> Delivery:
+    """The delivery of a request that was just accepted: its packages are at the pickup."""
+    pickup = Custodian(kind="STATION", id=request.pickup.station_id)
+    return Delivery(
+        delivery_id=delivery_id,
+        customer_id=customer_id,
+        state="REQUESTED",
+        activity=None,
+        flags=Flags(),
+        reference=request.reference,
+        request=request,
+        created_at=at,
+        updated_at=at,
+        attempt=1,
+        price=None,
+        provider_id=None,
+        missions=(),
+        packages=tuple(
+            PackageStatus(
+                package_id=package.package_id,
+                state="CREATED",
+                destination=package.destination,
+                mass_kg=package.mass_kg,
+                custodian=pickup,
+            )
+            for package in request.packages
+        ),
+        refusals=(),
+        reasons=reasons,
+        offer=offer,
+    )
 
 
 @dataclass(frozen=True, slots=True)

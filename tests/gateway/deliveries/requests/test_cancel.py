@@ -9,8 +9,8 @@ from typing import Any
 
 import httpx
 import pytest
-from skyway_gateway.deliveries.booking.booking_request import booking_request
-from skyway_gateway.deliveries.cancelling.cancel_request import CancelRequest
+from skyway_gateway.deliveries.booking.booking_round import booking_request
+from skyway_gateway.deliveries.requests.cancel import CancelRequest
 from sqlalchemy import text
 
 from skyway.contracts.mission import BookMissions

@@ -1,15 +1,17 @@
-"""Whether a delivery that could not be booked now may be booked in a later round."""
+"""One round of booking: what it asks for, and whether a later round can help."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
-from skyway.contracts.candidate import ProviderReason, ProviderReasonCode
-from skyway.contracts.mission import Booking, OfferLimits
-from skyway.contracts.shortlist import Candidates
-from skyway.delivery.request import DeliveryRequest
+from skyway.contracts.candidate import CandidateQuery, ProviderReason, ProviderReasonCode
+from skyway.contracts.mission import Booking, BookMissions, OfferLimits
+from skyway.contracts.shortlist import Candidates, Shortlist
+from skyway.delivery.offer import Price
+from skyway.delivery.request import DeliveryRequest, ProviderChoice
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Refusal
+from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery
 from skyway_gateway.quotes.check_request import NO_PROVIDER
 
 #: The delivery is given up after this many refusals by drones (docs/reference/booking.md).
@@ -17,6 +19,61 @@ MOST_REFUSALS: Final = 5
 
 #: Reasons that hold for all drones of a provider.
 _ANY_DRONE: Final = ("OTHER_CURRENCY",)
+
+
+def candidate_query(queued: QueuedDelivery) -> CandidateQuery:
+    """The question to the registry; for an accepted offer only its provider is asked."""
+    delivery = queued.delivery
+    choice = delivery.request.qos.providers
+    if delivery.offer is not None:
+        choice = ProviderChoice(pinned=delivery.offer.provider_id)
+    masses_kg = [package.mass_kg for package in delivery.waiting]
+    return CandidateQuery(
+        pickup_station_id=delivery.request.pickup.station_id,
+        pickup_position=queued.pickup_position,
+        payload_kg=sum(masses_kg),
+        heaviest_kg=max(masses_kg, default=0.0),
+        providers=choice,
+        excluded_drone_ids=tuple(refusal.drone_id for refusal in delivery.refusals),
+    )
+
+
+def booking_request(delivery: Delivery, shortlist: Shortlist) -> BookMissions:
+    """The question to composition."""
+    return BookMissions(
+        attempt=delivery.attempt,
+        request=_request(delivery),
+        shortlist=shortlist,
+        offer=_limits(delivery),
+    )
+
+
+def _request(delivery: Delivery) -> DeliveryRequest:
+    """The request with only the packages that wait, and the remaining price limit."""
+    waiting = {package.package_id for package in delivery.waiting}
+    request = delivery.request
+    packages = tuple(one for one in request.packages if one.package_id in waiting)
+    qos = request.qos
+    if qos.max_price is not None:
+        max_price = max(0, qos.max_price - _booked_amount(delivery))
+        qos = qos.model_copy(update={"max_price": max_price})
+    return request.model_copy(update={"packages": packages, "qos": qos})
+
+
+def _limits(delivery: Delivery) -> OfferLimits | None:
+    """The limits of an accepted offer, less the price of trips that are booked already."""
+    offer = delivery.offer
+    if offer is None:
+        return None
+    amount = max(0, offer.price.amount - _booked_amount(delivery))
+    price = Price(amount=amount, currency=offer.price.currency)
+    return offer.model_copy(update={"price": price})
+
+
+def _booked_amount(delivery: Delivery) -> int:
+    """The price of the booked missions, without those that were cancelled."""
+    booked = (mission for mission in delivery.missions if mission.state != "CANCELLED")
+    return sum(mission.price.amount for mission in booked)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Requesting deliveries over REST."""
+"""Delivery requests and cancellations over REST."""
 
 from collections.abc import Mapping
 from typing import Annotated
@@ -7,14 +7,15 @@ from fastapi import Body, Depends, Request, Response
 from pydantic import Discriminator, Tag
 
 from skyway.delivery.request import DeliveryRequest
+from skyway.ids import DeliveryId
 from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.problem_answers import NOT_FOUND, conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
-from skyway_gateway.deliveries.accepting.accept import Acceptance
-from skyway_gateway.deliveries.accepting.new_delivery import OfferChoice
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.deliveries.requests.accept import Acceptance, OfferChoice
+from skyway_gateway.deliveries.requests.cancel import Canceller, CancelRequest
 
 
 def _form(body: object) -> str:
@@ -55,5 +56,25 @@ def delivery_routes(*, gate: KeyGate, acceptance: Acceptance) -> ServiceRouter:
             caller, wanted, idempotency_key=idempotency_key, body=await request.body()
         )
         return response_of(answer)
+
+    return router
+
+
+def cancelling_routes(*, gate: KeyGate, canceller: Canceller) -> ServiceRouter:
+    """POST /v1/deliveries/{delivery_id}/cancel."""
+    router = ServiceRouter(tags=("deliveries",))
+
+    @router.post("/v1/deliveries/{delivery_id}/cancel", responses=conflicts("TOO_LATE"))
+    async def cancel_delivery(
+        delivery_id: DeliveryId,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: Annotated[CancelRequest | None, Body()] = None,
+    ) -> Delivery:
+        """Cancel a delivery, or some of its packages.
+
+        Callers: customer, operator.
+        """
+        caller.must_be("customer", "operator")
+        return await canceller.cancel(caller, delivery_id, wanted or CancelRequest())
 
     return router

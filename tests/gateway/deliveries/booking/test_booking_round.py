@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from skyway_gateway.deliveries.booking.infeasibility import why_infeasible
+from skyway_gateway.deliveries.booking.booking_round import why_infeasible
 
 from skyway.contracts.mission import Booking, OfferLimits
 from skyway.contracts.shortlist import Candidates, Shortlist

@@ -3,7 +3,7 @@
 import itertools
 from typing import get_args
 
-from skyway_gateway.deliveries.lifecycle.states import TERMINAL_STATES, DeliveryState, may_follow
+from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES, DeliveryState, may_follow
 
 STATES = get_args(DeliveryState)
 

@@ -1,1 +1,0 @@
-"""Accepting delivery requests and offers: checked, written once, handed to booking."""

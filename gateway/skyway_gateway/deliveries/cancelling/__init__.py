@@ -1,1 +1,0 @@
-"""Cancelling deliveries or packages: all that can still be stopped is stopped."""

@@ -1,0 +1,1 @@
+"""What customers ask for: deliveries are accepted and written once, or cancelled."""
