@@ -12,8 +12,8 @@ from benchmarks.chaos.judgement import TERMINAL
 from skyway.ids import DeliveryId, MissionId, PackageId
 
 _TIMEOUT_S: Final = 30.0
-#: Alarms of these levels ask an operator to decide.
-_ASKING: Final = ("URGENT", "CRITICAL")
+#: The alarm that asks an operator to end a mission, because its drone does not report.
+_ASKING: Final = "MISSION_IN_DOUBT"
 
 
 class FinalQuestions:
@@ -64,7 +64,7 @@ class FinalQuestions:
         return {
             missions[alarm["mission_id"]]: f"{alarm['code']}: {alarm['detail']}"
             for alarm in await self._pages("/v1/alarms?state=OPEN", key=self._operator_key)
-            if alarm["level"] in _ASKING and alarm["mission_id"] in missions
+            if alarm["code"] == _ASKING and alarm["mission_id"] in missions
         }
 
     async def retried(self, webhooks: Mapping[str, str]) -> frozenset[DeliveryId]:
