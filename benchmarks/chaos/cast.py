@@ -60,7 +60,8 @@ async def cast_for(
     chance = random.Random(trial.seed)
     customers = Customers(running.customers_url, world.customers, streams, chance=chance)
     journals = Journals(system.folder.journals)
-    stage = Stage(running, read_drones(system.folder, world), rogue, disk)
+    drones = read_drones(system.folder, world)
+    stage = Stage(running, drones, rogue, journals, disk)
     connector = aiohttp.TCPConnector(limit=0)
     async with aiohttp.ClientSession(connector=connector) as client:
         reading = asyncio.create_task(_read_again_and_again(journals))

@@ -156,6 +156,14 @@ KINDS: Final = (
         "New connections wait or are refused; the process goes on when the limit is lifted.",
     ),
     FaultKind(
+        "no memory",
+        ("gateway", "composition", "registry"),
+        ("one gateway", "one composition", "registry"),
+        (5.0, 15.0),
+        "A process gets no further memory.",
+        "Requests fail, also with 500; the process may end and is started again.",
+    ),
+    FaultKind(
         "poison",
         ("drones", "another drone"),
         ("drones", "another drone"),

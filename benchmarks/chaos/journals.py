@@ -28,6 +28,11 @@ class OpenJournal:
         self._events: dict[str, Document] = {}
         self._deliveries: dict[MissionId, DeliveryId] = {}
 
+    @property
+    def mission_ids(self) -> list[MissionId]:
+        """The missions that were ever in it, the oldest first."""
+        return list(self._deliveries)
+
     def read(self) -> None:
         """Read what was written since the last call."""
         while True:
@@ -119,6 +124,10 @@ class Journals:
         """Close all files; what was read stays."""
         for journal in self._open.values():
             journal.close()
+
+    def mission_ids(self) -> list[MissionId]:
+        """All missions that a drone has accepted or refused."""
+        return [each for journal in self._open.values() for each in journal.mission_ids]
 
     def custody_steps(self) -> list[CustodyStep]:
         """All ends of steps that changed who has packages."""

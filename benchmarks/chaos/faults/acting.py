@@ -5,7 +5,7 @@ from contextlib import AbstractAsyncContextManager
 from typing import Final
 
 from benchmarks.chaos.faults.databases import full, immutable, locked, read_only
-from benchmarks.chaos.faults.limits import no_descriptors, unwritable_journals
+from benchmarks.chaos.faults.limits import no_descriptors, no_memory, unwritable_journals
 from benchmarks.chaos.faults.poison import poisoned
 from benchmarks.chaos.faults.processes import away, frozen, killed
 from benchmarks.chaos.faults.stage import Fault, Stage
@@ -26,6 +26,7 @@ FAULTS: Final[Mapping[str, Fault]] = {
     "full disk": full,
     "unwritable journal": unwritable_journals,
     "no descriptors": no_descriptors,
+    "no memory": no_memory,
     "poison": poisoned,
 }
 

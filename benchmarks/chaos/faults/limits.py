@@ -1,4 +1,4 @@
-"""Faults by limits that Linux sets a process: of open files, and of how long files may be."""
+"""Faults by limits that Linux sets a process: of open files, of memory, of how long files are."""
 
 import resource
 from collections.abc import AsyncIterator, Callable, Iterable
@@ -11,6 +11,8 @@ from benchmarks.chaos.schedule import PlannedFault
 
 #: Files and connections that a process may still open: not enough for a request that calls others.
 _SPARE_DESCRIPTORS: Final = 1
+#: What an allocator still has of its own lasts a little longer than this.
+_SPARE_MEMORY_BYTES: Final = 1 << 20
 #: Every journal is longer, so that nothing can be appended, and a new file cannot be written.
 _LONGEST_FILE_BYTES: Final = 64
 
@@ -39,6 +41,25 @@ async def unwritable_journals(stage: Stage, fault: PlannedFault) -> AsyncIterato
         yield
     finally:
         _restore(before, resource.RLIMIT_FSIZE)
+
+
+@asynccontextmanager
+async def no_memory(stage: Stage, fault: PlannedFault) -> AsyncIterator[None]:
+    """Let the processes of a target get almost no further memory."""
+    pids = stage.running.processes.pids(fault.target)
+    before = list(
+        _limited(pids, resource.RLIMIT_AS, lambda pid: _memory_bytes(pid) + _SPARE_MEMORY_BYTES)
+    )
+    try:
+        yield
+    finally:
+        _restore(before, resource.RLIMIT_AS)
+
+
+def _memory_bytes(pid: int) -> int:
+    """The size of a process's address space (proc(5), statm)."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[0])
+    return pages * resource.getpagesize()
 
 
 Limits = tuple[int, tuple[int, int]]

@@ -3,7 +3,7 @@
 import asyncio
 import json
 import random
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from typing import Any, Final
 
@@ -50,7 +50,8 @@ async def poisoned(stage: Stage, fault: PlannedFault) -> AsyncIterator[None]:
         drones = chance.sample(stage.drones, min(_DRONES, len(stage.drones)))
         payloads = _unreadable(chance)
     else:
-        drones, payloads = [stage.rogue], extreme_payloads(stage.rogue, chance)
+        drones = [stage.rogue]
+        payloads = extreme_payloads(stage.rogue, chance, missions=stage.journals.mission_ids())
     url = stage.running.system.mqtt_url
     publishing = asyncio.create_task(_publish(url, drones, payloads, chance))
     try:
@@ -86,12 +87,16 @@ def _unreadable(chance: random.Random) -> Iterator[bytes]:
         yield chance.choice(UNREADABLE)
 
 
-def extreme_payloads(drone: EnrolledDrone, chance: random.Random) -> Iterator[bytes]:
-    """Messages of every kind in which some values are extreme, without end."""
+def extreme_payloads(
+    drone: EnrolledDrone, chance: random.Random, *, missions: Sequence[str]
+) -> Iterator[bytes]:
+    """Messages of every kind, without end: some values are extreme, or missions are of others."""
     forms = _forms(drone)
     while True:
         document = dict(chance.choice(forms))
-        for name in chance.sample(sorted(document), chance.randint(1, 3)):
+        if "mission_id" in document and missions:
+            document["mission_id"] = chance.choice(missions)
+        for name in chance.sample(sorted(document), chance.randint(0, 3)):
             if name != "schema_version":
                 document[name] = _extreme(document[name], chance)
         yield json.dumps(document).encode()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 
+from benchmarks.chaos.journals import Journals
 from benchmarks.chaos.schedule import PlannedFault
 from benchmarks.chaos.small_disk import SmallDisk
 from benchmarks.chaos.system import ChaosSystem
@@ -20,6 +21,8 @@ class Stage:
     drones: tuple[EnrolledDrone, ...]
     #: A drone that no agent serves and that no provider offers.
     rogue: EnrolledDrone
+    #: What drones fly, so that others can make false claims about it.
+    journals: Journals
     #: The disk of the SQLite databases, where it could be made.
     disk: SmallDisk | None
 

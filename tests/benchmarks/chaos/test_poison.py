@@ -33,6 +33,14 @@ def is_readable(payload: bytes) -> bool:
 def test_some_extreme_messages_are_readable_and_some_are_not() -> None:
     [rogue] = crew_of(1, seed=1)
 
-    payloads = list(islice(extreme_payloads(rogue, random.Random(1)), 200))
+    payloads = list(islice(extreme_payloads(rogue, random.Random(1), missions=()), 200))
 
     assert 20 < sum(map(is_readable, payloads)) < 180
+
+
+def test_some_messages_are_about_missions_of_other_drones() -> None:
+    [rogue] = crew_of(1, seed=1)
+
+    payloads = islice(extreme_payloads(rogue, random.Random(1), missions=["msn_other"]), 100)
+
+    assert any(b'"mission_id": "msn_other"' in payload for payload in payloads)
