@@ -1,6 +1,7 @@
 """`python -m benchmarks chaos`: run, print flaws and figures; 1 when there is a flaw."""
 
 import asyncio
+import logging
 import os
 import shlex
 import sys
@@ -18,6 +19,8 @@ def main(arguments: list[str]) -> int:
     trial = read_trial(arguments)
     # With it every process would compile all that it imports, at each start.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    # Poisoners lose their connections, as they should.
+    logging.getLogger("skyway.runtime.mqtt").setLevel(logging.ERROR)
     command = shlex.join(["python", "-m", "benchmarks", "chaos", *arguments])
     machine = Machine.here().as_text()
     print(f"`{command}`: {machine}.\n\n{trial.as_text()}\n", flush=True)
@@ -28,8 +31,8 @@ def main(arguments: list[str]) -> int:
     print(f"\n{len(outcome.flaws)} flaws")
     for flaw in outcome.flaws:
         print(flaw.as_text())
-    for delivery_id, question in outcome.evidence.awaited.items():
-        print(f"waits for an operator: {delivery_id}: {question}")
+    for delivery_id, awaited in outcome.evidence.awaited.items():
+        print(f"waits for an operator: {delivery_id}: {awaited.drone_id}: {awaited.question}")
     if trial.write:
         write(FinishedRun.of(outcome, machine=machine))
     return 1 if outcome.flaws else 0

@@ -48,8 +48,17 @@ class FinalAnswer:
     """A delivery as the gateway shows it in the end; `state` is None when it is not known there."""
 
     state: str | None
+    activity: str | None = None
     package_states: Mapping[PackageId, str] = field(default_factory=dict)
     mission_ids: tuple[MissionId, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Awaited:
+    """What an alarm asks operators about a delivery, and the drone that does not report."""
+
+    drone_id: DroneId
+    question: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +70,10 @@ class Evidence:
     webhooks: Mapping[DeliveryId, Sequence[Received]]
     journals: Sequence[CustodyStep]
     answers: Mapping[DeliveryId, FinalAnswer]
-    #: What operators are asked about a delivery that waits for them: an alarm's code and words.
-    awaited: Mapping[DeliveryId, str] = field(default_factory=dict)
+    #: Deliveries that wait for an operator's decision.
+    awaited: Mapping[DeliveryId, Awaited] = field(default_factory=dict)
+    #: Drones whose journals were lost, so that they do not know what they did before.
+    forgetful: frozenset[DroneId] = frozenset()
     #: Deliveries whose webhooks failed visibly and are tried again later.
     retried: frozenset[DeliveryId] = frozenset()
 

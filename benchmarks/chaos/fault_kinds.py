@@ -148,6 +148,15 @@ KINDS: Final = (
         "These drones begin no step that they cannot write down, and go on when they can.",
     ),
     FaultKind(
+        "lost journal",
+        ("drones",),
+        ("drones",),
+        (1.0, 3.0),
+        "Drones are killed, and start again with empty journals.",
+        "Missions that such a drone may have flown wait for an operator, and an alarm says so. No "
+        "other drone gets their packages.",
+    ),
+    FaultKind(
         "no descriptors",
         _SERVICES[:4],
         ("gateway", "composition", "registry"),

@@ -7,12 +7,13 @@ from typing import Any, Final
 import httpx
 
 from benchmarks.chaos.customers import Accepted
-from benchmarks.chaos.evidence import FinalAnswer
+from benchmarks.chaos.evidence import Awaited, FinalAnswer
 from benchmarks.chaos.judgement import TERMINAL
-from skyway.ids import DeliveryId, MissionId, PackageId
+from skyway.ids import DeliveryId, DroneId, MissionId, PackageId
 
 _TIMEOUT_S: Final = 30.0
-#: The alarm that asks an operator to end a mission, because its drone does not report.
+#: What a delivery shows, and the alarm that operators get, when its drone does not report.
+OUT_OF_CONTACT: Final = "OUT_OF_CONTACT"
 _ASKING: Final = "MISSION_IN_DOUBT"
 
 
@@ -44,6 +45,7 @@ class FinalQuestions:
             shown = answer.json()
             answers[one.delivery_id] = FinalAnswer(
                 state=shown["state"],
+                activity=shown["activity"],
                 package_states={
                     PackageId(each["package_id"]): each["state"] for each in shown["packages"]
                 },
@@ -51,18 +53,18 @@ class FinalQuestions:
             )
         return answers
 
-    async def awaited(self, answers: Mapping[DeliveryId, FinalAnswer]) -> dict[DeliveryId, str]:
+    async def awaited(self, answers: Mapping[DeliveryId, FinalAnswer]) -> dict[DeliveryId, Awaited]:
         """Deliveries that have not ended and of whose missions an open alarm asks operators."""
         missions = {
             mission_id: delivery_id
             for delivery_id, answer in answers.items()
-            if answer.state is not None and answer.state not in TERMINAL
+            if answer.activity == OUT_OF_CONTACT and answer.state not in TERMINAL
             for mission_id in answer.mission_ids
         }
         if not missions:
             return {}
         return {
-            missions[alarm["mission_id"]]: f"{alarm['code']}: {alarm['detail']}"
+            missions[alarm["mission_id"]]: Awaited(DroneId(alarm["drone_id"]), alarm["detail"])
             for alarm in await self._pages("/v1/alarms?state=OPEN", key=self._operator_key)
             if alarm["code"] == _ASKING and alarm["mission_id"] in missions
         }

@@ -114,11 +114,18 @@ class Journals:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._open: dict[Path, OpenJournal] = {}
+        #: Drones whose journals were lost.
+        self.lost: set[DroneId] = set()
 
     def read(self) -> None:
         """Read what was written since the last call."""
         for path in sorted(self._folder.glob("*.jsonl")):
             self._open.setdefault(path, OpenJournal(path)).read()
+
+    def lose(self, drone_id: DroneId) -> None:
+        """Remove a journal; what was read stays."""
+        (self._folder / f"{drone_id}.jsonl").unlink(missing_ok=True)
+        self.lost.add(drone_id)
 
     def close(self) -> None:
         """Close all files; what was read stays."""

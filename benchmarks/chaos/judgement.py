@@ -34,6 +34,7 @@ def flaws_in(evidence: Evidence) -> list[Flaw]:
     """All flaws; none is what a run must show."""
     found = [
         *_lost(evidence),
+        *_needless_questions(evidence),
         *_not_requested(evidence),
         *_handled_twice(evidence),
         *_reported_otherwise(evidence),
@@ -53,6 +54,14 @@ def _lost(evidence: Evidence) -> Iterator[Flaw]:
             yield Flaw("lost", delivery_id, "the gateway does not know the accepted request")
         elif answer.state not in TERMINAL and delivery_id not in evidence.awaited:
             yield Flaw("not ended", delivery_id, f"it is {answer.state} after the quiet time")
+
+
+def _needless_questions(evidence: Evidence) -> Iterator[Flaw]:
+    """Every drone is back in the end and knows what it did, unless its journal was lost."""
+    for delivery_id, awaited in evidence.awaited.items():
+        if awaited.drone_id not in evidence.forgetful:
+            seen = f"an operator is asked, and {awaited.drone_id} knows: {awaited.question}"
+            yield Flaw("needless question", delivery_id, seen)
 
 
 def _not_requested(evidence: Evidence) -> Iterator[Flaw]:

@@ -15,13 +15,12 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.chaos.cast import Cast, cast_for
-from benchmarks.chaos.evidence import Evidence
 from benchmarks.chaos.faults.acting import acting
-from benchmarks.chaos.final_answers import FinalQuestions
 from benchmarks.chaos.judgement import Flaw, flaws_in
 from benchmarks.chaos.outcome import Outcome
 from benchmarks.chaos.recovery import Healed, recoveries
 from benchmarks.chaos.schedule import LEAST_CALM_S, faults_for, schedule
+from benchmarks.chaos.settling import evidence_of, not_ended, settled
 from benchmarks.chaos.small_disk import SmallDisk, small_disk
 from benchmarks.chaos.system import chaos_system
 from benchmarks.chaos.trial import Trial
@@ -103,8 +102,9 @@ async def _played(cast: Cast) -> Outcome:
     else:
         await breaking
         await requesting
-        quiet_s = await _rest(cast)
-    evidence = await _evidence(cast)
+        _say("no more faults")
+        quiet_s = await settled(cast)
+    evidence = await evidence_of(cast)
     flaws = [*flaws_in(evidence), *_other_flaws(cast)]
     if gave_up.done():
         flaws.append(Flaw("gave up", None, str(gave_up.exception())))
@@ -137,7 +137,7 @@ async def _warm_up(cast: Cast) -> None:
     try:
         async with asyncio.timeout(_WARM_WITHIN_S):
             await cast.customers.all_answered(within_s=_WARM_WITHIN_S)
-            while not _all_ended(cast):  # noqa: ASYNC110 - other processes end them
+            while not_ended(cast):  # noqa: ASYNC110 - other processes end them
                 await asyncio.sleep(0.1)
     except TimeoutError as error:
         raise SkywayError("the system was not warm in time") from error
@@ -188,48 +188,10 @@ def _one_more(cast: Cast, seed: int) -> bytes:
     return next(cast.city.requests(rate_per_s=1.0, seconds=1_000.0, seed=seed)).body
 
 
-async def _rest(cast: Cast) -> float:
-    """Wait until everything has ended, for a bounded time; how long it took, wall seconds."""
-    started_s = time.monotonic()
-    _say("no more faults")
-    await cast.customers.all_answered(within_s=cast.trial.quiet_s)
-    ends_s = started_s + cast.trial.quiet_s
-    while not _all_ended(cast) and time.monotonic() < ends_s:  # noqa: ASYNC110 - the same
-        await asyncio.sleep(0.2)
-    return time.monotonic() - started_s
-
-
-def _all_ended(cast: Cast) -> bool:
-    return all(
-        cast.streams.has_ended(delivery_id) and cast.webhooks.has_ended(delivery_id)
-        for delivery_id in cast.customers.requests.accepted
-    )
-
-
 def _accepted_at(cast: Cast) -> dict[DeliveryId, float]:
     return {
         delivery_id: each.at_s for delivery_id, each in cast.customers.requests.accepted.items()
     }
-
-
-async def _evidence(cast: Cast) -> Evidence:
-    accepted = cast.customers.requests.accepted
-    url = cast.running.system.urls["gateway"]
-    async with FinalQuestions.client(url) as client:
-        questions = FinalQuestions(client, operator_key=cast.operator_key)
-        answers = await questions.deliveries(accepted.values())
-        awaited = await questions.awaited(answers)
-        retried = await questions.retried(cast.webhook_ids)
-    cast.journals.read()
-    return Evidence(
-        accepted={delivery_id: each.requested for delivery_id, each in accepted.items()},
-        streams=dict(cast.streams.received),
-        webhooks=dict(cast.webhooks.received),
-        journals=cast.journals.custody_steps(),
-        answers=answers,
-        awaited=awaited,
-        retried=retried,
-    )
 
 
 def _other_flaws(cast: Cast) -> Iterator[Flaw]:

@@ -114,6 +114,8 @@ class Wire:
                 if self._delay_s:
                     await asyncio.sleep(self._delay_s)
                 await self._carries.wait()
+                if writer.is_closing():
+                    return
                 writer.write(data)
                 await writer.drain()
         with suppress(OSError):

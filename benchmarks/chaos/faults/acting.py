@@ -7,7 +7,7 @@ from typing import Final
 from benchmarks.chaos.faults.databases import full, immutable, locked, read_only
 from benchmarks.chaos.faults.limits import no_descriptors, no_memory, unwritable_journals
 from benchmarks.chaos.faults.poison import poisoned
-from benchmarks.chaos.faults.processes import away, frozen, killed
+from benchmarks.chaos.faults.processes import away, frozen, journals_lost, killed
 from benchmarks.chaos.faults.stage import Fault, Stage
 from benchmarks.chaos.faults.wires import cut, silenced, slowed
 from benchmarks.chaos.schedule import PlannedFault
@@ -25,6 +25,7 @@ FAULTS: Final[Mapping[str, Fault]] = {
     "immutable": immutable,
     "full disk": full,
     "unwritable journal": unwritable_journals,
+    "lost journal": journals_lost,
     "no descriptors": no_descriptors,
     "no memory": no_memory,
     "poison": poisoned,

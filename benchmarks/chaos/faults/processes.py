@@ -1,10 +1,15 @@
-"""Faults of processes: killed, frozen, away."""
+"""Faults of processes: killed, frozen, away, without their journals."""
 
+import random
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import Final
 
 from benchmarks.chaos.faults.stage import Stage
 from benchmarks.chaos.schedule import PlannedFault
+
+#: How many drones lose their journals together.
+_FORGETFUL: Final = 3
 
 
 @asynccontextmanager
@@ -38,3 +43,14 @@ async def away(stage: Stage, fault: PlannedFault) -> AsyncIterator[None]:
         yield
     finally:
         processes.bring_back(fault.target)
+
+
+@asynccontextmanager
+async def journals_lost(stage: Stage, fault: PlannedFault) -> AsyncIterator[None]:
+    """Kill, remove the journals of a few drones, and start again at the end of the block."""
+    async with away(stage, fault):
+        stage.journals.read()
+        chance = random.Random(fault.seed)
+        for drone in chance.sample(stage.drones, min(_FORGETFUL, len(stage.drones))):
+            stage.journals.lose(drone.drone_id)
+        yield

@@ -7,7 +7,14 @@ from typing import Any
 
 import pytest
 
-from benchmarks.chaos.evidence import CustodyStep, Evidence, FinalAnswer, Received, Requested
+from benchmarks.chaos.evidence import (
+    Awaited,
+    CustodyStep,
+    Evidence,
+    FinalAnswer,
+    Received,
+    Requested,
+)
 from benchmarks.chaos.judgement import flaws_in
 from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
 from skyway.ids import DeliveryId, DroneId, EventId, MissionId, PackageId, StationId
@@ -101,14 +108,23 @@ def test_a_delivery_that_goes_on_after_the_quiet_time_is_a_flaw() -> None:
     assert set(kinds_in(evidence)) == {"not ended", "stream incomplete", "webhook incomplete"}
 
 
-def test_a_delivery_that_waits_for_an_operator_may_go_on() -> None:
-    evidence = make_evidence(
+def make_awaited_evidence(**changes: Any) -> Evidence:
+    return make_evidence(
         make_events("delivery.requested"),
         state="IN_PROGRESS",
-        awaited={DELIVERY: "SILENT: somebody must look"},
+        awaited={DELIVERY: Awaited(DroneId("drn_1"), "the drone has lost its journal")},
+        **changes,
     )
 
+
+def test_a_delivery_of_a_drone_without_its_journal_may_wait_for_an_operator() -> None:
+    evidence = make_awaited_evidence(forgetful=frozenset({DroneId("drn_1")}))
+
     assert flaws_in(evidence) == []
+
+
+def test_an_operator_is_not_asked_what_a_drone_knows() -> None:
+    assert kinds_in(make_awaited_evidence()) == ["needless question"]
 
 
 def test_a_delivery_that_no_answer_named_is_a_flaw() -> None:
