@@ -1,19 +1,43 @@
-"""The SQL of the audit log, to which entries are only added."""
+"""The SQL of the audit log, to which entries are only added, each with a hash of all before it."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Final
 
-from sqlalchemy import func, insert, select
+from sqlalchemy import func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import SubjectId
+from skyway.runtime.hash_chain import next_hash
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.key import KeyRole
 from skyway_gateway.audit.entry import AuditEntry
-from skyway_gateway.tables import audit
+from skyway_gateway.tables import audit, audit_head
+
+#: The columns that the hash of an entry covers, in this order.
+_HASHED: Final = (
+    "entry_id",
+    "at_ms",
+    "at_wall_ms",
+    "role",
+    "subject_id",
+    "method",
+    "path",
+    "status",
+    "body",
+    "traceparent",
+    "number",
+)
+
+_COUNT_ENTRY: Final = (
+    update(audit_head)
+    .values(entries=audit_head.c.entries + 1)
+    .returning(audit_head.c.entries, audit_head.c.hash)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,13 +50,25 @@ class AuditFilter:
 
 
 async def add(tx: Tx, entry: AuditEntry) -> None:
-    """Add an entry."""
+    """Add an entry after the last one; other replicas wait for the COMMIT of this one."""
+    head = (await tx.execute(_COUNT_ENTRY)).one()
     row = {
         **entry.model_dump(exclude={"at", "wall_at"}),
         "at_ms": moment_to_ms(entry.at),
         "at_wall_ms": moment_to_ms(entry.wall_at),
+        "number": head.entries,
     }
+    row["hash"] = entry_hash(head.hash, row)
     await tx.execute(insert(audit).values(row))
+    await tx.execute(update(audit_head).values(hash=row["hash"]))
+
+
+def entry_hash(previous: str, row: Mapping[str, Any]) -> str:
+    """The hash of an entry after the one with the hash `previous`; the row is one of `audit`.
+
+    Any: columns have every type.
+    """
+    return next_hash(previous, json.dumps([row[name] for name in _HASHED]))
 
 
 async def page(

@@ -1,7 +1,7 @@
 """The SQL that adds events, makes them due at the customer's webhooks, and reads them in order."""
 
 from collections.abc import Callable, Sequence
-from datetime import datetime
+from dataclasses import dataclass
 from typing import Any, Final
 
 from sqlalchemy import (
@@ -19,11 +19,25 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.delivery_event import DeliveryEvent
 from skyway.ids import DeliveryId, SubjectId
+from skyway.runtime.hash_chain import next_hash
 from skyway.runtime.sql.bulk_write import DerivedRows
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
-from skyway.units import moment_to_ms
 from skyway_gateway.tables import events, notifications, webhooks
+
+
+@dataclass(frozen=True, slots=True)
+class NumberedEvent:
+    """A delivery's next event in the form that all channels send, and when it is recorded."""
+
+    event: DeliveryEvent
+    body: str
+    recorded_wall_ms: int
+
+
+def hash_after(previous: str, *, body: str, recorded_wall_ms: int) -> str:
+    """The hash of a delivery's events, after one more event."""
+    return next_hash(previous, str(recorded_wall_ms), body)
 
 
 def _notifications_of(added: FromClause) -> Select[*tuple[Any, ...]]:
@@ -55,36 +69,34 @@ _NOTIFICATIONS: Final = DerivedRows(notifications, events, _notifications_of)
 
 def add_events(
     tx: Tx,
-    new: Sequence[DeliveryEvent],
+    new: Sequence[NumberedEvent],
     *,
     customer_id: SubjectId,
-    wall_at: datetime,
     when_notified: Callable[[], None],
 ) -> None:
-    """Add a delivery's next events, at least one, in the form that all channels send.
+    """Add a delivery's next events, at least one.
 
     The same statement makes them due at each active webhook that subscribes to them.
     `when_notified` is called if there is such a webhook.
     """
-    at_ms = moment_to_ms(wall_at)
     rows = [
         {
-            "event_id": event.event_id,
-            "delivery_id": event.delivery_id,
-            "sequence": event.sequence,
-            "type": event.type,
-            "body": event.model_dump_json(),
-            "recorded_wall_ms": at_ms,
+            "event_id": each.event.event_id,
+            "delivery_id": each.event.delivery_id,
+            "sequence": each.event.sequence,
+            "type": each.event.type,
+            "body": each.body,
+            "recorded_wall_ms": each.recorded_wall_ms,
         }
-        for event in new
+        for each in new
     ]
     tx.add(events, rows)
-    first = new[0]
+    first = new[0].event
     values = {
         "added_to": first.delivery_id,
         "added_from": first.sequence,
         "listener": customer_id,
-        "added_wall_ms": at_ms,
+        "added_wall_ms": new[0].recorded_wall_ms,
     }
     tx.add_derived(_NOTIFICATIONS, values, on_added=when_notified)
 

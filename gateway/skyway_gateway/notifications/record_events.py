@@ -18,7 +18,8 @@ from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.tracing import current_traceparent
-from skyway_gateway.notifications.event_store import add_events
+from skyway.units import moment_to_ms
+from skyway_gateway.notifications.event_store import NumberedEvent, add_events
 from skyway_gateway.notifications.stream_events import EventListeners
 
 
@@ -43,45 +44,38 @@ class EventRecorder:
         self._listeners = listeners
         self._webhooks = webhooks
 
-    def record(
-        self,
-        tx: Tx,
-        happenings: Sequence[Happening],
-        *,
-        after: int,
-        delivery_id: DeliveryId,
-        customer_id: SubjectId,
-    ) -> None:
-        """Record what happened, in this order; it is sent once the transaction is committed.
+    def number(
+        self, happenings: Sequence[Happening], *, after: int, delivery_id: DeliveryId
+    ) -> tuple[NumberedEvent, ...]:
+        """The events of what happened, in this order.
 
         `after` is the number of events that the delivery had, as its row counts them. The
-        transaction also writes that row, so no other transaction can use the same numbers.
+        transaction that records them also writes that row, so no other transaction can use the
+        same numbers.
         """
-        if not happenings:
-            return
-        events = [
+        return tuple(
             self._event(happening, delivery_id, sequence)
             for sequence, happening in enumerate(happenings, start=after + 1)
-        ]
-        add_events(
-            tx,
-            events,
-            customer_id=customer_id,
-            wall_at=self._clock.wall_now(),
-            when_notified=self._webhooks.set,
         )
-        for event in events:
+
+    def record(self, tx: Tx, new: Sequence[NumberedEvent], *, customer_id: SubjectId) -> None:
+        """Record a delivery's next events; they are sent once the transaction is committed."""
+        if not new:
+            return
+        add_events(tx, new, customer_id=customer_id, when_notified=self._webhooks.set)
+        delivery_id = new[0].event.delivery_id
+        for each in new:
             address = DELIVERY_EVENTS(customer_id, delivery_id)
-            tx.send(address, event, confirmed_by="broker", stream=delivery_id)
-        tx.after_commit(lambda: self._announce(delivery_id, events))
+            tx.send(address, each.event, confirmed_by="broker", stream=delivery_id)
+        tx.after_commit(lambda: self._announce(delivery_id, new))
 
-    def _announce(self, delivery_id: DeliveryId, events: Sequence[DeliveryEvent]) -> None:
+    def _announce(self, delivery_id: DeliveryId, new: Sequence[NumberedEvent]) -> None:
         self._listeners.wake(delivery_id)
-        for event in events:
-            count("skyway_delivery_events", "events recorded for customers", type=event.type)
+        for each in new:
+            count("skyway_delivery_events", "events recorded for customers", type=each.event.type)
 
-    def _event(self, happening: Happening, delivery_id: DeliveryId, sequence: int) -> DeliveryEvent:
-        return DeliveryEvent(
+    def _event(self, happening: Happening, delivery_id: DeliveryId, sequence: int) -> NumberedEvent:
+        event = DeliveryEvent(
             message_id=self._mint("msg"),
             sent_at=self._clock.now(),
             traceparent=current_traceparent(),
@@ -92,3 +86,5 @@ class EventRecorder:
             occurred_at=happening.occurred_at,
             data=happening.data,
         )
+        recorded_wall_ms = moment_to_ms(self._clock.wall_now())
+        return NumberedEvent(event, event.model_dump_json(), recorded_wall_ms)

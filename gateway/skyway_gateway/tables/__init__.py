@@ -2,7 +2,7 @@
 
 from skyway.runtime.idempotency.answer_store import idempotency_table
 from skyway.runtime.outbox.outbox_store import outbox_table
-from skyway_gateway.tables.access import api_keys, audit
+from skyway_gateway.tables.access import api_keys, audit, audit_head
 from skyway_gateway.tables.deliveries import custody, deliveries, missions, packages
 from skyway_gateway.tables.metadata import metadata
 from skyway_gateway.tables.notifications import events, notifications, webhook_attempts, webhooks
@@ -11,6 +11,7 @@ from skyway_gateway.tables.quotes import quotes
 __all__ = [
     "api_keys",
     "audit",
+    "audit_head",
     "custody",
     "deliveries",
     "events",

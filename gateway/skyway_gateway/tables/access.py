@@ -7,9 +7,11 @@ from sqlalchemy import (
     Column,
     Index,
     Integer,
+    SmallInteger,
     Table,
     Text,
     UniqueConstraint,
+    text,
 )
 
 from skyway_gateway.tables.metadata import metadata
@@ -31,7 +33,7 @@ api_keys = Table(
     Index("api_keys_by_subject", "role", "subject_id"),
 )
 
-#: The calls of operators and providers: one row for each answered call.
+#: The calls of operators and providers: one row for each answered call. Rows are only added.
 audit = Table(
     "audit",
     metadata,
@@ -45,5 +47,19 @@ audit = Table(
     Column("status", Integer, nullable=False),
     Column("body", Text),  # JSON as it came, without secrets, cut where it is long
     Column("traceparent", Text),
+    # Counts the entries from 1, without gaps.
+    Column("number", BigInteger, nullable=False, server_default="0"),
+    # Of this entry and all entries before it, as `audit.store.entry_hash` chains them.
+    Column("hash", Text, nullable=False, server_default=text("''")),
+    Index("audit_number", "number", unique=True),
     Index("audit_by_subject", "role", "subject_id", "entry_id"),
+)
+
+#: One row: how many entries the audit log has, and the hash of the last one.
+audit_head = Table(
+    "audit_head",
+    metadata,
+    Column("only", SmallInteger, primary_key=True, autoincrement=False),
+    Column("entries", BigInteger, nullable=False),
+    Column("hash", Text, nullable=False),
 )

@@ -12,6 +12,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    false,
     text,
     true,
 )
@@ -41,6 +42,10 @@ deliveries = Table(
         "reasons", Text, nullable=False
     ),  # JSON list of ProviderReason: why not, at the last try
     Column("last_sequence", Integer, nullable=False),  # of its events
+    # The hash of all its events in order, as `notifications.event_store.hash_after` chains them.
+    Column("events_hash", Text, nullable=False, server_default=text("''")),
+    # Whether the answer to its request is stored under an Idempotency-Key.
+    Column("has_idempotency_key", Boolean, nullable=False, server_default=false()),
     Column("traceparent", Text),
     # JSON of skyway.contracts.mission.OfferLimits: the limits of the accepted offer
     Column("offer", Text),

@@ -23,7 +23,7 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway.units import hours_to_s, moment_to_ms
 
 #: How long an answer is stored, milliseconds of wall time.
-_KEPT_MS: Final = int(hours_to_s(24) * 1000)
+KEPT_MS: Final = int(hours_to_s(24) * 1000)
 
 
 def idempotency_table(metadata: MetaData) -> Table:
@@ -35,6 +35,8 @@ def idempotency_table(metadata: MetaData) -> Table:
         Column("body_hash", LargeBinary, nullable=False),
         Column("answer", LargeBinary),
         Column("created_at_ms", BigInteger, nullable=False),
+        # The path of what the call made; null if the answer names none.
+        Column("location", Text),
         Index("idempotency_age", "created_at_ms"),
     )
 
@@ -70,6 +72,7 @@ class StoredAnswer:
             "body_hash": self.secrets.body_hash(self.body),
             "answer": self.secrets.seal(answer),
             "created_at_ms": moment_to_ms(self.clock.wall_now()),
+            "location": answer.headers.get("Location"),
         }
         tx.add(_KEYS, [row])
 
@@ -95,13 +98,13 @@ class StoredAnswer:
         await db.write_alone(_DELETE_EXPIRED, self._this_key())
 
     def _this_key(self) -> dict[str, object]:
-        expired_ms = moment_to_ms(self.clock.wall_now()) - _KEPT_MS
+        expired_ms = moment_to_ms(self.clock.wall_now()) - KEPT_MS
         return {"this": self.secrets.key_hash, "expired_ms": expired_ms}
 
 
 async def sweep(db: Database, clock: FleetClock) -> int:
     """Delete answers that are older than a day; how many there were."""
-    oldest_ms = moment_to_ms(clock.wall_now()) - _KEPT_MS
+    oldest_ms = moment_to_ms(clock.wall_now()) - KEPT_MS
     async with db.write() as tx:
         deleted = await tx.execute(_KEYS.delete().where(_KEYS.c.created_at_ms <= oldest_ms))
         return deleted.rowcount

@@ -45,6 +45,7 @@ def new_delivery(queued: QueuedDelivery) -> Values:
         "give_up_ms": moment_to_ms(queued.give_up_at),
         "offer": delivery.offer and delivery.offer.model_dump_json(),
         "traceparent": queued.traceparent,
+        "has_idempotency_key": queued.has_idempotency_key,
         "next_try_wall_ms": 0,
         **changing(queued.stored),
     }
@@ -61,6 +62,7 @@ def changing(stored: StoredDelivery) -> Values:
     return {
         "version": stored.version,
         "last_sequence": stored.last_sequence,
+        "events_hash": stored.events_hash,
         "state": delivery.state,
         "activity": delivery.activity,
         "is_delayed": delivery.flags.delayed,
@@ -101,7 +103,7 @@ def delivery_of(
 
 def stored_of(row: AnyRow, delivery: Delivery) -> StoredDelivery:
     """The delivery in a row, with the row's version."""
-    return StoredDelivery(delivery, row.version, row.last_sequence)
+    return StoredDelivery(delivery, row.version, row.last_sequence, row.events_hash)
 
 
 def queued_of(row: AnyRow, stored: StoredDelivery) -> QueuedDelivery:
@@ -111,6 +113,7 @@ def queued_of(row: AnyRow, stored: StoredDelivery) -> QueuedDelivery:
         pickup_position=_POSITION.validate_json(row.pickup_position),
         give_up_at=ms_to_moment(row.give_up_ms),
         traceparent=row.traceparent,
+        has_idempotency_key=row.has_idempotency_key,
     )
 
 

@@ -5,7 +5,7 @@ version that it starts from, and a row with another version is not written.
 """
 
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
@@ -13,6 +13,7 @@ from typing import Final
 from skyway.geo import Position
 from skyway.ids import DeliveryId
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.notifications.event_store import NumberedEvent, hash_after
 
 #: How many are cached. A busy gateway accepts as many in some seconds; most are dispatched by then.
 _MOST_CACHED: Final = 500
@@ -24,18 +25,25 @@ class Outdated(Exception):
 
 @dataclass(frozen=True, slots=True)
 class StoredDelivery:
-    """A delivery, the version of its row, and the number of its events so far.
+    """A delivery, the version of its row, and the number and the hash of its events so far.
 
     A cached delivery may hold moments that are more exact than the stored milliseconds.
     """
 
     delivery: Delivery
-    version: int
-    last_sequence: int
+    version: int = 0
+    last_sequence: int = 0
+    events_hash: str = ""
 
-    def then(self, delivery: Delivery, *, new_events: int) -> "StoredDelivery":
-        """The next version, which holds this delivery."""
-        return StoredDelivery(delivery, self.version + 1, self.last_sequence + new_events)
+    def then(self, delivery: Delivery, new_events: Sequence[NumberedEvent]) -> "StoredDelivery":
+        """The next version, which holds this delivery and has these events more."""
+        events_hash = self.events_hash
+        for each in new_events:
+            events_hash = hash_after(
+                events_hash, body=each.body, recorded_wall_ms=each.recorded_wall_ms
+            )
+        sequence = self.last_sequence + len(new_events)
+        return StoredDelivery(delivery, self.version + 1, sequence, events_hash)
 
 
 class DeliveryCache:
@@ -75,12 +83,13 @@ class DeliveryCache:
 
 @dataclass(frozen=True, slots=True)
 class QueuedDelivery:
-    """A delivery with packages that wait for a mission, and what else booking needs."""
+    """A delivery with packages that wait for a mission, and what else is stored of its request."""
 
     stored: StoredDelivery
     pickup_position: Position
     give_up_at: datetime
     traceparent: str | None
+    has_idempotency_key: bool = False
 
     @property
     def delivery(self) -> Delivery:

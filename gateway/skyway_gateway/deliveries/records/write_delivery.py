@@ -1,7 +1,7 @@
 """The only way to write a delivery: its new state and its events in one transaction."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 from skyway.contracts.mission import MissionReport
@@ -15,6 +15,7 @@ from skyway_gateway.deliveries.records.stored_delivery import (
     QueuedDelivery,
     StoredDelivery,
 )
+from skyway_gateway.notifications.event_store import NumberedEvent
 from skyway_gateway.notifications.record_events import EventRecorder, Happening
 
 #: What a change makes of the delivery as it is now; None when the change no longer applies.
@@ -41,11 +42,15 @@ class DeliveryWriter:
                 self.save(tx, now, progress)
 
     def add(
-        self, tx: Tx, queued: QueuedDelivery, first: Happening, *, claim: Mapping[str, object]
-    ) -> None:
-        """Add a delivery that was just accepted, with its first event."""
+        self, tx: Tx, accepted: QueuedDelivery, first: Happening, *, claim: Mapping[str, object]
+    ) -> QueuedDelivery:
+        """Add a delivery that was just accepted, with its first event; returns what is stored."""
+        delivery = accepted.delivery
+        events = self.events.number([first], after=0, delivery_id=delivery.delivery_id)
+        queued = replace(accepted, stored=accepted.stored.then(delivery, events))
         delivery_store.add(tx, queued, claim=claim)
-        self._record(tx, queued.stored, [first], after=0)
+        self._record(tx, queued.stored, events)
+        return queued
 
     def save(
         self,
@@ -65,19 +70,13 @@ class DeliveryWriter:
         delivery, happenings = progress.delivery, progress.happenings
         if report is None and delivery == before.delivery and not happenings:
             return
-        after = before.then(delivery, new_events=len(happenings))
-        delivery_store.save(tx, before, after, report=report, give_up_at=give_up_at)
-        self._record(tx, after, happenings, after=before.last_sequence)
-
-    def _record(
-        self, tx: Tx, now: StoredDelivery, happenings: Sequence[Happening], *, after: int
-    ) -> None:
-        delivery = now.delivery
-        self.events.record(
-            tx,
-            happenings,
-            after=after,
-            delivery_id=delivery.delivery_id,
-            customer_id=delivery.customer_id,
+        events = self.events.number(
+            happenings, after=before.last_sequence, delivery_id=delivery.delivery_id
         )
+        after = before.then(delivery, events)
+        delivery_store.save(tx, before, after, report=report, give_up_at=give_up_at)
+        self._record(tx, after, events)
+
+    def _record(self, tx: Tx, now: StoredDelivery, new: Sequence[NumberedEvent]) -> None:
+        self.events.record(tx, new, customer_id=now.delivery.customer_id)
         tx.after_commit(lambda: self.cache.remember(now))

@@ -126,7 +126,9 @@ class Acceptance:
             checked = refusal
 
         async def write(tx: Tx) -> Answer:
-            delivery = await self._write(tx, caller, requested, checked)
+            delivery = await self._write(
+                tx, caller, requested, checked, has_key=idempotency_key is not None
+            )
             location = {"Location": f"/v1/deliveries/{delivery.delivery_id}"}
             return Answer(202, delivery.model_dump_json().encode(), location)
 
@@ -155,11 +157,13 @@ class Acceptance:
         caller: Caller,
         requested: DeliveryRequest | OfferChoice,
         checked: CheckedRequest | SkywayError,
+        *,
+        has_key: bool,
     ) -> Delivery:
         now, delivery_id = self.clock.now(), DeliveryId(self.mint("dlv"))
         offer = None
         if isinstance(requested, OfferChoice):
-            accepted = await accept_offer(
+            chosen = await accept_offer(
                 tx,
                 caller,
                 requested.quote_id,
@@ -167,7 +171,7 @@ class Acceptance:
                 delivery_id=delivery_id,
                 wall_now=self.clock.wall_now(),
             )
-            offer = accepted.limits
+            offer = chosen.limits
         if isinstance(checked, SkywayError):
             raise checked
         request, customer_id = checked.request, SubjectId(caller.subject_id)
@@ -181,10 +185,15 @@ class Acceptance:
         )
         give_up = give_up_at(request, self.clock)
         event = Happening(DeliveryEventType.REQUESTED, now, event_data.requested(delivery))
-        stored = StoredDelivery(delivery, version=1, last_sequence=1)
-        queued = QueuedDelivery(stored, checked.pickup_position, give_up, current_traceparent())
+        accepted = QueuedDelivery(
+            StoredDelivery(delivery),
+            checked.pickup_position,
+            give_up,
+            traceparent=current_traceparent(),
+            has_idempotency_key=has_key,
+        )
         is_ours = self.booking.is_free
         claim = held_by(self.booking.claimant, self.clock) if is_ours else FREE
-        self.writer.add(tx, queued, event, claim=claim)
+        queued = self.writer.add(tx, accepted, event, claim=claim)
         tx.after_commit(partial(self.booking.begin, queued) if is_ours else self.booking.queued.set)
         return delivery

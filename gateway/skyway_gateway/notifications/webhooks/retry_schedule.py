@@ -22,6 +22,9 @@ _PAUSES_S: Final = (
 #: Pauses vary by this share, so that notifications that failed together are not repeated together.
 _JITTER: Final = 0.2
 
+#: The longest pause, seconds of wall time.
+LONGEST_PAUSE_S: Final = max(_PAUSES_S) * (1 + _JITTER)
+
 #: All attempts of one notification.
 MOST_ATTEMPTS: Final = len(_PAUSES_S) + 1
 
