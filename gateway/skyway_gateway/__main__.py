@@ -4,7 +4,8 @@ import sys
 
 from skyway.runtime.service_process import ServiceProcess
 from skyway_gateway.settings import GatewaySettings
-from skyway_gateway.verify import violations
+from skyway_gateway.verify.facts import FACTS
+from skyway_gateway.verify.rules import RULES
 
 
 def _serve(settings: GatewaySettings) -> int:
@@ -16,5 +17,5 @@ def _serve(settings: GatewaySettings) -> int:
 
 
 if __name__ == "__main__":
-    process = ServiceProcess("gateway", "skyway_gateway", GatewaySettings, _serve, violations)
+    process = ServiceProcess("gateway", "skyway_gateway", GatewaySettings, _serve, RULES, FACTS)
     sys.exit(process.run())

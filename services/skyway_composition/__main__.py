@@ -4,7 +4,8 @@ import sys
 
 from skyway.runtime.service_process import ServiceProcess
 from skyway_composition.settings import CompositionSettings
-from skyway_composition.verify import violations
+from skyway_composition.verify.facts import FACTS
+from skyway_composition.verify.rules import RULES
 
 
 def _serve(settings: CompositionSettings) -> int:
@@ -17,6 +18,6 @@ def _serve(settings: CompositionSettings) -> int:
 
 if __name__ == "__main__":
     process = ServiceProcess(
-        "composition", "skyway_composition", CompositionSettings, _serve, violations
+        "composition", "skyway_composition", CompositionSettings, _serve, RULES, FACTS
     )
     sys.exit(process.run())

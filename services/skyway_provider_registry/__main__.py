@@ -4,7 +4,8 @@ import sys
 
 from skyway.runtime.service_process import ServiceProcess
 from skyway_provider_registry.settings import RegistrySettings
-from skyway_provider_registry.verify import violations
+from skyway_provider_registry.verify.facts import FACTS
+from skyway_provider_registry.verify.rules import RULES
 
 
 def _serve(settings: RegistrySettings) -> int:
@@ -17,6 +18,6 @@ def _serve(settings: RegistrySettings) -> int:
 
 if __name__ == "__main__":
     process = ServiceProcess(
-        "registry", "skyway_provider_registry", RegistrySettings, _serve, violations
+        "registry", "skyway_provider_registry", RegistrySettings, _serve, RULES, FACTS
     )
     sys.exit(process.run())

@@ -21,7 +21,7 @@ _COMMANDS: Final = {
     "fleet": "skyway.cli.drones.fleet:fleet_command",
     "top": "skyway.cli.top.command:top_command",
     "secrets": "skyway.cli.system.secrets_command:secrets_command",
-    "verify": "skyway.cli.verify:verify_command",
+    "verify": "skyway.cli.verify.command:verify_command",
     "doctor": "skyway.cli.doctor:doctor_command",
     "network": "skyway.cli.network:network_app",
 }

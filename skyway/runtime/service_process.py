@@ -7,19 +7,27 @@ import argparse
 import asyncio
 import json
 import sys
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from functools import partial
+from pathlib import Path
+from typing import Final, Generic, TypeVar
 
 from skyway.errors import SkywayError
+from skyway.runtime.clock import AnchoredClock
 from skyway.runtime.exit_codes import exit_code_of
 from skyway.runtime.garbage import load_without_collecting
 from skyway.runtime.logs import configure_logs
 from skyway.runtime.settings import DatabaseSettings, ServiceSettings
 from skyway.runtime.sql.database import Database
-from skyway.runtime.sql.violations import Violation
+from skyway.runtime.verification.fact_files import FactReader, read_facts, write_facts
+from skyway.runtime.verification.find_broken import DAMAGED, find_broken, unreadable
+from skyway.runtime.verification.rule import Rule
 
 S = TypeVar("S", bound=ServiceSettings)
+
+#: How long a running system needs to settle, seconds of wall time.
+_SETTLES_WITHIN_S: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,16 +39,20 @@ class ServiceProcess(Generic[S]):
     settings: type[S]
     #: Imports the app and serves it; returns the exit code.
     serve: Callable[[S], int]
-    violations: Callable[[Database], Awaitable[Sequence[Violation]]]
+    rules: Sequence[Rule]
+    facts: Mapping[str, FactReader]
 
     def run(self, arguments: Sequence[str] | None = None) -> int:
         """The exit code; 1 when `verify` found something."""
-        commands = {"serve": self._serve, "migrate": self._migrate, "verify": self._verify}
         parser = argparse.ArgumentParser(prog=f"python -m {self.package}")
-        parser.add_argument("command", nargs="?", default="serve", choices=sorted(commands))
-        command = parser.parse_args(arguments).command
+        commands = ("migrate", "serve", "verify")
+        parser.add_argument("command", nargs="?", default="serve", choices=commands)
+        parser.add_argument("--facts", type=Path, help="of verify: a new folder for facts")
+        given = parser.parse_args(arguments)
         try:
-            return commands[command]()
+            if given.command == "verify":
+                return self._verify(given.facts)
+            return self._migrate() if given.command == "migrate" else self._serve()
         except SkywayError as error:
             sys.stderr.write(f"{self.package}: {error}\n")
             return exit_code_of(error)
@@ -57,12 +69,20 @@ class ServiceProcess(Generic[S]):
         asyncio.run(migrate(DatabaseSettings.load().database_url, self.package))
         return 0
 
-    def _verify(self) -> int:
-        return asyncio.run(self._print_violations(DatabaseSettings.load().database_url))
+    def _verify(self, folder: Path | None) -> int:
+        return asyncio.run(self._print_broken_rules(DatabaseSettings.load().database_url, folder))
 
-    async def _print_violations(self, database_url: str) -> int:
+    async def _print_broken_rules(self, database_url: str, folder: Path | None) -> int:
+        wall_at = AnchoredClock.plain().wall_now()
         async with Database(database_url) as db:
-            found = await self.violations(db)
-        for violation in found:
-            sys.stdout.write(json.dumps(violation) + "\n")
-        return 1 if found else 0
+            broken = await find_broken(
+                db, self.rules, wall_at=wall_at, pause=partial(asyncio.sleep, _SETTLES_WITHIN_S)
+            )
+            try:
+                if folder is not None:
+                    write_facts(await read_facts(db, self.facts, wall_at=wall_at), folder)
+            except DAMAGED as error:
+                broken.append(unreadable("the facts for other services", error))
+        for each in broken:
+            sys.stdout.write(json.dumps(each.as_json()) + "\n")
+        return 1 if broken else 0

@@ -28,7 +28,7 @@ from skyway_composition.missions.timeouts.overdue import OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.tables import metadata, missions, outbox, pad_reservations
-from skyway_composition.verify import violations
+from skyway_composition.verify.rules import RULES
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
 from sqlalchemy import delete, select
 
@@ -52,6 +52,7 @@ from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
+from tests.broken_rules import broken_rules
 from tests.composition.busy_network import MODEL, NETWORK_ID, PLACES, add_network
 from tests.composition.drone_journals import ended_missions, handed_over, shared_pads
 from tests.composition.flown_drone import FlownDrone, SilentSubscriber
@@ -332,13 +333,12 @@ class BusyWorld:
 
     async def check(self) -> None:
         """Check that no invariant is broken, in the database or in the drones' journals."""
-        assert list(await violations(self.db)) == []
+        assert await broken_rules(self.db, RULES, wall_at=self.clock.wall_now()) == []
         times = Counter(handed_over(self.drones))
         assert [each for each, count in times.items() if count > 1] == []
         assert [each for each in times if each in self.released] == []
         ids = await self._missions()
-        given_up = ids["ABORTED"] | ids["REFUSED"]
-        assert list(shared_pads(self.drones, given_up=given_up)) == []
+        assert list(shared_pads(self.drones, given_up=ids["ABORTED"] | ids["REFUSED"])) == []
         assert ids["COMPLETED"] - ended_missions(self.drones) == set()
 
     async def end(self) -> None:

@@ -21,7 +21,7 @@ from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.parts import Parts
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.tables import outbox
-from skyway_composition.verify import violations
+from skyway_composition.verify.rules import RULES
 from sqlalchemy import select, text
 
 from skyway.contracts.candidate import Candidate
@@ -39,6 +39,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
+from tests.broken_rules import broken_rules
 from tests.composition.drone_messages import DroneMessages
 from tests.shared_app import shared_app
 
@@ -207,8 +208,8 @@ class Composition:
         answer = await self(OPERATOR, "GET", f"/v1/missions/{mission_id}")
         return str(answer.json()["mission"]["state"])
 
-    async def broken(self) -> list[Any]:
-        return list(await violations(self.db))
+    async def broken(self) -> list[tuple[str, str]]:
+        return await broken_rules(self.db, RULES, wall_at=self.clock.wall_now())
 
     async def _outbox(self, channel: str, stream: str | None = None) -> Sequence[Any]:
         query = select(outbox).where(outbox.c.channel == channel).order_by(outbox.c.id)

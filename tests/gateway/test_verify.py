@@ -15,72 +15,72 @@ DAMAGES = [
     (
         "finished again",
         "UPDATE deliveries SET state = 'PLANNED' WHERE state = 'COMPLETED'",
-        "I5: a delivery that goes on has no final event",
+        "I5 a delivery that goes on has no final event",
     ),
     (
         "never said so",
         "UPDATE events SET type = 'delivery.delayed' WHERE type = 'delivery.completed'",
-        "I5: a delivery that is over",
+        "I5 a delivery that is over",
     ),
     (
         "mission lost",
         "UPDATE missions SET state = 'ABORTED'",
-        "I5: a delivery under way has a mission under way, or packages that wait",
+        "I5 a delivery under way has a mission under way, or packages that wait",
     ),
     (
         "fell out of the queue",
         "UPDATE deliveries SET is_queued = FALSE WHERE state = 'REQUESTED'",
-        "I5: a delivery is queued while packages of it wait",
+        "I5 a delivery is queued while packages of it wait",
     ),
     (
         "queued for nothing",
         "UPDATE deliveries SET is_queued = TRUE WHERE state = 'COMPLETED'",
-        "I5: a delivery is queued while packages of it wait",
+        "I5 a delivery is queued while packages of it wait",
     ),
     (
         "nobody flies it",
         "UPDATE deliveries SET is_queued = FALSE WHERE state = 'REQUESTED'",
-        "I5: a request that nobody flies is queued",
+        "I5 a request that nobody flies is queued",
     ),
     (
         "goes on without packages",
         "UPDATE packages SET state = 'STRANDED' WHERE state = 'CREATED'",
-        "I5: a delivery is over when all its packages are",
+        "I5 a delivery is over when all its packages are",
     ),
     (
         "over with a package on its way",
         "UPDATE packages SET state = 'IN_TRANSIT' WHERE state = 'DELIVERED'",
-        "I5: a delivery is over when all its packages are",
+        "I5 a delivery is over when all its packages are",
     ),
     (
         "on its way without a mission",
         "UPDATE packages SET state = 'LOADED', mission_id = NULL WHERE state = 'CREATED'",
-        "I6: a package on its way has one mission",
+        "I6 a package on its way has one mission",
     ),
     (
         "its mission is over",
         "UPDATE missions SET state = 'COMPLETED' WHERE state = 'BOOKED'",
-        "I6: a package on its way has one mission",
+        "I6 a package on its way has one mission",
     ),
     (
         "another delivery's mission",
         f"UPDATE packages SET mission_id = 'msn_of_nobody' WHERE delivery_id IN ({COMPLETED})",
-        "I6: a package's mission is one of its delivery's",
+        "I6 a package's mission is one of its delivery's",
     ),
     (
         "custody gap",
         f"DELETE FROM custody WHERE seq = 2 AND delivery_id IN ({COMPLETED})",
-        "I6: a package's chain",
+        "I6 a package's chain",
     ),
     (
         "wrong custodian",
         "UPDATE packages SET custodian_id = 'nobody' WHERE state = 'CREATED'",
-        "I6: a package's custodian",
+        "I6 a package's custodian",
     ),
     (
         "delivered without a recipient",
         "UPDATE packages SET state = 'DELIVERED' WHERE state = 'CREATED'",
-        "I6: a package is delivered once",
+        "I6 a package is delivered once",
     ),
     (
         "event lost",
@@ -90,12 +90,12 @@ DAMAGES = [
     (
         "webhook not notified",
         "DELETE FROM notifications WHERE sequence = 1",
-        "I14: each webhook is notified",
+        "I14 each webhook is notified",
     ),
     (
         "out of sequence",
         "UPDATE notifications SET state = 'DELIVERED' WHERE sequence = 2",
-        "I14: notifications of a delivery arrive in sequence",
+        "I14 notifications of a delivery arrive in sequence",
     ),
 ]
 

@@ -20,7 +20,7 @@ from skyway_gateway.deliveries.records.stored_delivery import StoredDelivery
 from skyway_gateway.parts import Parts, build_parts
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import deliveries, events
-from skyway_gateway.verify import violations
+from skyway_gateway.verify.rules import RULES
 from sqlalchemy import select, text
 
 from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
@@ -34,6 +34,7 @@ from skyway.ids import DeliveryId
 from skyway.runtime.clock import AnchoredClock, ManualClock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceIdentity
+from tests.broken_rules import broken_rules
 from tests.gateway.fake_composition import STATIONS, FakeComposition
 from tests.gateway.peers import FakeRegistry, Forwarded, Peers
 from tests.shared_app import shared_app
@@ -207,7 +208,11 @@ class Gateway:
 
     async def verified(self) -> list[str]:
         """The rules that are broken."""
-        return [violation["rule"] for violation in await violations(self.parts.db)]
+        return [rule for rule, _ in await self.broken()]
+
+    async def broken(self) -> list[tuple[str, str]]:
+        """The rules that are broken, with the subjects that break them."""
+        return await broken_rules(self.parts.db, RULES, wall_at=self.clock.wall_now())
 
 
 def make_request(*, packages: int = 1, **changes: object) -> dict[str, Any]:
@@ -265,7 +270,7 @@ async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gatew
         await _make_callers(gateway)
         yield gateway
         if not gateway.is_damaged:
-            assert await gateway.verified() == []
+            assert await gateway.broken() == []
             assert await gateway.wrongly_cached() == []
             assert await gateway.undocumented_events() == []
 

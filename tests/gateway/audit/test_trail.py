@@ -126,6 +126,7 @@ def test_a_long_path_is_cut() -> None:
 
 
 async def test_a_failed_call_is_logged_as_not_answered(gateway: Gateway) -> None:
+    gateway.is_damaged = True
     await gateway.execute("DROP TABLE idempotency")
     headers = {**gateway.operator, "Idempotency-Key": "k"}
     requested = {"role": "customer", "subject_id": "carol"}

@@ -29,6 +29,7 @@ async def quote(gateway_on_both: Gateway, request_body: Callable[..., Any]) -> A
 async def accept_first(
     gateway: Gateway, quote: Any, *, caller: Caller = ALICE, delivery_id: str = "dlv_1"
 ) -> AcceptedOffer:
+    gateway.is_damaged = True  # the delivery is never written
     async with gateway.parts.db.write() as tx:
         return await accept_offer(
             tx,

@@ -3,19 +3,27 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from sqlalchemy import literal, select
 
 from skyway.runtime.exit_codes import ExitCode
 from skyway.runtime.service_process import ServiceProcess
 from skyway.runtime.settings import ServiceSettings
-from skyway.runtime.sql.database import Database
-from skyway.runtime.sql.violations import Violation
+from skyway.runtime.verification.rule import Rule
 
 
-def make_process(found: Sequence[Violation] = ()) -> ServiceProcess[ServiceSettings]:
-    async def violations(_db: Database) -> Sequence[Violation]:
-        return found
+def make_process(rules: Sequence[Rule] = ()) -> ServiceProcess[ServiceSettings]:
+    return ServiceProcess(
+        "tower", "skyway_tower", ServiceSettings, lambda _settings: 0, rules, facts={}
+    )
 
-    return ServiceProcess("tower", "skyway_tower", ServiceSettings, lambda _settings: 0, violations)
+
+def broken_rule(name: str, *subjects: str) -> Rule:
+    """A rule that these subjects break."""
+
+    async def find(_survey: object) -> Sequence[str]:
+        return subjects
+
+    return Rule(name, find, "Look at it.")
 
 
 @pytest.fixture
@@ -27,17 +35,24 @@ def a_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_verify_prints_a_line_per_violation_and_exits_1(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    process = make_process([{"rule": "I1", "pad": "s1/0"}, {"rule": "I2", "drone": "d"}])
+    by_query = Rule("I2", select(literal("d")), "Look at it.")
+    process = make_process([broken_rule("I1", "s1/0"), by_query])
 
     code = process.run(["verify"])
 
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert (code, [line["rule"] for line in lines]) == (1, ["I1", "I2"])
+    assert (code, lines) == (
+        1,
+        [
+            {"rule": "I1", "subject": "s1/0", "advice": "Look at it."},
+            {"rule": "I2", "subject": "d", "advice": "Look at it."},
+        ],
+    )
 
 
 @pytest.mark.usefixtures("a_database")
 def test_verify_finds_nothing_and_exits_0(capsys: pytest.CaptureFixture[str]) -> None:
-    code = make_process().run(["verify"])
+    code = make_process([broken_rule("I1")]).run(["verify"])
 
     assert (code, capsys.readouterr().out) == (0, "")
 

@@ -4,9 +4,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_provider_registry.verify import violations
+from skyway_provider_registry.verify.rules import RULES
 
 from skyway.broker_setup.passwords import read_password_file
+from tests.broken_rules import broken_rules
 
 
 @pytest.fixture
@@ -164,7 +165,7 @@ async def test_a_removed_drone_cannot_log_in(api: Any, mine: str, tmp_path: Path
     assert drone_id in before
     assert drone_id not in read_password_file(tmp_path / "passwords")
     assert (await api("operator:op", "GET", path)).status_code == 404
-    assert await violations(db) == []
+    assert await broken_rules(db, RULES) == []
 
 
 async def test_drones_come_in_pages(api: Any, mine: str) -> None:

@@ -178,7 +178,7 @@ async def test_reservations_that_touch_do_not_overlap(composition: Any) -> None:
         "FROM pad_reservations WHERE station_id = 'c'",
     )
 
-    assert not [each for each in await composition.broken() if each["rule"].startswith("I1")]
+    assert not [each for each in await composition.broken() if each[0].startswith("I1")]
 
 
 async def test_the_database_refuses_a_drone_on_two_missions(composition: Any) -> None:

@@ -61,6 +61,7 @@ async def test_a_provider_without_missions_has_earned_nothing(gateway: Gateway) 
 
 
 async def test_earnings_in_an_earlier_currency_are_only_listed(gateway: Gateway) -> None:
+    gateway.is_damaged = True
     await completed(gateway)
     await gateway.execute("UPDATE missions SET currency = 'EUR'")
     gateway.clock.advance(timedelta(days=1))

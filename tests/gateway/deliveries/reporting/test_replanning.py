@@ -4,11 +4,16 @@ from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
 
-from tests.gateway.whole_gateway import Gateway
+from tests.gateway.whole_gateway import Gateway, make_request
 
 
 async def under_way(gateway: Gateway, *, packages: int = 1, **changes: object) -> str:
     delivery_id = str(await gateway.accepted(packages=packages, **changes))
+    return await started(gateway, delivery_id)
+
+
+async def started(gateway: Gateway, delivery_id: str) -> str:
+    """Book a delivery and report that its packages are on board."""
     await gateway.book_next()
     for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
         assert (await gateway.report(delivery_id, kind, seq=seq)).status_code == 204
@@ -163,7 +168,9 @@ async def test_delivered_and_ended_packages_are_never_overdue(gateway: Gateway) 
 
 
 async def test_an_absent_recipient_sends_the_package_to_the_alternative(gateway: Gateway) -> None:
-    delivery_id = await under_way(gateway)
+    request = make_request()
+    request["packages"][0]["alternative"] = {"station_id": "san-antonio"}
+    delivery_id = await started(gateway, (await gateway.post(request)).json()["delivery_id"])
     mission = gateway.composition.booked[delivery_id, 1]
     await gateway.report(delivery_id, "REPLANNING", seq=4, code="RECIPIENT_ABSENT")
     revised = later(mission, minutes=20)

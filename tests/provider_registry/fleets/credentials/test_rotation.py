@@ -6,11 +6,12 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.tables import presence
-from skyway_provider_registry.verify import violations
+from skyway_provider_registry.verify.rules import RULES
 from sqlalchemy import update
 
 from skyway.broker_setup.passwords import matches, read_password_file
 from skyway.runtime.sql.database import Database
+from tests.broken_rules import broken_rules
 
 GATEWAY = "service:gateway"
 ROTATIONS = "/v1/enrolments/rotations"
@@ -121,7 +122,7 @@ async def test_a_revoked_drone_has_no_credentials(
     body = {"enrolment_token": token["enrolment_token"]}
     assert (await api(GATEWAY, "POST", "/v1/enrolments", body)).status_code == 403
     assert (await api(f"drone:{drone_id}", "POST", ROTATIONS)).status_code == 403
-    assert await violations(db) == []
+    assert await broken_rules(db, RULES) == []
 
 
 async def test_a_revoked_drone_counts_as_lost(api: Any, db: Database, enrolled: Any) -> None:

@@ -1,0 +1,69 @@
+"""The rules of calls: the audit log has every entry, and accepted requests have their answers."""
+
+from typing import Final
+
+from sqlalchemy import exists, select
+
+from skyway.runtime.idempotency.answer_store import KEPT_MS
+from skyway.runtime.verification.rule import Rule
+from skyway.runtime.verification.survey import Survey
+from skyway_gateway.audit.store import entry_hash
+from skyway_gateway.tables import audit, audit_head, deliveries, events, idempotency
+
+#: Answers are deleted when they are a day old; a look at that moment may find them or not. Wall ms.
+_SWEPT_WITHIN_MS: Final = 600_000
+
+
+async def _changed_entries(survey: Survey) -> list[str]:
+    """The entries of the audit log that do not follow the entry before them."""
+    found: list[str] = []
+    number, chained = 0, ""
+    async for row in survey.each(select(audit).order_by(audit.c.number)):
+        if row.number != number + 1:
+            found.append(f"entries {number + 1} to {row.number - 1}")
+        elif row.hash != entry_hash(chained, row._asdict()):
+            found.append(f"entry {row.number} {row.entry_id}")
+        number, chained = row.number, row.hash
+    heads = await survey.rows(select(audit_head.c.entries, audit_head.c.hash))
+    if [(number, chained)] != [(head.entries, head.hash) for head in heads]:
+        found.append(f"entries after {number}")
+    return found
+
+
+async def _lost_answers(survey: Survey) -> set[str]:
+    since_ms = survey.wall_ms - KEPT_MS + _SWEPT_WITHIN_MS
+    return await survey.subjects(
+        select(deliveries.c.delivery_id)
+        .join(events, events.c.delivery_id == deliveries.c.delivery_id)
+        .where(
+            deliveries.c.has_idempotency_key,
+            events.c.sequence == 1,
+            events.c.recorded_wall_ms > since_ms,
+            ~exists().where(idempotency.c.location == "/v1/deliveries/" + deliveries.c.delivery_id),
+        )
+    )
+
+
+CALLS: Final = (
+    Rule(
+        "the audit log has every entry as it was written",
+        _changed_entries,
+        "Somebody has deleted or changed entries of the audit log. Find out who had access to the "
+        "database, and restore the table `audit` and `audit_head` from a backup.",
+    ),
+    Rule(
+        "I9 a request that was accepted under a key has its stored answer",
+        _lost_answers,
+        "The same request under the same key would be accepted again, as a second delivery. "
+        "Restore the row of `idempotency` from a backup, or ask the customer not to repeat it.",
+    ),
+    Rule(
+        "I9 a stored answer is about a delivery that exists",
+        select(idempotency.c.location).where(
+            idempotency.c.location.startswith("/v1/deliveries/"),
+            ~exists().where(idempotency.c.location == "/v1/deliveries/" + deliveries.c.delivery_id),
+        ),
+        "The customer was answered that the delivery was accepted, but it is gone. Restore it from "
+        "a backup, or ask the customer to request it again under another key.",
+    ),
+)

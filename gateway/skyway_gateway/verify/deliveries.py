@@ -1,0 +1,183 @@
+"""The rules of deliveries: each ends once, in bounded time, as its packages did (I5)."""
+
+import json
+from typing import Any, Final
+
+from sqlalchemy import ColumnElement, and_, exists, func, or_, select
+
+from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.runtime.verification.rule import Rule
+from skyway.runtime.verification.survey import Survey
+from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES, TERMINAL_STATES
+from skyway_gateway.notifications.stream_events import LAST_EVENTS
+from skyway_gateway.tables import deliveries, events, missions, packages, quotes
+
+#: A request is overdue when other deliveries were written this long after its end, fleet ms.
+_OVERDUE_MS: Final = 3_600_000
+
+#: The longest wait for the next booking round is 3 s; clocks of machines may differ. Wall ms.
+_LONGEST_WAIT_MS: Final = 600_000
+
+_is_over = deliveries.c.state.in_(sorted(TERMINAL_STATES))
+_is_last_event = events.c.type.in_(sorted(LAST_EVENTS))
+_is_own = events.c.delivery_id == deliveries.c.delivery_id
+_is_of_delivery = packages.c.delivery_id == deliveries.c.delivery_id
+_is_settled = packages.c.state.in_(sorted(SETTLED_PACKAGE_STATES))
+_has_waiting = exists().where(
+    _is_of_delivery, packages.c.state == "CREATED", packages.c.mission_id.is_(None)
+)
+_is_live = missions.c.state.in_(LIVE_MISSION_STATES)
+_newest = select(func.max(deliveries.c.updated_ms)).scalar_subquery()
+_all_delivered = ~exists().where(_is_of_delivery, packages.c.state != "DELIVERED")
+_any_delivered = exists().where(_is_of_delivery, packages.c.state == "DELIVERED")
+
+_FROM_EVENTS: Final = (
+    "The delivery's events are what its customer was notified of: `GET "
+    "/v1/deliveries/{id}/events`. Correct the row so that it agrees with them."
+)
+_REQUEUE: Final = (
+    "Set `is_queued` to true and `next_try_wall_ms` to 0: booking looks at the delivery again, and "
+    "books it or gives it up."
+)
+
+
+def _event_count(*conditions: ColumnElement[bool]) -> ColumnElement[int]:
+    return select(func.count()).where(_is_own, *conditions).correlate(deliveries).scalar_subquery()
+
+
+async def _waiting_too_long(survey: Survey) -> set[str]:
+    latest_ms = survey.wall_ms + _LONGEST_WAIT_MS
+    return await survey.subjects(
+        select(deliveries.c.delivery_id).where(
+            deliveries.c.is_queued, deliveries.c.next_try_wall_ms > latest_ms
+        )
+    )
+
+
+async def _other_packages(survey: Survey) -> list[str]:
+    """Deliveries whose packages are not those of the request."""
+    stored: dict[str, dict[str, Any]] = {}
+    query = select(packages)
+    async for row in survey.each(query):
+        place = (row.number, row.destination_station_id, row.mass_kg)
+        stored.setdefault(row.delivery_id, {})[row.package_id] = place
+    query = select(deliveries.c.delivery_id, deliveries.c.reference, deliveries.c.request)
+    return [
+        row.delivery_id
+        async for row in survey.each(query)
+        if _requested(row.request) != (row.reference, stored.get(row.delivery_id, {}))
+    ]
+
+
+def _requested(text: str) -> tuple[str | None, dict[str, Any]]:
+    """The reference of a request, and each package's number, destination and mass."""
+    request = json.loads(text)
+    return request["reference"], {
+        each["package_id"]: (number, each["destination"]["station_id"], each["mass_kg"])
+        for number, each in enumerate(request["packages"])
+    }
+
+
+DELIVERIES: Final = (
+    Rule(
+        "I5 a request is decided in bounded time",
+        select(deliveries.c.delivery_id).where(
+            deliveries.c.is_queued, deliveries.c.give_up_ms + _OVERDUE_MS < _newest
+        ),
+        "Booking does not look at it: see the gateway's log for `booking postponed`, and whether "
+        "registry and composition answer. " + _REQUEUE,
+    ),
+    Rule(
+        "I5 booking looks at a queued delivery again within seconds",
+        _waiting_too_long,
+        _REQUEUE,
+    ),
+    Rule(
+        "I5 a delivery is queued while packages of it wait",
+        select(deliveries.c.delivery_id).where(
+            deliveries.c.is_queued != and_(~_is_over, _has_waiting)
+        ),
+        "Set `is_queued` to whether the delivery goes on and a package of it is CREATED without a "
+        "mission.",
+    ),
+    Rule(
+        "I5 a request that nobody flies is queued",
+        select(deliveries.c.delivery_id).where(
+            deliveries.c.state == "REQUESTED", ~deliveries.c.is_queued
+        ),
+        _REQUEUE,
+    ),
+    Rule(
+        "I5 a delivery that is over has exactly one final event, as its last",
+        select(deliveries.c.delivery_id).where(
+            _is_over,
+            or_(
+                _event_count(_is_last_event) != 1,
+                _event_count(
+                    _is_last_event,
+                    events.c.sequence == deliveries.c.last_sequence,
+                    events.c.type == "delivery." + func.lower(deliveries.c.state),
+                )
+                != 1,
+            ),
+        ),
+        _FROM_EVENTS,
+    ),
+    Rule(
+        "I5 a delivery that goes on has no final event",
+        select(deliveries.c.delivery_id).where(~_is_over, _event_count(_is_last_event) != 0),
+        _FROM_EVENTS,
+    ),
+    Rule(
+        "I5 a delivery under way has a mission under way, or packages that wait for one",
+        select(deliveries.c.delivery_id).where(
+            ~_is_over,
+            deliveries.c.state != "REQUESTED",
+            ~_has_waiting,
+            ~exists().where(missions.c.delivery_id == deliveries.c.delivery_id, _is_live),
+        ),
+        "Nothing will end this delivery. Composition knows how its missions ended (GET "
+        "/v1/missions?delivery_id=...): correct the missions' states and the packages.",
+    ),
+    Rule(
+        "I5 a delivery is over when all its packages are",
+        select(deliveries.c.delivery_id).where(
+            _is_over != ~exists().where(_is_of_delivery, ~_is_settled)
+        ),
+        _FROM_EVENTS,
+    ),
+    Rule(
+        "I5 a delivery ends as its packages did",
+        select(deliveries.c.delivery_id).where(
+            or_(
+                and_(deliveries.c.state == "COMPLETED", ~_all_delivered),
+                and_(
+                    deliveries.c.state == "PARTIALLY_COMPLETED",
+                    or_(_all_delivered, ~_any_delivered),
+                ),
+                and_(deliveries.c.state.in_(("CANCELLED", "FAILED", "REJECTED")), _any_delivered),
+            )
+        ),
+        _FROM_EVENTS,
+    ),
+    Rule(
+        "a delivery has the packages of its request",
+        _other_packages,
+        "Correct the rows of `packages` by `deliveries.request`, which is what the customer asked "
+        "for; its first event has the same request.",
+    ),
+    Rule(
+        "a delivery of an accepted offer has its limits",
+        select(quotes.c.delivery_id).where(
+            quotes.c.delivery_id.is_not(None),
+            ~exists().where(
+                deliveries.c.delivery_id == quotes.c.delivery_id,
+                deliveries.c.customer_id == quotes.c.customer_id,
+                deliveries.c.offer.is_not(None),
+                quotes.c.taken_offer_id.is_not(None),
+            ),
+        ),
+        "The quote names a delivery that does not exist or promises nothing. The quote's `offers` "
+        "have the price and the time that were promised: restore the delivery from a backup.",
+    ),
+)

@@ -1,0 +1,112 @@
+"""What the database says of each package: its chain of custody, and the events about its end."""
+
+import json
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any, Final
+
+from sqlalchemy import select
+
+from skyway.runtime.verification.rule import Finder
+from skyway.runtime.verification.survey import Survey
+from skyway.units import moment_to_ms
+from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES
+from skyway_gateway.tables import custody, deliveries, events, missions, packages
+
+#: The end of a package, as its event and as its row say: event type, station, moment, mission.
+End = tuple[str, str | None, int | None, str | None]
+
+_ENDS: Final = {f"package.{state.lower()}": state for state in SETTLED_PACKAGE_STATES}
+
+
+@dataclass(slots=True)
+class PackageStory:
+    """A package, its links in order, and where it may go."""
+
+    pickup: str
+    goals: set[str]
+    drones: set[str]
+    expected_ends: list[End]
+    kinds: list[str] = field(default_factory=list)
+    custodians: list[str] = field(default_factory=list)
+    notified_ends: list[End] = field(default_factory=list)
+
+
+def packages_where(is_broken: Callable[[PackageStory], bool]) -> Finder:
+    """The packages for which a condition is true."""
+
+    async def find(survey: Survey) -> list[str]:
+        stories = await survey.once(_package_stories)
+        return [f"{of}/{package}" for (of, package), each in stories.items() if is_broken(each)]
+
+    return find
+
+
+async def _package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageStory]:
+    """All packages by delivery and package."""
+    stories = await _stories(survey)
+    links = select(custody).order_by(custody.c.delivery_id, custody.c.package_id, custody.c.seq)
+    async for row in survey.each(links):
+        story = stories.get((row.delivery_id, row.package_id))
+        if story is not None:
+            story.kinds.append(row.custodian_kind)
+            story.custodians.append(row.custodian_id)
+    ends = select(events.c.delivery_id, events.c.type, events.c.body)
+    async for row in survey.each(ends.where(events.c.type.in_(sorted(_ENDS)))):
+        data = json.loads(row.body)["data"]
+        story = stories.get((row.delivery_id, data["package_id"]))
+        if story is not None:
+            story.notified_ends.append(_notified(row.type, data))
+    return stories
+
+
+async def _stories(survey: Survey) -> dict[tuple[str, str], PackageStory]:
+    """The packages without their links and events."""
+    drones: dict[str, set[str]] = defaultdict(set)
+    async for row in survey.each(select(missions.c.delivery_id, missions.c.drone_id)):
+        drones[row.delivery_id].add(row.drone_id)
+    query = select(packages, deliveries.c.request, deliveries.c.state.label("delivery_state")).join(
+        deliveries, deliveries.c.delivery_id == packages.c.delivery_id
+    )
+    found: dict[tuple[str, str], PackageStory] = {}
+    async for row in survey.each(query):
+        request = json.loads(row.request)
+        found[row.delivery_id, row.package_id] = PackageStory(
+            pickup=request["pickup"]["station_id"],
+            goals=_goals(request, row.package_id),
+            drones=drones[row.delivery_id],
+            expected_ends=_expected(row),
+        )
+    return found
+
+
+def _goals(request: Mapping[str, Any], package_id: str) -> set[str]:  # JSON of a DeliveryRequest
+    """The stations where a package may be handed to its recipient."""
+    return {
+        place["station_id"]
+        for each in request["packages"]
+        if each["package_id"] == package_id
+        for place in (each["destination"], each["alternative"])
+        if place is not None
+    }
+
+
+def _expected(row: Any) -> list[End]:  # a row of packages, with its delivery's state
+    """The end of which the customer must have been notified; one at most."""
+    if row.state not in SETTLED_PACKAGE_STATES:
+        return []
+    if row.delivery_state == "REJECTED":  # its one event speaks for all packages
+        return []
+    kind = f"package.{row.state.lower()}"
+    if row.state != "DELIVERED":
+        return [(kind, None, None, None)]
+    return [(kind, row.custodian_id, row.delivered_ms, row.mission_id)]
+
+
+def _notified(kind: str, data: Mapping[str, Any]) -> End:  # the data of an event
+    if kind != "package.delivered":
+        return (kind, None, None, None)
+    delivered_ms = moment_to_ms(datetime.fromisoformat(data["delivered_at"]))
+    return (kind, data["station_id"], delivered_ms, data["mission_id"])

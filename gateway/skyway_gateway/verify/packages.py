@@ -1,0 +1,163 @@
+"""The rules of packages: one custodian, one chain of custody, one delivery (I6)."""
+
+from typing import Final
+
+from sqlalchemy import ColumnElement, and_, exists, func, or_, select
+
+from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.runtime.verification.rule import Rule
+from skyway_gateway.deliveries.lifecycle.delivery import ON_BOARD_STATES, SETTLED_PACKAGE_STATES
+from skyway_gateway.tables import custody, missions, packages
+from skyway_gateway.verify.package_stories import PackageStory, packages_where
+
+_is_of_package = and_(
+    custody.c.delivery_id == packages.c.delivery_id,
+    custody.c.package_id == packages.c.package_id,
+)
+_name = packages.c.delivery_id + "/" + packages.c.package_id
+_is_settled = packages.c.state.in_(sorted(SETTLED_PACKAGE_STATES))
+_is_delivered = packages.c.state == "DELIVERED"
+_is_with_recipient = packages.c.custodian_kind == "RECIPIENT"
+_is_its_mission = and_(
+    missions.c.mission_id == packages.c.mission_id,
+    missions.c.delivery_id == packages.c.delivery_id,
+)
+_is_live = missions.c.state.in_(LIVE_MISSION_STATES)
+
+#: The states in which each custodian may have a package.
+_MAY_HAVE: Final = {
+    "STATION": ("CREATED", "RETURNED", "STRANDED", "CANCELLED"),
+    "DRONE": (*sorted(ON_BOARD_STATES), "STRANDED"),
+    "RECIPIENT": ("DELIVERED",),
+}
+
+_FROM_COMPOSITION: Final = (
+    "Composition has the same chain (its table `custody`), with the mission of each link: correct "
+    "the rows here by it. If both differ from what people see, ask people where the package is."
+)
+_FROM_EVENTS: Final = (
+    "The customer was notified of something else: see the delivery's events. Composition's "
+    "`custody` and the drone's event (`mission_steps.event`) say what happened; correct the row, "
+    "or notify the customer yourself if the events are wrong."
+)
+
+
+def _link_count(*conditions: ColumnElement[bool]) -> ColumnElement[int]:
+    statement = select(func.count()).where(_is_of_package, *conditions)
+    return statement.correlate(packages).scalar_subquery()
+
+
+def _begins_elsewhere(story: PackageStory) -> bool:
+    return (story.kinds[:1], story.custodians[:1]) != (["STATION"], [story.pickup])
+
+
+def _has_impossible_link(story: PackageStory) -> bool:
+    """Only a drone moves a package: of two links that follow one another, one is a drone's."""
+    pairs = zip(story.kinds, story.kinds[1:], strict=False)
+    return any((before == "DRONE") == (after == "DRONE") for before, after in pairs)
+
+
+def _is_carried_by_another(story: PackageStory) -> bool:
+    links = zip(story.kinds, story.custodians, strict=True)
+    return any(kind == "DRONE" and drone not in story.drones for kind, drone in links)
+
+
+def _is_delivered_elsewhere(story: PackageStory) -> bool:
+    links = zip(story.kinds, story.custodians, strict=True)
+    return any(kind == "RECIPIENT" and place not in story.goals for kind, place in links)
+
+
+def _ends_otherwise_than_notified(story: PackageStory) -> bool:
+    """Whether its final state is not the one of which the customer was notified."""
+    return story.notified_ends != story.expected_ends
+
+
+PACKAGES: Final = (
+    Rule(
+        "I6 a package on its way has one mission, which is under way",
+        select(_name).where(
+            ~_is_settled,
+            or_(packages.c.mission_id.is_not(None), packages.c.state != "CREATED"),
+            ~exists().where(_is_its_mission, _is_live),
+        ),
+        "Nothing will end this package's way. See in composition how its mission ended (GET "
+        "/v1/missions/{id}), and correct the package or the mission here.",
+    ),
+    Rule(
+        "I6 a package's mission is one of its delivery's",
+        select(_name).where(packages.c.mission_id.is_not(None), ~exists().where(_is_its_mission)),
+        "Set `mission_id` to the mission of this delivery that carries the package: composition's "
+        "`custody` names it.",
+    ),
+    Rule(
+        "I6 a package's chain of custody has no gap",
+        select(_name).where(
+            or_(
+                _link_count() != packages.c.custody_seq,
+                _link_count(custody.c.seq.between(1, packages.c.custody_seq))
+                != packages.c.custody_seq,
+            )
+        ),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 a package's custodian is the last one of its chain",
+        select(_name).where(
+            _link_count(
+                custody.c.seq == packages.c.custody_seq,
+                custody.c.custodian_kind == packages.c.custodian_kind,
+                custody.c.custodian_id == packages.c.custodian_id,
+            )
+            != 1
+        ),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 a package is delivered once, and then with its recipient",
+        select(_name).where(
+            or_(
+                _link_count(custody.c.custodian_kind == "RECIPIENT") > 1,
+                and_(_is_delivered, ~_is_with_recipient),
+                and_(~_is_delivered, _is_with_recipient),
+            )
+        ),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 a package is where its state says",
+        select(_name).where(
+            ~or_(
+                *(
+                    and_(packages.c.custodian_kind == kind, packages.c.state.in_(states))
+                    for kind, states in _MAY_HAVE.items()
+                )
+            )
+        ),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 a chain of custody begins at the pickup",
+        packages_where(_begins_elsewhere),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 packages pass from station to drone and from drone to station or recipient",
+        packages_where(_has_impossible_link),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 only drones of the delivery's missions have its packages",
+        packages_where(_is_carried_by_another),
+        _FROM_COMPOSITION,
+    ),
+    Rule(
+        "I6 a package is delivered at its destination or its alternative",
+        packages_where(_is_delivered_elsewhere),
+        _FROM_EVENTS,
+    ),
+    Rule(
+        "I6 a package ends as its customer was notified",
+        packages_where(_ends_otherwise_than_notified),
+        _FROM_EVENTS,
+    ),
+)

@@ -1,0 +1,228 @@
+"""The rules of custody: each package has one custodian, one chain, and one delivery."""
+
+import json
+from collections import Counter
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Final
+
+from sqlalchemy import and_, exists, func, literal_column, or_, select
+
+from skyway.contracts.mission import Cancellation
+from skyway.runtime.verification.rule import Finder, Rule
+from skyway.runtime.verification.survey import Survey
+from skyway_composition.tables import cancellations, custody, drone_links, is_live, missions
+from skyway_composition.verify.package_stories import PackageStory, package_stories
+
+_link = custody.alias("link")
+_previous = custody.alias("previous")
+_following = custody.alias("following")
+_name = _link.c.delivery_id + "/" + _link.c.package_id
+_is_same_package = and_(
+    _previous.c.delivery_id == _link.c.delivery_id, _previous.c.package_id == _link.c.package_id
+)
+_is_last = ~(
+    select(literal_column("1"))
+    .where(
+        _following.c.delivery_id == _link.c.delivery_id,
+        _following.c.package_id == _link.c.package_id,
+        _following.c.seq > _link.c.seq,
+    )
+    .exists()
+)
+
+_ASK_PEOPLE: Final = (
+    "Ask people where the package is: at its station, with its drone or with its recipient. Then "
+    "correct the last row of `custody`, and notify the customer."
+)
+_TWO_DRONES: Final = (
+    "Two drones have taken the same package, or drones carry packages that were mixed up. Hold "
+    "both missions (POST /v1/missions/{id}/commands with HOLD), ask the provider what each drone "
+    "carries, and bring the wrong package back."
+)
+
+
+def _packages_where(is_broken: Callable[[PackageStory], bool]) -> Finder:
+    """The packages for which a condition is true."""
+
+    async def find(survey: Survey) -> list[str]:
+        stories = await survey.once(package_stories)
+        return [f"{of}/{package}" for (of, package), each in stories.items() if is_broken(each)]
+
+    return find
+
+
+def _begins_elsewhere(story: PackageStory) -> bool:
+    if not story.chain or not story.pickups:
+        return bool(story.pickups)
+    first = story.chain[0]
+    return first.custodian_kind != "STATION" or first.custodian_id not in story.pickups
+
+
+def _has_impossible_link(story: PackageStory) -> bool:
+    """Only a drone moves a package: between two links of stations or recipients is a drone."""
+    kinds = [
+        row.custodian_kind
+        for row in story.chain
+        if row.custodian_kind != "RECIPIENT" or row.mission_id not in story.given_up
+    ]
+    return any((before == "DRONE") == (after == "DRONE") for before, after in pairwise(kinds))
+
+
+def _is_delivered_elsewhere(story: PackageStory) -> bool:
+    delivered = story.delivered
+    return delivered is not None and delivered.custodian_id not in story.goals
+
+
+def _is_delivered_without_evidence(story: PackageStory) -> bool:
+    delivered = story.delivered
+    return (
+        delivered is not None
+        and delivered.mission_id not in story.given_up
+        and (delivered.mission_id, delivered.custodian_id) not in story.handed_over
+    )
+
+
+def _is_handed_over_elsewhere(story: PackageStory) -> bool:
+    """Whether a drone has handed it over of whose mission the chain knows no delivery."""
+    delivered = story.delivered
+    by = None if delivered is None else delivered.mission_id
+    return any(mission_id != by for mission_id, _ in story.handed_over)
+
+
+async def _released_and_delivered(survey: Survey) -> list[str]:
+    query = (
+        select(custody.c.delivery_id, custody.c.package_id, cancellations.c.answer)
+        .join(cancellations, cancellations.c.delivery_id == custody.c.delivery_id)
+        .where(custody.c.custodian_kind == "RECIPIENT")
+    )
+    return [
+        f"{row.delivery_id}/{row.package_id}"
+        for row in await survey.rows(query)
+        if row.package_id in Cancellation.read(row.answer).released
+    ]
+
+
+async def _carried_by_two(survey: Survey) -> list[str]:
+    """Packages that two drones report on board."""
+    of_delivery = {
+        row.mission_id: row.delivery_id
+        for row in await survey.rows(select(missions.c.mission_id, missions.c.delivery_id))
+    }
+    query = select(drone_links.c.state).where(drone_links.c.is_occupied)
+    states = [json.loads(row.state or "{}") for row in await survey.rows(query)]
+    carried = Counter(
+        f"{of_delivery[state['mission_id']]}/{package_id}"
+        for state in states
+        if state.get("mission_id") in of_delivery
+        for package_id in state.get("package_ids", ())
+    )
+    return [package for package, drones in carried.items() if drones > 1]
+
+
+CUSTODY: Final = (
+    Rule(
+        "I6 a chain of custody has no gaps",
+        select(_name).where(
+            _link.c.seq > 1,
+            ~select(literal_column("1"))
+            .where(_is_same_package, _previous.c.seq == _link.c.seq - 1)
+            .exists(),
+        ),
+        "A row of `custody` was deleted. The gateway has the same chain (its table `custody`): "
+        "copy the missing row from there.",
+    ),
+    Rule(
+        "I6 a chain of custody begins at the pickup",
+        _packages_where(_begins_elsewhere),
+        "The first row of `custody` was deleted or changed: it names the pickup station of the "
+        "request, with `seq` 1.",
+    ),
+    Rule(
+        "I6 packages pass from station to drone and from drone to station or recipient",
+        _packages_where(_has_impossible_link),
+        _ASK_PEOPLE,
+    ),
+    Rule(
+        "I6 a package is delivered once",
+        select(custody.c.package_id)
+        .where(custody.c.custodian_kind == "RECIPIENT")
+        .group_by(custody.c.delivery_id, custody.c.package_id)
+        .having(func.count() > 1),
+        _ASK_PEOPLE + " Make the index `custody_delivered` again.",
+    ),
+    Rule(
+        "I6 nothing follows the recipient",
+        select(_link.c.package_id).join(
+            _previous,
+            and_(
+                _is_same_package,
+                _previous.c.seq < _link.c.seq,
+                _previous.c.custodian_kind == "RECIPIENT",
+            ),
+        ),
+        _ASK_PEOPLE,
+    ),
+    Rule(
+        "I6 a package is delivered at its destination, or where its mission was aimed",
+        _packages_where(_is_delivered_elsewhere),
+        _ASK_PEOPLE,
+    ),
+    Rule(
+        "I6 a delivery in a chain of custody has a drone's event as evidence",
+        _packages_where(_is_delivered_without_evidence),
+        "No DELIVER step of the mission ended at this station with this package. " + _ASK_PEOPLE,
+    ),
+    Rule(
+        "I6 a package is handed over by one mission",
+        _packages_where(_is_handed_over_elsewhere),
+        "A drone has reported a hand-over that the chain of custody does not have: two drones may "
+        "have delivered the package. " + _ASK_PEOPLE,
+    ),
+    Rule(
+        "I6 a package is on board of one drone",
+        _carried_by_two,
+        _TWO_DRONES,
+    ),
+    Rule(
+        "I6 the drone that has a package is the drone of its mission",
+        select(_name)
+        .join(missions, missions.c.mission_id == _link.c.mission_id)
+        .where(
+            or_(
+                missions.c.delivery_id != _link.c.delivery_id,
+                and_(
+                    _link.c.custodian_kind == "DRONE",
+                    _link.c.custodian_id != missions.c.drone_id,
+                ),
+            )
+        ),
+        _TWO_DRONES,
+    ),
+    Rule(
+        "I6 a mission that ended well has nothing on board",
+        select(_name)
+        .join(missions, missions.c.mission_id == _link.c.mission_id)
+        .where(
+            _link.c.custodian_kind == "DRONE",
+            _is_last,
+            missions.c.state.in_(("COMPLETED", "CANCELLED", "REFUSED")),
+        ),
+        "The drone still carries the package of a mission that is over. Set the mission's state "
+        "back if the drone flies it; else ask the provider to bring the package back.",
+    ),
+    Rule(
+        "I6 a package that a cancellation released is not delivered",
+        _released_and_delivered,
+        "The customer was notified that the package stays, but it was delivered. Notify the "
+        "customer; the alarm FLIES_ON may say more.",
+    ),
+    Rule(
+        "I6 a package of a live mission has a chain of custody",
+        select(missions.c.mission_id).where(
+            is_live, ~exists().where(custody.c.delivery_id == missions.c.delivery_id)
+        ),
+        "All rows of the chain were deleted. The gateway has the same chain (its table "
+        "`custody`): copy the rows from there.",
+    ),
+)

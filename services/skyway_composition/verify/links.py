@@ -1,0 +1,220 @@
+"""The rules of links to drones: gapless instructions, open ones in the outbox, true counters."""
+
+import json
+from typing import Any, Final
+
+from sqlalchemy import and_, exists, func, literal_column, or_, select
+
+from skyway.runtime.verification.rule import Rule
+from skyway.runtime.verification.survey import Survey
+from skyway_composition.tables import (
+    cut_steps,
+    drone_links,
+    instructions,
+    mission_steps,
+    missions,
+    outbox,
+)
+
+_sent = instructions.alias("sent")
+_before = instructions.alias("before")
+_is_open = instructions.c.status.in_(("SENT", "RECEIVED"))
+_in_outbox = exists().where(
+    outbox.c.channel == "mqtt",
+    outbox.c.message_id == instructions.c.instruction_id,
+    outbox.c.stream == instructions.c.drone_id,
+    outbox.c.confirmed_by == "receiver",
+)
+_is_of_drone = instructions.c.drone_id == drone_links.c.drone_id
+_last_seq = (
+    select(func.coalesce(func.max(instructions.c.seq), 0))
+    .where(_is_of_drone, instructions.c.stream == drone_links.c.stream)
+    .correlate(drone_links)
+    .scalar_subquery()
+)
+_last_stream = (
+    select(func.coalesce(func.max(instructions.c.stream), 0))
+    .where(_is_of_drone)
+    .correlate(drone_links)
+    .scalar_subquery()
+)
+
+_COUNTERS: Final = (
+    "With wrong counters the drone refuses instructions as gaps, or its events are dropped. Set "
+    "`stream` and `last_seq` to those of the drone's last row in `instructions`, and "
+    "`last_event_seq` to the `last_event_seq` of the drone's last state whose events were handled."
+)
+
+
+async def _other_than_body(survey: Survey) -> list[str]:
+    return [row.instruction_id async for row in survey.each(select(instructions)) if _differs(row)]
+
+
+def _differs(row: Any) -> bool:  # a row of instructions
+    names = ("instruction_id", "stream", "seq", "kind", "mission_id", "mission_revision")
+    try:
+        body = json.loads(row.body)
+        return any(body[name] != getattr(row, name) for name in names)
+    except (ValueError, KeyError, TypeError):
+        return False  # another rule names texts that cannot be read
+
+
+async def _changed_messages(survey: Survey) -> list[str]:
+    """Instructions that the outbox repeats with another text."""
+    query = select(instructions.c.instruction_id, instructions.c.body, outbox.c.payload).join(
+        outbox, outbox.c.message_id == instructions.c.instruction_id
+    )
+    return [
+        row.instruction_id
+        for row in await survey.rows(query)
+        if not _is_same(row.body, row.payload)
+    ]
+
+
+def _is_same(body: str, payload: bytes) -> bool:
+    """Whether a message is the stored instruction; the message also has a trace context."""
+    try:
+        stored, sent = json.loads(body), json.loads(payload)
+        return bool(stored | {"traceparent": None} == sent | {"traceparent": None})
+    except (ValueError, TypeError):
+        return False
+
+
+async def _wrongly_occupied(survey: Survey) -> list[str]:
+    query = select(drone_links.c.drone_id, drone_links.c.state, drone_links.c.is_occupied)
+    return [
+        row.drone_id
+        async for row in survey.each(query)
+        if (is_occupied := _is_occupied(row.state)) is not None and is_occupied != row.is_occupied
+    ]
+
+
+def _is_occupied(state: str | None) -> bool | None:
+    """Whether a state reports a mission or a landing in the open; None if it cannot be read."""
+    if state is None:
+        return False
+    try:
+        value = json.loads(state)
+        return value["mission_id"] is not None or value["activity"] == "DOWN"
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+async def _events_ahead(survey: Survey) -> list[str]:
+    """Drones of which we stored an event of this stream that their link does not count."""
+    links = {
+        row.drone_id: (row.stream, row.last_event_seq)
+        for row in await survey.rows(select(drone_links))
+    }
+    events = select(missions.c.drone_id, mission_steps.c.event).join(
+        missions, missions.c.mission_id == mission_steps.c.mission_id
+    )
+    cuts = select(missions.c.drone_id, cut_steps.c.event).join(
+        missions, missions.c.mission_id == cut_steps.c.mission_id
+    )
+    found: set[str] = set()
+    for query in (events.where(mission_steps.c.event.is_not(None)), cuts):
+        async for row in survey.each(query):
+            stream, last_seq = links.get(row.drone_id, (0, 0))
+            if _is_ahead(row.event, stream=stream, last_seq=last_seq):
+                found.add(row.drone_id)
+    async for row in survey.each(select(instructions)):
+        stream, last_seq = links.get(row.drone_id, (0, 0))
+        if row.stream == stream and _confirmed(row.body) > last_seq:
+            found.add(row.drone_id)
+    return sorted(found)
+
+
+def _is_ahead(event: str, *, stream: int, last_seq: int) -> bool:
+    try:
+        value = json.loads(event)
+        return bool(value["stream"] == stream and value["seq"] > last_seq)
+    except (ValueError, KeyError, TypeError):
+        return False
+
+
+def _confirmed(instruction: str) -> int:
+    try:
+        return int(json.loads(instruction)["events_confirmed_seq"])
+    except (ValueError, KeyError, TypeError):
+        return 0
+
+
+LINKS: Final = (
+    Rule(
+        "I7 instructions of a stream have no gaps",
+        select(_sent.c.instruction_id).where(
+            _sent.c.seq > 1,
+            ~select(literal_column("1"))
+            .where(
+                _before.c.drone_id == _sent.c.drone_id,
+                _before.c.stream == _sent.c.stream,
+                _before.c.seq == _sent.c.seq - 1,
+            )
+            .exists(),
+        ),
+        "A drone refuses an instruction after a gap. Restore the missing row from a backup, or "
+        "open a new stream: raise `drone_links.stream` by 1 and set `last_seq` to 0.",
+    ),
+    Rule(
+        "I7 an unanswered instruction is in the outbox",
+        select(instructions.c.instruction_id).where(_is_open, ~_in_outbox),
+        "The drone will never get it. If the drone's state shows that it has the instruction, wait "
+        "for its answer; else cancel or replan the mission, which sends a new instruction.",
+    ),
+    Rule(
+        "I7 an answered instruction is not repeated",
+        select(instructions.c.instruction_id).where(~_is_open, _in_outbox),
+        "Delete its row of `outbox`; the drone has answered it.",
+    ),
+    Rule(
+        "I7 the outbox repeats an instruction as it was stored",
+        _changed_messages,
+        "Set the `payload` of the row of `outbox` to `instructions.body`.",
+    ),
+    Rule(
+        "an instruction's columns say what its body says",
+        _other_than_body,
+        "The drone has what the body says. Set the columns to its values.",
+    ),
+    Rule(
+        "I7 a link counts the drone's instructions",
+        select(drone_links.c.drone_id).where(
+            or_(
+                drone_links.c.last_seq != _last_seq,
+                drone_links.c.stream < _last_stream,
+                drone_links.c.acked_stream > drone_links.c.stream,
+            )
+        ),
+        _COUNTERS,
+    ),
+    Rule(
+        "I7 a link counts the drone's events",
+        _events_ahead,
+        _COUNTERS,
+    ),
+    Rule(
+        "I7 an instruction has a link to its drone",
+        select(instructions.c.instruction_id).where(~exists().where(_is_of_drone)),
+        "Restore the row of `drone_links` from a backup; its counters are those of the drone's "
+        "last row in `instructions`.",
+    ),
+    Rule(
+        "I2 a link says whether its drone is occupied",
+        _wrongly_occupied,
+        "Set `is_occupied` to whether `state` names a mission or the activity DOWN. While it is "
+        "wrong, a drone that flies can be booked, or a free drone cannot.",
+    ),
+    Rule(
+        "a link belongs to the provider of its drone's missions",
+        select(drone_links.c.drone_id).where(
+            exists().where(
+                and_(
+                    missions.c.drone_id == drone_links.c.drone_id,
+                    missions.c.provider_id != drone_links.c.provider_id,
+                )
+            )
+        ),
+        "The registry knows the drone's provider. Correct the column that differs.",
+    ),
+)

@@ -1,0 +1,189 @@
+"""The rules of missions: their columns, their states, their drones."""
+
+import json
+from datetime import datetime
+from typing import Any, Final
+
+from sqlalchemy import and_, exists, func, or_, select
+
+from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.runtime.verification.rule import Rule
+from skyway.runtime.verification.survey import Survey
+from skyway.units import moment_to_ms
+from skyway_composition.tables import (
+    deliveries,
+    drone_links,
+    first_planned_end_ms,
+    instructions,
+    is_live,
+    is_under_way,
+    mission_steps,
+    missions,
+)
+
+_AGAINST_BODY: Final = (
+    "Compare the row with the drone's instruction (`instructions.body`) and with the gateway's copy"
+    " (`GET /v1/deliveries/{id}/plan`), and correct the value that differs."
+)
+#: The columns that `missions.body` repeats.
+_REPEATED: Final = (
+    "mission_id",
+    "delivery_id",
+    "attempt",
+    "trip",
+    "provider_id",
+    "drone_id",
+    "state",
+    "loading",
+)
+_is_open = instructions.c.status.in_(("SENT", "RECEIVED"))
+_is_of_mission = instructions.c.mission_id == missions.c.mission_id
+
+
+async def _other_than_body(survey: Survey) -> list[str]:
+    query = select(missions)
+    return [row.mission_id async for row in survey.each(query) if _differs(row)]
+
+
+def _differs(row: Any) -> bool:  # a row of missions
+    try:
+        body, request, candidate = map(json.loads, (row.body, row.request, row.candidate))
+        packages = {each["package_id"] for each in request["packages"]}
+        return (
+            any(body[name] != getattr(row, name) for name in _REPEATED)
+            or _ms(body["start_at"]) != row.start_ms
+            or _ms(body["released_at"]) != row.released_ms
+            or (candidate["drone_id"], candidate["provider_id"]) != (row.drone_id, row.provider_id)
+            or not {each["package_id"] for each in body["packages"]} <= packages
+        )
+    except (ValueError, KeyError, TypeError):
+        return False  # another rule names texts that cannot be read
+
+
+def _ms(text: str) -> int:
+    return moment_to_ms(datetime.fromisoformat(text))
+
+
+async def _lost_proposals(survey: Survey) -> list[str]:
+    query = select(missions.c.mission_id, missions.c.proposal).where(
+        missions.c.proposal.is_not(None)
+    )
+    proposed = {
+        row.mission_id: json.loads(row.proposal)["instruction_id"]
+        for row in await survey.rows(query)
+    }
+    if not proposed:
+        return []
+    answered = select(instructions.c.instruction_id).where(
+        instructions.c.instruction_id.in_(proposed.values()), _is_open
+    )
+    sent = {row[0] for row in await survey.rows(answered)}
+    return [mission_id for mission_id, each in proposed.items() if each not in sent]
+
+
+MISSIONS: Final = (
+    Rule(
+        "I2 a drone is on at most one mission",
+        select(missions.c.drone_id)
+        .where(is_live)
+        .group_by(missions.c.drone_id)
+        .having(func.count() > 1),
+        "Ask the provider which mission the drone flies. Cancel the other one: POST "
+        "/v1/missions/{id}/commands with CANCEL. Make the index `mission_drone` again.",
+    ),
+    Rule(
+        "I4 a mission was sent to its drone",
+        select(missions.c.mission_id).where(
+            missions.c.mission_id.not_in(
+                select(instructions.c.mission_id).where(
+                    instructions.c.kind == "MISSION", instructions.c.mission_id.is_not(None)
+                )
+            )
+        ),
+        "The drone does not know this mission, unless its instruction was deleted. If the drone's "
+        "state names the mission, restore the instruction; else cancel the mission.",
+    ),
+    Rule(
+        "I4 a mission has steps",
+        select(missions.c.mission_id).where(
+            missions.c.mission_id.not_in(select(mission_steps.c.mission_id))
+        ),
+        "Restore the steps from `instructions.body` of the mission's revision.",
+    ),
+    Rule(
+        "I4 a live mission has a link to its drone",
+        select(missions.c.mission_id).where(
+            is_live,
+            ~exists().where(
+                drone_links.c.drone_id == missions.c.drone_id,
+                drone_links.c.provider_id == missions.c.provider_id,
+            ),
+        ),
+        "Without the link no instruction is numbered and no event is followed. Restore the row of "
+        "`drone_links` from a backup; its `stream` and `last_seq` are those of the drone's last "
+        "instruction in `instructions`.",
+    ),
+    Rule(
+        "I7 a booked mission waits for its drone's answer",
+        select(missions.c.mission_id).where(
+            missions.c.state == "BOOKED",
+            ~exists().where(_is_of_mission, instructions.c.kind == "MISSION", _is_open),
+        ),
+        "The drone was never asked, or its answer was not followed. Cancel the mission (POST "
+        "/v1/missions/{id}/commands with CANCEL): the gateway then books another drone.",
+    ),
+    Rule(
+        "I7 a proposal waits for its drone's answer",
+        _lost_proposals,
+        "No answer will ever come for this revision. Set `missions.proposal` to NULL, and replan: "
+        "the mission's `trouble` or `stuck` says why.",
+    ),
+    Rule(
+        "a mission's columns say what its body says",
+        _other_than_body,
+        _AGAINST_BODY,
+    ),
+    Rule(
+        "a mission that is over needs no plan",
+        select(missions.c.mission_id).where(
+            missions.c.state.not_in(LIVE_MISSION_STATES),
+            or_(
+                missions.c.stuck.is_not(None),
+                missions.c.trouble.is_not(None),
+                missions.c.proposal.is_not(None),
+            ),
+        ),
+        "Its state was changed by hand. Find out from the drone's events (`mission_steps.event`) "
+        "whether it is over, and restore the state or set these columns to NULL.",
+    ),
+    Rule(
+        "a mission is checked when its next step should have ended",
+        select(missions.c.mission_id).where(
+            is_under_way,
+            func.coalesce(missions.c.next_end_ms, 0) != func.coalesce(first_planned_end_ms, 0),
+        ),
+        "Set `next_end_ms` to the smallest `planned_end_ms` of the mission's PLANNED steps.",
+    ),
+    Rule(
+        "a closed delivery has no live mission",
+        select(missions.c.mission_id)
+        .join(deliveries, deliveries.c.delivery_id == missions.c.delivery_id)
+        .where(deliveries.c.closed_ms.is_not(None), is_live),
+        "The gateway has given the delivery up, so nobody waits for this mission. Cancel it: POST "
+        "/v1/missions/{id}/commands with CANCEL.",
+    ),
+    Rule(
+        "a mission that a drone has begun was accepted",
+        select(missions.c.mission_id).where(
+            or_(missions.c.state == "BOOKED", missions.c.state == "REFUSED"),
+            exists().where(
+                and_(
+                    mission_steps.c.mission_id == missions.c.mission_id,
+                    mission_steps.c.status == "ENDED",
+                )
+            ),
+        ),
+        "The state was set back by hand. The steps that have ended are the evidence: set the state "
+        "to ACTIVE if its drone still flies it.",
+    ),
+)

@@ -1,0 +1,84 @@
+"""What the database says of each package: its chain of custody, and the reported hand-overs."""
+
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from sqlalchemy import select
+
+from skyway.runtime.verification.survey import Survey
+from skyway_composition.tables import custody, mission_steps, missions
+from skyway_composition.verify.sent_steps import step_json
+
+
+@dataclass(slots=True)
+class PackageStory:
+    """A package of a delivery: its chain, and the missions that were to carry it."""
+
+    chain: list[Any] = field(default_factory=list)  # rows of custody, in order
+    pickups: set[str] = field(default_factory=set)
+    goals: set[str] = field(default_factory=set)
+    #: Missions that were given up: a late hand-over by their drone is recorded without its step.
+    given_up: set[str] = field(default_factory=set)
+    #: (mission, station) of each hand-over to a recipient that a drone has reported.
+    handed_over: list[tuple[str, str]] = field(default_factory=list)
+
+    @property
+    def delivered(self) -> Any | None:  # a row of custody
+        """The link to its recipient."""
+        return next((row for row in self.chain if row.custodian_kind == "RECIPIENT"), None)
+
+
+async def package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageStory]:
+    """All packages by delivery and package, with what the missions and drones say of them."""
+    found: dict[tuple[str, str], PackageStory] = defaultdict(PackageStory)
+    chains = select(custody).order_by(custody.c.delivery_id, custody.c.package_id, custody.c.seq)
+    async for row in survey.each(chains):
+        found[row.delivery_id, row.package_id].chain.append(row)
+    delivery_of: dict[str, str] = {}
+    query = select(
+        missions.c.mission_id,
+        missions.c.delivery_id,
+        missions.c.request,
+        missions.c.aims,
+        missions.c.state,
+    )
+    async for row in survey.each(query):
+        delivery_of[row.mission_id] = row.delivery_id
+        for package_id, pickup, goals in _requested(row):
+            package = found[row.delivery_id, package_id]
+            package.pickups.add(pickup)
+            package.goals |= goals
+            if row.state in ("ABORTED", "CANCELLED", "REFUSED"):
+                package.given_up.add(row.mission_id)
+    done = mission_steps.c.status == "ENDED", mission_steps.c.kind == "DELIVER"
+    async for row in survey.each(select(mission_steps).where(*done)):
+        for package_id, station_id in _handed_over(row):
+            key = delivery_of.get(row.mission_id, ""), package_id
+            found[key].handed_over.append((row.mission_id, station_id))
+    return found
+
+
+def _requested(row: Any) -> Iterator[tuple[str, str, set[str]]]:  # a row of missions
+    """Each package of a mission: its id, its pickup, and where it may be delivered."""
+    try:
+        request, aims = json.loads(row.request), json.loads(row.aims)
+        for each in request["packages"]:
+            other = each.get("alternative")
+            goals = {each["destination"]["station_id"]}
+            goals |= {other["station_id"]} if other else set()
+            goals |= {it["station_id"] for it in aims if it["package_id"] == each["package_id"]}
+            yield each["package_id"], request["pickup"]["station_id"], goals
+    except (ValueError, KeyError, TypeError):
+        return  # another rule names texts that cannot be read
+
+
+def _handed_over(row: Any) -> Iterator[tuple[str, str]]:  # a DELIVER in mission_steps
+    """The packages that a drone has handed over, and where; none if the step was cut."""
+    step, is_cut = step_json(row), '"code":"CUT"' in (row.event or "")
+    if step is None or is_cut:
+        return
+    for package_id in step.get("package_ids", ()):
+        yield package_id, step.get("station_id", "")

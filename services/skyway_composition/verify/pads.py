@@ -1,0 +1,166 @@
+"""The rules of pads: no overlap, and each live mission holds exactly the pads that it needs."""
+
+import json
+from collections.abc import Mapping
+from typing import Any, Final
+
+from sqlalchemy import and_, exists, or_, select
+
+from skyway.contracts.flight_step import RechargeStep
+from skyway.ids import MissionId
+from skyway.runtime.verification.rule import Rule
+from skyway.runtime.verification.survey import Survey
+from skyway.units import moment_to_ms
+from skyway_composition.pads.booked_pad import BookedPad, merged
+from skyway_composition.tables import is_live, mission_steps, missions, pad_reservations, stations
+
+_one = pad_reservations.alias("one")
+_other = pad_reservations.alias("other")
+
+_REPLAN: Final = (
+    "Replan the mission: HOLD and then RESUME it (POST /v1/missions/{id}/commands). A new plan "
+    "reserves exactly its pads."
+)
+
+
+async def _unreserved(survey: Survey) -> list[str]:
+    needed, held = await survey.once(_needed_pads), await survey.once(_held_pads)
+    return [each for each, pads in needed.items() if not pads <= held.get(each, set())]
+
+
+async def _hoarded(survey: Survey) -> list[str]:
+    needed, held = await survey.once(_needed_pads), await survey.once(_held_pads)
+    return [each for each, pads in needed.items() if not held.get(each, set()) <= pads]
+
+
+async def _needed_pads(survey: Survey) -> dict[MissionId, set[BookedPad]]:
+    """The pads that each live mission needs; missions that wait for a new plan are left out.
+
+    Needed are the sessions of all planned steps and of proposed steps. A session that has ended
+    still holds its pad for the gap before the next drone.
+    """
+    live = await survey.rows(
+        select(missions.c.mission_id, missions.c.body, missions.c.proposal).where(
+            is_live, missions.c.stuck.is_(None)
+        )
+    )
+    needed: dict[MissionId, list[BookedPad]] = {}
+    gaps_ms: dict[MissionId, int] = {}
+    for row in live:
+        gaps_ms[row.mission_id] = _gap_ms(json.loads(row.body))
+        needed[row.mission_id] = _proposed_pads(row.proposal)
+    charging = await survey.rows(
+        select(mission_steps.c.mission_id, mission_steps.c.step, mission_steps.c.ended_ms)
+        .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
+        .where(
+            is_live,
+            missions.c.stuck.is_(None),
+            mission_steps.c.status.in_(("PLANNED", "ENDED")),
+            mission_steps.c.kind == "RECHARGE",
+        )
+    )
+    for row in charging:
+        gap_ms = gaps_ms[row.mission_id]
+        needed[row.mission_id] += _session(json.loads(row.step), gap_ms, ended_ms=row.ended_ms)
+    return {mission_id: set(merged(pads)) for mission_id, pads in needed.items()}
+
+
+def _proposed_pads(text: str | None) -> list[BookedPad]:
+    if text is None:
+        return []
+    proposal = json.loads(text)
+    gap_ms = _gap_ms(proposal["mission"])
+    return [pad for step in proposal["steps"] for pad in _session(step, gap_ms)]
+
+
+def _session(
+    step: Mapping[str, Any],  # the JSON of a FlightStep
+    gap_ms: int,
+    *,
+    ended_ms: int | None = None,
+) -> list[BookedPad]:
+    """The reservation that a step needs; empty for a step that does not charge."""
+    if step["kind"] != "RECHARGE":
+        return []
+    recharge = RechargeStep.model_validate(step)
+    start_ms, end_ms = moment_to_ms(recharge.not_before_at), moment_to_ms(recharge.not_after_at)
+    if start_ms >= end_ms:
+        return []
+    end_ms = gap_ms + (end_ms if ended_ms is None else min(end_ms, ended_ms))
+    if start_ms >= end_ms:
+        return []
+    return [BookedPad(recharge.station_id, recharge.pad, start_ms, end_ms)]
+
+
+def _gap_ms(mission: Mapping[str, Any]) -> int:  # the JSON of a Mission
+    gap_s: float = mission["margins"]["pad_gap_s"]
+    return round(gap_s * 1000)
+
+
+async def _held_pads(survey: Survey) -> dict[MissionId, set[BookedPad]]:
+    held: dict[MissionId, set[BookedPad]] = {}
+    for row in await survey.rows(select(pad_reservations)):
+        booked = BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms)
+        held.setdefault(row.mission_id, set()).add(booked)
+    return held
+
+
+_planned_pad = and_(
+    mission_steps.c.status == "PLANNED",
+    mission_steps.c.kind == "RECHARGE",
+    ~exists().where(
+        stations.c.station_id == mission_steps.c.station_id,
+        mission_steps.c.pad.between(0, stations.c.pads - 1),
+    ),
+)
+
+PADS: Final = (
+    Rule(
+        "I1 no pad holds two overlapping reservations",
+        select(_one.c.station_id).join(
+            _other,
+            and_(
+                _one.c.station_id == _other.c.station_id,
+                _one.c.pad == _other.c.pad,
+                _one.c.start_ms < _other.c.end_ms,
+                _other.c.start_ms < _one.c.end_ms,
+                or_(
+                    _one.c.start_ms != _other.c.start_ms,
+                    _one.c.mission_id != _other.c.mission_id,
+                ),
+            ),
+        ),
+        "Two drones may land on one pad. " + _REPLAN + " Make the constraint `pad_taken` again.",
+    ),
+    Rule(
+        "I1 a reserved pad is a pad of its station",
+        select(pad_reservations.c.mission_id).where(
+            ~exists().where(
+                stations.c.station_id == pad_reservations.c.station_id,
+                pad_reservations.c.pad.between(0, stations.c.pads - 1),
+            )
+        ),
+        "The station has no such pad, so the drone cannot charge there. " + _REPLAN,
+    ),
+    Rule(
+        "I1 a planned recharge uses a pad of its station",
+        select(mission_steps.c.mission_id)
+        .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
+        .where(is_live, _planned_pad),
+        "The station has no such pad, so the drone cannot charge there. " + _REPLAN,
+    ),
+    Rule(
+        "I3 a reservation has a live mission",
+        select(pad_reservations.c.mission_id)
+        .join(missions, missions.c.mission_id == pad_reservations.c.mission_id)
+        .where(~is_live),
+        "Nobody uses the pad, and nobody else can. Delete the rows of `pad_reservations` of this "
+        "mission once its drone has left the pad.",
+    ),
+    Rule("I3 a live mission holds the pads of its steps", _unreserved, _REPLAN),
+    Rule(
+        "I3 a live mission holds no pad that it does not need",
+        _hoarded,
+        "Other drones could use the pad. " + _REPLAN,
+    ),
+)

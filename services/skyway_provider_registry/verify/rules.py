@@ -1,0 +1,24 @@
+"""All rules of the registry's database."""
+
+from typing import Final
+
+from skyway.delivery.offer import Tariff
+from skyway.drone.model import DroneModel
+from skyway.runtime.verification.rule import Rule
+from skyway.runtime.verification.storage_rules import storage_rules
+from skyway.runtime.verification.stored_forms import form_rule
+from skyway_provider_registry.presence.drone_presence import Condition
+from skyway_provider_registry.tables import drone_models, metadata, presence, providers
+from skyway_provider_registry.verify.drones import DRONES
+from skyway_provider_registry.verify.hints import HINTS
+
+_FORMS: Final = form_rule(
+    {
+        providers.c.tariff: Tariff.read,
+        drone_models.c.model: DroneModel.read,
+        presence.c.condition: Condition.read,
+    }
+)
+
+#: The most important rules first: those of storage say whether the others can be believed.
+RULES: Final[tuple[Rule, ...]] = (*storage_rules(metadata), _FORMS, *DRONES, *HINTS)

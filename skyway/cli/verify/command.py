@@ -1,0 +1,78 @@
+"""The command `skyway verify`: what is broken in the databases, and what a person can do."""
+
+import asyncio
+import json
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Final
+
+import typer
+
+from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_folder
+from skyway.cli.gateway import fail
+from skyway.cli.system.databases import database_urls
+from skyway.cli.verify.across import AnyCrossRule, broken_across
+from skyway.cli.verify.delivery_rules import DELIVERY_RULES
+from skyway.cli.verify.drone_rules import DRONE_RULES
+from skyway.cli.verify.looks import look
+from skyway.errors import SkywayError
+from skyway.runtime.verification.rule import BrokenRule
+
+#: The rules that no service can check alone.
+RULES: Final[tuple[AnyCrossRule, ...]] = (*DELIVERY_RULES, *DRONE_RULES)
+
+#: How long a running system needs to settle, seconds of wall time.
+_SETTLES_WITHIN_S: Final = 2.0
+
+
+def verify_command(
+    data: DataOption = None,
+    repair: Annotated[
+        bool,
+        typer.Option("--repair", help="Say what a person can do about each; nothing is changed."),
+    ] = False,
+) -> None:
+    """Check all invariants of the databases; exit code 1 when one is violated."""
+    folder = data_folder(data)
+    urls = asyncio.run(database_urls(folder))
+    for url in urls.values():
+        _must_exist(url)
+    try:
+        with TemporaryDirectory(prefix="skyway-verify-") as scratch:
+            found = _all_broken(folder, urls, Path(scratch))
+    except SkywayError as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(2) from error
+    count = 0
+    for where, broken in found.items():
+        for each in broken:
+            count += 1
+            typer.echo(f"{where}: {json.dumps({'rule': each.rule, 'subject': each.subject})}")
+            if repair:
+                typer.echo(f"    {each.advice}")
+    typer.echo(f"{count} violations in {len(CLOUD_SERVICES)} databases")
+    raise typer.Exit(1 if count else 0)
+
+
+def _all_broken(
+    folder: DataFolder, urls: Mapping[str, str], scratch: Path
+) -> dict[str, Sequence[BrokenRule]]:
+    """The broken rules of each service, and of the services together."""
+    first = look(folder, urls, scratch / "first")
+    found: dict[str, Sequence[BrokenRule]] = {
+        service: first[service].broken for service in CLOUD_SERVICES
+    }
+    if broken_across(RULES, first, first):
+        time.sleep(_SETTLES_WITHIN_S)
+        later = look(folder, urls, scratch / "later")
+        found["across services"] = broken_across(RULES, first, later)
+    return found
+
+
+def _must_exist(url: str) -> None:
+    """End the command when a SQLite file is missing; SQLite itself would create it."""
+    file = url.removeprefix("sqlite:///")
+    if file != url and not Path(file).exists():
+        fail(f"there is no database {file}: no Skyway has run on this data folder")

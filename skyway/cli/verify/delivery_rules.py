@@ -1,0 +1,239 @@
+"""The rules of deliveries across gateway and composition."""
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Final
+
+from skyway.cli.verify.across import CrossRule
+from skyway.cli.verify.looks import ServiceLook
+from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.contracts.service_facts import DeliveryFacts, MissionFacts, PackageFacts
+
+_rule = partial(CrossRule[DeliveryFacts], facts=ServiceLook.deliveries)
+
+
+def _pairs(
+    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
+) -> Iterator[tuple[MissionFacts, MissionFacts]]:
+    """The missions that both services have, each as the gateway and as composition has it."""
+    if gateway is None or composition is None:
+        return
+    planned = {each.mission_id: each for each in composition.missions}
+    for mission in gateway.missions:
+        if mission.mission_id in planned:
+            yield mission, planned[mission.mission_id]
+
+
+def _packages(delivery: DeliveryFacts | None) -> dict[str, PackageFacts]:
+    return {} if delivery is None else {each.package_id: each for each in delivery.packages}
+
+
+def _unknown_delivery(
+    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
+) -> Iterator[str]:
+    if composition is not None and gateway is None:
+        yield composition.delivery_id
+
+
+def _unknown_missions(
+    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
+) -> Iterator[str]:
+    if gateway is not None:
+        planned = () if composition is None else composition.missions
+        known = {each.mission_id for each in planned}
+        yield from (each.mission_id for each in gateway.missions if each.mission_id not in known)
+
+
+def _unexpected_missions(
+    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
+) -> Iterator[str]:
+    """Live missions for which the gateway does not wait; a booking may still be answered."""
+    if composition is None or gateway is None:
+        return
+    known = {each.mission_id for each in gateway.missions}
+    is_explained = gateway.is_queued or gateway.waiting_messages > 0
+    for mission in composition.missions:
+        is_live = mission.state in LIVE_MISSION_STATES and mission.waiting_reports == 0
+        if is_live and mission.mission_id not in known and not is_explained:
+            yield mission.mission_id
+
+
+def _lost_reports(
+    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
+) -> Iterator[str]:
+    for applied, sent in _pairs(gateway, composition):
+        if applied.report_seq < sent.report_seq - sent.waiting_reports:
+            yield sent.mission_id
+
+
+def _invented_reports(
+    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
+) -> Iterator[str]:
+    for applied, sent in _pairs(gateway, composition):
+        if applied.report_seq > sent.report_seq:
+            yield sent.mission_id
+
+
+def _other_missions(
+    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
+) -> Iterator[str]:
+    for applied, sent in _pairs(gateway, composition):
+        if _fixed(applied) != _fixed(sent) or (
+            applied.report_seq == sent.report_seq and applied.state != sent.state
+        ):
+            yield sent.mission_id
+
+
+def _fixed(mission: MissionFacts) -> tuple[object, ...]:
+    """What never changes in a mission."""
+    return (
+        mission.attempt,
+        mission.trip,
+        mission.provider_id,
+        mission.drone_id,
+        mission.price,
+    )
+
+
+def _undelivered(gateway: DeliveryFacts | None, composition: DeliveryFacts | None) -> Iterator[str]:
+    """Packages that the gateway counts as delivered, and composition not, or otherwise."""
+    known = _packages(composition)
+    for package_id, package in _packages(gateway).items():
+        recipient = package.recipient
+        if recipient is None or gateway is None:
+            continue
+        theirs = known[package_id].recipient if package_id in known else None
+        if theirs != recipient:
+            yield f"{gateway.delivery_id}/{package_id}"
+
+
+def _unreported_deliveries(
+    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
+) -> Iterator[str]:
+    """Packages that composition counts as delivered, and the gateway not."""
+    if composition is None or gateway is None:
+        return
+    # A drone may hand over late, after its mission was given up: an alarm has called people then.
+    waiting = {
+        each.mission_id
+        for each in composition.missions
+        if each.waiting_reports > 0 or each.state in ("ABORTED", "CANCELLED", "REFUSED")
+    }
+    known = _packages(gateway)
+    for package_id, package in _packages(composition).items():
+        recipient = package.recipient
+        if recipient is None or recipient.mission_id in waiting:
+            continue
+        if package_id not in known or known[package_id].recipient is None:
+            yield f"{composition.delivery_id}/{package_id}"
+
+
+def _other_drones(
+    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
+) -> Iterator[str]:
+    """Packages that another drone had by the gateway than by composition."""
+    known = _packages(composition)
+    for package_id, package in _packages(gateway).items():
+        theirs = known[package_id].drones if package_id in known else frozenset()
+        if gateway is not None and not package.drones <= theirs:
+            yield f"{gateway.delivery_id}/{package_id}"
+
+
+def _unreported_drones(
+    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
+) -> Iterator[str]:
+    """Packages that a drone had by composition, and not by the gateway."""
+    if composition is None or gateway is None:
+        return
+    is_settled = all(each.waiting_reports == 0 for each in composition.missions)
+    known = _packages(gateway)
+    for package_id, package in _packages(composition).items():
+        theirs = known[package_id].drones if package_id in known else frozenset()
+        if is_settled and not gateway.is_over and not package.drones <= theirs:
+            yield f"{composition.delivery_id}/{package_id}"
+
+
+_ASK_PEOPLE: Final = (
+    "Ask people where the package is. Correct the service that is wrong by the drone's events "
+    "(composition's `mission_steps.event`), and notify the customer."
+)
+
+DELIVERY_RULES: Final = (
+    _rule(
+        name="a delivery of composition is a delivery of the gateway",
+        first="composition",
+        second="gateway",
+        finder=_unknown_delivery,
+        advice="The delivery was deleted at the gateway. Restore it from a backup; if that cannot "
+        "be done, cancel its missions (POST /v1/missions/{id}/commands with CANCEL).",
+    ),
+    _rule(
+        name="a mission of the gateway is a mission of composition",
+        first="gateway",
+        second="composition",
+        finder=_unknown_missions,
+        advice="Composition has lost the mission, so no report about it will come. Restore "
+        "composition's database from a backup, or find the drone and settle the delivery by hand.",
+    ),
+    _rule(
+        name="a live mission is one of its delivery at the gateway",
+        first="composition",
+        second="gateway",
+        finder=_unexpected_missions,
+        advice="Nobody waits for this mission. Cancel it: POST /v1/missions/{id}/commands with "
+        "CANCEL.",
+    ),
+    _rule(
+        name="the gateway has every report that composition has sent",
+        first="composition",
+        second="gateway",
+        finder=_lost_reports,
+        advice="A report was lost, and the gateway waits for it. Composition's steps and custody "
+        "say what it reported: restore the report as a row of composition's `outbox`, or set the "
+        "gateway's `missions.report_seq` and correct the delivery by hand.",
+    ),
+    _rule(
+        name="composition has sent every report that the gateway has",
+        first="gateway",
+        second="composition",
+        finder=_invented_reports,
+        advice="Composition's database is older than the gateway's, or was changed. Restore both "
+        "from one backup, or set composition's `missions.report_seq` to the gateway's.",
+    ),
+    _rule(
+        name="gateway and composition agree on a mission",
+        first="gateway",
+        second="composition",
+        finder=_other_missions,
+        advice="Correct the service that differs from the drone's instruction (composition's "
+        "`instructions.body`) and from the events that the customer has received.",
+    ),
+    _rule(
+        name="I6 what the gateway counts as delivered is delivered in composition",
+        first="gateway",
+        second="composition",
+        finder=_undelivered,
+        advice=_ASK_PEOPLE,
+    ),
+    _rule(
+        name="I6 what composition counts as delivered is delivered at the gateway",
+        first="composition",
+        second="gateway",
+        finder=_unreported_deliveries,
+        advice="The customer may believe that the package is elsewhere. " + _ASK_PEOPLE,
+    ),
+    _rule(
+        name="I6 a drone that has a package at the gateway has it in composition",
+        first="gateway",
+        second="composition",
+        finder=_other_drones,
+        advice="Two drones may have taken the package. " + _ASK_PEOPLE,
+    ),
+    _rule(
+        name="I6 a drone that has a package in composition has it at the gateway",
+        first="composition",
+        second="gateway",
+        finder=_unreported_drones,
+        advice="Two drones may have taken the package. " + _ASK_PEOPLE,
+    ),
+)

@@ -1,0 +1,78 @@
+"""The rules of drones across composition and the registry."""
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Final
+
+from skyway.cli.verify.across import CrossRule
+from skyway.cli.verify.looks import ServiceLook
+from skyway.contracts.service_facts import DroneFacts, HintFacts
+
+_of_hints = partial(CrossRule[HintFacts], facts=ServiceLook.hints)
+
+#: A mission is reported to the registry from this state on, until it has ended.
+_REPORTED: Final = ("ACCEPTED", "ACTIVE")
+
+_SET_HINT: Final = (
+    "Composition decides which drones are busy. Set the registry's `mission_hints` row as the "
+    "mission is there (GET /v1/missions/{id}), and `presence.changed` of the drone to a new number "
+    "of `changes.latest`."
+)
+
+
+def _unregistered(composition: DroneFacts | None, registry: DroneFacts | None) -> Iterator[str]:
+    if composition is not None and composition != registry:
+        yield composition.drone_id
+
+
+def _missing_hints(composition: HintFacts | None, registry: HintFacts | None) -> Iterator[str]:
+    if composition is None or composition.waiting_reports > 0:
+        return
+    if composition.state in _REPORTED and (registry is None or not registry.is_live):
+        yield composition.mission_id
+
+
+def _busy_for_ever(composition: HintFacts | None, registry: HintFacts | None) -> Iterator[str]:
+    if composition is None or registry is None or composition.waiting_reports > 0:
+        return
+    if not composition.is_live and registry.is_live:
+        yield composition.mission_id
+
+
+def _invented_hints(registry: HintFacts | None, composition: HintFacts | None) -> Iterator[str]:
+    if registry is not None and (composition is None or composition.drone_id != registry.drone_id):
+        yield registry.mission_id
+
+
+DRONE_RULES: Final = (
+    CrossRule(
+        name="the drone of a live mission is registered",
+        first="composition",
+        second="registry",
+        facts=ServiceLook.drones,
+        finder=_unregistered,
+        advice="The drone was removed while it flies, so it cannot log in again. Restore its rows "
+        "of `drones`, `presence` and `broker_accounts` from a backup of the registry.",
+    ),
+    _of_hints(
+        name="the registry knows that a drone on a live mission is busy",
+        first="composition",
+        second="registry",
+        finder=_missing_hints,
+        advice=_SET_HINT,
+    ),
+    _of_hints(
+        name="the registry knows that a mission is over",
+        first="composition",
+        second="registry",
+        finder=_busy_for_ever,
+        advice="The drone would be busy for ever. " + _SET_HINT,
+    ),
+    _of_hints(
+        name="the registry knows no mission that composition does not have",
+        first="registry",
+        second="composition",
+        finder=_invented_hints,
+        advice="Delete the row of `mission_hints`, if composition has not lost the mission.",
+    ),
+)

@@ -1,0 +1,171 @@
+"""The rules of every service's database, whatever it stores."""
+
+from collections.abc import Iterable
+from typing import Any, Final
+
+from sqlalchemy import (
+    ColumnElement,
+    ForeignKeyConstraint,
+    MetaData,
+    String,
+    Table,
+    Text,
+    and_,
+    cast,
+    exists,
+    func,
+    literal,
+    select,
+    text,
+    union_all,
+)
+
+from skyway.runtime.verification.rule import Finder, Rule, Subjects
+from skyway.runtime.verification.survey import Survey
+
+#: No claim lasts longer than this, wall ms: the longest lease is 20 s, and clocks may differ.
+_LONGEST_CLAIM_MS: Final = 600_000
+
+#: The most faults of pages that SQLite lists.
+_MOST_FAULTS: Final = 100
+
+
+def storage_rules(metadata: MetaData, *, triggers: Iterable[str] = ()) -> tuple[Rule, ...]:
+    """The rules of a database with these tables; SQLite also has these `triggers`."""
+    tables = metadata.sorted_tables
+    return (
+        Rule(
+            "every page of the database is whole",
+            _damaged_pages,
+            "The storage is damaged. Stop the service, copy its database files away, check the "
+            "disk, and restore the newest backup (docs/reference/operations.md). If only an index "
+            "is named, `REINDEX` makes it again.",
+        ),
+        Rule(
+            "every index and trigger of the newest migration exists",
+            _missing_parts(tables, frozenset(triggers)),
+            "Somebody dropped it, so the database no longer refuses wrong rows. Make it again as "
+            "the migration does, and look for rows that it would have refused.",
+        ),
+        Rule(
+            "every row that is referred to exists",
+            _orphans_of(tables),
+            "A row was deleted while others refer to it. Restore that row from a backup, or delete "
+            "the rows that refer to it if their delivery is over and settled with its customer.",
+        ),
+        Rule(
+            "every text is stored as text",
+            _wrong_types(tables),
+            "Something else than Skyway wrote this column. Restore the row from a backup.",
+        ),
+        Rule(
+            "no claim lasts longer than ten minutes",
+            _long_claims(tables),
+            "The row is not worked on until its claim ends. Free it: set `claimed_by` to NULL and "
+            "`claimed_until_ms` to 0 in this row. Check the clocks of all machines.",
+        ),
+    )
+
+
+def name_of(table: Table, *values: object) -> str:
+    """The name of a row: its table and its key."""
+    return f"{table.name} {'/'.join(map(str, values))}"
+
+
+async def _damaged_pages(survey: Survey) -> list[str]:
+    if survey.dialect == "sqlite":
+        found = await survey.rows(text(f"PRAGMA integrity_check({_MOST_FAULTS})"))
+        return [str(row[0]) for row in found if row[0] != "ok"]
+    failures = await survey.rows(
+        text(
+            "SELECT checksum_failures FROM pg_stat_database"
+            " WHERE datname = current_database() AND checksum_failures > 0"
+        )
+    )
+    return [f"{row[0]} pages did not match their checksum" for row in failures]
+
+
+def _missing_parts(tables: Iterable[Table], triggers: frozenset[str]) -> Finder:
+    indexes = {str(index.name) for table in tables for index in table.indexes}
+
+    async def find(survey: Survey) -> set[str]:
+        if survey.dialect == "sqlite":
+            listed = text("SELECT name FROM sqlite_master WHERE type IN ('index', 'trigger')")
+            return (indexes | triggers) - {row[0] for row in await survey.rows(listed)}
+        listed = text("SELECT indexname FROM pg_indexes")
+        return indexes - {row[0] for row in await survey.rows(listed)}
+
+    return find
+
+
+def _orphans_of(tables: Iterable[Table]) -> Finder:
+    """Rows whose foreign keys lead nowhere, also where the database did not check them."""
+    keys = [(table, key) for table in tables for key in table.foreign_key_constraints]
+    return _union(sorted((_orphans(table, key) for table, key in keys), key=str))
+
+
+def _orphans(table: Table, key: ForeignKeyConstraint) -> Subjects:
+    # Aliases: a table may refer to itself.
+    child, parent = table.alias("child"), key.referred_table.alias("parent")
+    pairs = [(child.c[each.parent.name], parent.c[each.column.name]) for each in key.elements]
+    own = _joined(child.c[each.name] for each in table.primary_key)
+    missing = _joined(column for column, _ in pairs)
+    subject = literal(f"{table.name} ") + own + f" without {key.referred_table.name} " + missing
+    return select(subject).where(
+        *(column.is_not(None) for column, _ in pairs),
+        ~exists().where(and_(*(column == referred for column, referred in pairs))),
+    )
+
+
+def _joined(columns: Iterable[ColumnElement[Any]]) -> ColumnElement[str]:
+    """The values of columns as one text."""
+    texts: list[ColumnElement[str]] = [cast(column, String) for column in columns]
+    joined = texts[0]
+    for each in texts[1:]:
+        joined = joined + "/" + each
+    return joined
+
+
+def _wrong_types(tables: Iterable[Table]) -> Finder:
+    """Other values in text columns. SQLite stores any type anywhere; PostgreSQL does not."""
+    query = _union(
+        select(literal(f"{table.name}.{column.name} ") + _key(table)).where(
+            func.typeof(column).not_in(("text", "null"))
+        )
+        for table in tables
+        for column in table.c
+        if isinstance(column.type, Text)
+    )
+
+    async def find(survey: Survey) -> set[str]:
+        return await survey.subjects(query) if survey.dialect == "sqlite" else set()
+
+    return find
+
+
+def _key(table: Table) -> ColumnElement[str]:
+    return _joined(table.primary_key)
+
+
+def _union(queries: Iterable[Subjects]) -> Subjects:
+    """All subjects of several queries as one query."""
+    every = union_all(*queries).subquery()
+    return select(every)
+
+
+def _long_claims(tables: Iterable[Table]) -> Finder:
+    claimed = [table for table in tables if "claimed_until_ms" in table.c]
+
+    async def find(survey: Survey) -> set[str]:
+        latest_ms = survey.wall_ms + _LONGEST_CLAIM_MS
+        return {
+            row[0]
+            for table in claimed
+            for row in await survey.rows(
+                select(literal(f"{table.name} ") + _key(table)).where(
+                    table.c.claimed_until_ms > latest_ms
+                )
+            )
+        }
+
+    return find

@@ -1,0 +1,65 @@
+"""A database at one moment, as rules read it."""
+
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeVar, cast
+
+from sqlalchemy import CompoundSelect, Executable, Select
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.engine import Dialect as SqlDialect
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.runtime.sql.connection import AnyRow
+from skyway.runtime.sql.engines import Dialect
+
+T = TypeVar("T")
+
+_DIALECTS: Final[dict[Dialect, SqlDialect]] = {
+    # With this style a percent sign is not doubled.
+    "sqlite": sqlite.dialect(paramstyle="named"),
+    "postgresql": postgresql.dialect(paramstyle="named"),  # type: ignore[no-untyped-call]
+}
+
+
+@dataclass(slots=True)
+class Survey:
+    """One moment of a database; `wall_ms` is the wall time of the look, ms since 1970."""
+
+    connection: AsyncConnection
+    dialect: Dialect
+    wall_ms: int
+    _loaded: dict[object, object] = field(default_factory=dict)
+
+    async def subjects(self, query: Select[*tuple[Any, ...]]) -> set[str]:
+        """The texts in the first column of a query."""
+        found = await self.connection.exec_driver_sql(statement_text(query, self.dialect))
+        return {str(row[0]) for row in found}
+
+    async def named_subjects(self, statement: str) -> list[tuple[str, str]]:
+        """The rows of a statement that finds the names of rules, and what breaks them."""
+        rows: Iterable[Sequence[object]] = await self.connection.exec_driver_sql(statement)
+        return [(str(row[0]), str(row[1])) for row in rows]
+
+    async def rows(self, query: Executable) -> list[AnyRow]:
+        """All rows of a query."""
+        return list(await self.connection.execute(query))
+
+    async def each(self, query: Executable) -> AsyncIterator[AnyRow]:
+        """The rows of a query one by one, for queries with more rows than fit into memory."""
+        async with self.connection.stream(query) as found:
+            async for row in found:
+                yield row
+
+    async def once(self, load: Callable[["Survey"], Awaitable[T]]) -> T:
+        """What a function loads from this survey; several rules share one load."""
+        if load not in self._loaded:
+            self._loaded[load] = await load(self)
+        return cast("T", self._loaded[load])
+
+
+def statement_text(query: Select[Any] | CompoundSelect[Any], dialect: Dialect) -> str:
+    """The SQL of a query with its values in it; Any: columns have every type.
+
+    Making it takes longer than running it, so callers keep it where they can.
+    """
+    return str(query.compile(dialect=_DIALECTS[dialect], compile_kwargs={"literal_binds": True}))
