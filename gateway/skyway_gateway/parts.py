@@ -12,8 +12,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import mint
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.issue_keys import Keys
-from skyway_gateway.access.recognise_keys import CachedKeys, DroneKeys
-from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.recognise_keys import CachedKeys, DroneKeys, KeyGate
 from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
 from skyway_gateway.deliveries.booking.book import Booker
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
@@ -28,8 +27,7 @@ from skyway_gateway.notifications.stream_events import EventListeners
 from skyway_gateway.notifications.webhooks.post_webhook import WebhookPost
 from skyway_gateway.notifications.webhooks.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhooks.targets import Targets
-from skyway_gateway.quotes.cached_payload_limits import CachedPayloadLimits
-from skyway_gateway.quotes.check_request import RequestChecks
+from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks
 from skyway_gateway.quotes.make_quote import QuoteMaker
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import outbox

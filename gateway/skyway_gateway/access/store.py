@@ -1,11 +1,22 @@
-"""All SQL of the API keys."""
+"""The SQL of API keys, and the condition in every query of things that belong to customers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
-from sqlalchemy import ColumnElement, and_, bindparam, exists, insert, select, update
+from sqlalchemy import (
+    Column,
+    ColumnElement,
+    and_,
+    bindparam,
+    exists,
+    false,
+    insert,
+    select,
+    true,
+    update,
+)
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import KeyId, SubjectId
@@ -155,3 +166,10 @@ def _key(row: AnyRow) -> ApiKey:
         subject_id=row.subject_id,
         created_at=ms_to_moment(row.created_wall_ms),
     )
+
+
+def owned(caller: Caller, customer_id: Column[str]) -> ColumnElement[bool]:
+    """Whether a row belongs to the caller; operators see all rows, providers none."""
+    if caller.role == "operator":
+        return true()
+    return customer_id == caller.subject_id if caller.role == "customer" else false()

@@ -15,8 +15,7 @@ from skyway.ids import KeyId
 from skyway.json_model import JsonModel
 from skyway.runtime.http.openapi_document import tags_of
 from skyway.runtime.http.openapi_examples import example_of
-from skyway_gateway.forward.call import Forwarded, Service
-from skyway_gateway.forward.table import FORWARDED, PROVIDER_CREATION
+from skyway_gateway.forward.table import FORWARDED, PROVIDER_CREATION, Forwarded, Service
 
 #: A JSON document, whose members have no common static type.
 Document = dict[str, Any]

@@ -19,9 +19,8 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.issue_keys import Keys
-from skyway_gateway.access.routes import KeyGate
-from skyway_gateway.forward.call import Forwarded
-from skyway_gateway.forward.table import FORWARDED
+from skyway_gateway.access.recognise_keys import KeyGate
+from skyway_gateway.forward.table import FORWARDED, Forwarded
 
 _PROVIDERS = "/v1/providers"
 

@@ -1,9 +1,12 @@
 """Every public call that is not the gateway's own: path, service, roles. Nothing else is passed."""
 
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, Literal
 
 from skyway.runtime.http.identity import CallerRole
-from skyway_gateway.forward.call import Forwarded
+
+Method = Literal["GET", "POST", "PUT", "PATCH", "DELETE"]
+Service = Literal["registry", "composition"]
 
 _ANY: Final[tuple[CallerRole, ...]] = ("customer", "provider", "operator")
 _ANY_OR_DRONE: Final[tuple[CallerRole, ...]] = (*_ANY, "drone")
@@ -16,6 +19,21 @@ _OPERATOR: Final[tuple[CallerRole, ...]] = ("operator",)
 _NETWORK_BYTES: Final = 256 * 1024 * 1024
 _FLEET_BYTES: Final = 8 * 1024 * 1024
 _HEAVY_S: Final = 180.0
+
+
+@dataclass(frozen=True, slots=True)
+class Forwarded:
+    """One call: who answers it, and who may make it. `{provider_id}` is a provider's own only.
+
+    Without roles nobody has to say who they are: the body holds the proof.
+    """
+
+    method: Method
+    path: str
+    service: Service
+    roles: tuple[CallerRole, ...]
+    limit_bytes: int | None = None
+    timeout_s: float = 30.0
 
 
 def _world_rows(path: str) -> tuple[Forwarded, ...]:

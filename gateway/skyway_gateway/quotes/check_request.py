@@ -1,6 +1,7 @@
 """Checks whether a delivery request is possible: its times, stations and masses.
 
-Quotes and deliveries pass the same checks. A request that passes may still find no drone.
+Quotes and deliveries pass the same checks. A request that passes may still find no drone. The
+registry says how heavy a package may be; its answer is cached for a moment.
 """
 
 import contextlib
@@ -9,15 +10,21 @@ from datetime import timedelta
 from typing import Final
 
 from skyway.announced_networks import CachedNetworks
-from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.candidate import PayloadLimit, PayloadLimitQuery, ProviderReason
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.delivery.request import DeliveryRequest, ProviderChoice
 from skyway.errors import InvalidInput
 from skyway.geo import Position
 from skyway.ids import StationId
+from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
-from skyway_gateway.clients import Composition
-from skyway_gateway.quotes.cached_payload_limits import CachedPayloadLimits
+from skyway_gateway.clients import Composition, Registry
+
+#: How long a limit is used without asking again, wall time. Fleets hardly change meanwhile, and
+#: booking finds out whether a drone is available.
+_KEPT: Final = timedelta(seconds=2)
+#: The most limits that are cached: each choice of providers has its own.
+_MOST_CACHED: Final = 1_000
 
 #: The furthest moment that a request may name: this finds mistyped years.
 _LONGEST_AHEAD: Final = timedelta(days=366)
@@ -33,6 +40,30 @@ NO_PROVIDER: Final = ProviderReason(
     detail="no provider serves it: none of the providers that may serve it has a drone",
     is_temporary=True,
 )
+
+
+class CachedPayloadLimits:
+    """Payload limits from the registry; only a fresh limit refuses a package."""
+
+    def __init__(self, registry: Registry, clock: FleetClock) -> None:
+        self._registry = registry
+        self._cached = AnswerCache(self._ask, clock=clock, kept=_KEPT, most=_MOST_CACHED)
+
+    async def limit_for(self, heaviest_kg: float, choice: ProviderChoice) -> PayloadLimit:
+        """The payload limit of the chosen providers' drones, fresh if this mass might exceed it."""
+        cached = self._cached.cached(choice)
+        if cached is not None and _allows(cached, heaviest_kg):
+            return cached
+        return await self._cached.ask(choice)
+
+    async def _ask(self, choice: ProviderChoice) -> PayloadLimit:
+        return await self._registry.payload_limit(PayloadLimitQuery(providers=choice))
+
+
+def _allows(limit: PayloadLimit, heaviest_kg: float) -> bool:
+    if limit.unknown_provider_ids or limit.max_payload_kg is None:
+        return False
+    return heaviest_kg <= limit.max_payload_kg
 
 
 @dataclass(frozen=True, slots=True)

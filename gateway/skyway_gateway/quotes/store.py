@@ -15,7 +15,7 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_gateway.access.ownership_store import owned
+from skyway_gateway.access.store import owned
 from skyway_gateway.quotes.quote import Offer, Quote
 from skyway_gateway.tables import quotes
 

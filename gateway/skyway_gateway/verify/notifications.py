@@ -6,7 +6,7 @@ from sqlalchemy import String, and_, cast, exists, or_, select
 
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.survey import Survey
-from skyway_gateway.notifications.webhooks.retry_schedule import LONGEST_PAUSE_S, MOST_ATTEMPTS
+from skyway_gateway.notifications.webhooks.webhook import LONGEST_PAUSE_S, MOST_ATTEMPTS
 from skyway_gateway.tables import deliveries, events, notifications, webhook_attempts, webhooks
 
 _earlier = notifications.alias("earlier")

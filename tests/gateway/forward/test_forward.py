@@ -3,8 +3,7 @@
 import json
 
 import pytest
-from skyway_gateway.forward.call import Forwarded
-from skyway_gateway.forward.table import FORWARDED
+from skyway_gateway.forward.table import FORWARDED, Forwarded
 
 from tests.gateway.whole_gateway import Gateway
 

@@ -12,7 +12,7 @@ from skyway.ids import ProviderId
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
 from skyway.units import moment_to_ms
-from skyway_gateway.access.ownership_store import owned
+from skyway_gateway.access.store import owned
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, DeliveryState
 from skyway_gateway.deliveries.reading.earnings import DayEarnings, EarningsQuery
 from skyway_gateway.deliveries.records.delivery_store import with_parts

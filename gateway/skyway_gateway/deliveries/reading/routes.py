@@ -14,7 +14,7 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
-from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.recognise_keys import KeyGate
 from skyway_gateway.clients import Composition
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,

@@ -34,7 +34,7 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms
-from skyway_gateway.access.ownership_store import owned
+from skyway_gateway.access.store import owned
 from skyway_gateway.deliveries.lifecycle.delivery import (
     SETTLED_PACKAGE_STATES,
     UNDER_WAY_STATES,

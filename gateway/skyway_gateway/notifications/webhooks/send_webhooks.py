@@ -20,14 +20,14 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway_gateway.notifications.webhooks import sending_store
 from skyway_gateway.notifications.webhooks.post_webhook import Reply, WebhookPost
-from skyway_gateway.notifications.webhooks.retry_schedule import pause_s
-from skyway_gateway.notifications.webhooks.signature import signed_headers
 from skyway_gateway.notifications.webhooks.webhook import (
     Endpoint,
     Notification,
     Outcome,
     TrialEvent,
     WebhookAttempt,
+    pause_s,
+    signed_headers,
 )
 from skyway_gateway.notifications.webhooks.webhook_store import disable_webhook
 

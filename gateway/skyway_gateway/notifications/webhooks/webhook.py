@@ -1,8 +1,13 @@
-"""A webhook as its customer sees it, and each attempt to notify it."""
+"""A webhook as its customer sees it, how a notification is signed, and when it is tried again."""
 
+import base64
+import hashlib
+import hmac
+import random
+import secrets
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Annotated, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import AwareDatetime, Field, model_validator
 
@@ -18,6 +23,35 @@ WallTime = Annotated[AwareDatetime, Field(description="RFC 3339 UTC, wall time")
 
 WebhookState = Literal["ACTIVE", "DISABLED"]
 Outcome = Literal["DELIVERED", "FAILED", "GIVEN_UP"]
+
+_SECRET_PREFIX: Final = "whsec_"  # noqa: S105  a public prefix
+#: The specification asks for 24 to 64 bytes.
+_SECRET_BYTES: Final = 32
+
+_MINUTE_S: Final = 60.0
+_HOUR_S: Final = 3600.0
+
+#: Seconds of wall time between two attempts; after the last attempt the notification is given up.
+_PAUSES_S: Final = (
+    5.0,
+    30.0,
+    2 * _MINUTE_S,
+    15 * _MINUTE_S,
+    _HOUR_S,
+    3 * _HOUR_S,
+    6 * _HOUR_S,
+    12 * _HOUR_S,
+    24 * _HOUR_S,
+)
+
+#: Pauses vary by this share, so that notifications that failed together are not repeated together.
+_JITTER: Final = 0.2
+
+#: The longest pause, seconds of wall time.
+LONGEST_PAUSE_S: Final = max(_PAUSES_S) * (1 + _JITTER)
+
+#: All attempts of one notification.
+MOST_ATTEMPTS: Final = len(_PAUSES_S) + 1
 
 
 class NewWebhook(JsonModel):
@@ -138,3 +172,28 @@ class TrialEvent(JsonModel):
     ]
     webhook_id: Annotated[WebhookId, Field(description="The webhook that is tested.")]
     occurred_at: Annotated[datetime, Field(description="RFC 3339 UTC, fleet time.")]
+
+
+def new_webhook_secret() -> str:
+    """A new signing secret in the form that libraries of Standard Webhooks expect."""
+    return _SECRET_PREFIX + base64.b64encode(secrets.token_bytes(_SECRET_BYTES)).decode()
+
+
+def signed_headers(secret: str, *, webhook_id: str, at: datetime, body: bytes) -> dict[str, str]:
+    """The three headers that prove the sender, the message and its age to a receiver."""
+    timestamp = str(int(at.timestamp()))
+    key = base64.b64decode(secret.removeprefix(_SECRET_PREFIX))
+    signed = f"{webhook_id}.{timestamp}.".encode() + body
+    signature = base64.b64encode(hmac.digest(key, signed, hashlib.sha256)).decode()
+    return {
+        "webhook-id": webhook_id,
+        "webhook-timestamp": timestamp,
+        "webhook-signature": f"v1,{signature}",
+    }
+
+
+def pause_s(attempts: int, chance: random.Random) -> float | None:
+    """Seconds until the next attempt after so many failed ones; None when there is none."""
+    if attempts >= MOST_ATTEMPTS:
+        return None
+    return _PAUSES_S[attempts - 1] * chance.uniform(1 - _JITTER, 1 + _JITTER)

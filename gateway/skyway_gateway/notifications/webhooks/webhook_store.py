@@ -16,7 +16,7 @@ from skyway.runtime.sql.claims import FREE
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_gateway.access.ownership_store import owned
+from skyway_gateway.access.store import owned
 from skyway_gateway.notifications.webhooks.webhook import Endpoint, Webhook
 from skyway_gateway.tables import notifications, webhook_attempts, webhooks
 

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from skyway_gateway.quotes.cached_payload_limits import CachedPayloadLimits
+from skyway_gateway.quotes.check_request import CachedPayloadLimits
 
 from skyway.contracts.candidate import PayloadLimit, PayloadLimitQuery
 from skyway.contracts.shortlist import Candidates
