@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
-from skyway_drone_agent.journal.current_mission import CurrentMission, end_of
-from skyway_drone_agent.journal.logbook import Logbook, run_under_way
+from skyway_drone_agent.journal.logbook import CurrentMission, Logbook, end_of, run_under_way
 from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import Answer, EventRecorded, StepBegun
 from skyway_drone_agent.simulated.disturbances import Disturbances

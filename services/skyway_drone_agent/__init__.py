@@ -5,7 +5,7 @@
 - `flying`: decides the next act and has the vehicle do it
 - `analysis`: estimates charge, wind and reach from the sensors
 - `failsafes`: what the drone does by itself about a fault
-- `reports`, `link`: state, events and telemetry on their way to the cloud
+- `reports`, `link`: acks, state, events and telemetry on their way to the cloud
 - `simulated`, `mavlink`: the two kinds of vehicles
 - `landing_book`: stations near the routes, for landings that nobody planned
 - `enrolment`: how a drone gets its credentials and changes them

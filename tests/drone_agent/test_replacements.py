@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.flying.mission import Cut, Gates, next_act
-from skyway_drone_agent.journal.current_mission import CurrentMission
+from skyway_drone_agent.journal.logbook import CurrentMission
 from skyway_drone_agent.journal.records import EventRecorded
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 from skyway_drone_agent.vehicle import Outcome

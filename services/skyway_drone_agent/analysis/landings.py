@@ -6,9 +6,8 @@ from typing import Final, Protocol
 from skyway.contracts.flight_step import FlyStep
 from skyway.geo import Position
 from skyway.ids import StationId
-from skyway_drone_agent.journal.current_mission import CurrentMission
-from skyway_drone_agent.journal.escape import lands_on_the_spot
-from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.logbook import CurrentMission, Logbook
+from skyway_drone_agent.journal.mission_changes import lands_on_the_spot
 
 #: Number of landings that are remembered; the oldest are dropped first.
 _KEPT = 64

@@ -15,8 +15,7 @@ from skyway.contracts.flight_step import (
 from skyway.drone.flight import flight_energy_j, speed_mps
 from skyway.drone.model import DroneModel
 from skyway.geo import EARTH_RADIUS_M, Position, bearing_rad, distance_m
-from skyway_drone_agent.journal.current_mission import CurrentMission
-from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.logbook import CurrentMission, Logbook
 from skyway_drone_agent.vehicle import Reading
 
 #: A drone lands if it is this near to its landing and slower over ground than this share of its

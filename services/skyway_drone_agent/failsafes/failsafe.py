@@ -1,18 +1,23 @@
 """The failsafes: what a drone does by itself, for every situation and every fault.
 
 The faults stand in the order of danger. Of several failsafes the severest acts. Of equally severe
-failsafes the one with the more dangerous fault acts. `docs/failsafes.md` shows this table.
+failsafes the one with the more dangerous fault acts. `docs/failsafes.md` shows this table. People
+may override a failsafe with an instruction.
 """
 
 from collections.abc import Iterable
+from datetime import datetime
 from enum import IntEnum
 from typing import Final
 
 from skyway.contracts.drone_health import ActiveFailsafe, Failsafe, Fault
 from skyway.contracts.flight_step import FlyStep
+from skyway.contracts.instruction import AnyInstruction, DivertInstruction, ReturnHomeInstruction
 from skyway.ids import StationId
-from skyway_drone_agent.journal.current_mission import end_of
-from skyway_drone_agent.journal.logbook import Logbook, run_under_way
+from skyway_drone_agent.journal.logbook import Logbook, end_of, run_under_way
+from skyway_drone_agent.journal.mission_changes import flight_resumed
+from skyway_drone_agent.journal.records import FailsafeOverridden
+from skyway_drone_agent.vehicle import Vehicle
 
 
 class Situation(IntEnum):
@@ -132,3 +137,31 @@ def _next_stand(logbook: Logbook) -> StationId | None:
         return logbook.station_id
     flights = (step for step in logbook.mission.steps if isinstance(step, FlyStep) and step.lands)
     return next((end_of(step) for step in flights), None)
+
+
+def overridden_by(
+    instruction: AnyInstruction, logbook: Logbook, *, vehicle: Vehicle, now: datetime
+) -> FailsafeOverridden | None:
+    """The record to write before the instruction is judged; None when it overrides nothing.
+
+    A turned flight continues from the drone's position to its planned end.
+    """
+    if not isinstance(instruction, DivertInstruction | ReturnHomeInstruction):
+        return None
+    mission = logbook.mission
+    if not instruction.overrides_failsafe or mission is None:
+        return None
+    faults = tuple(fault for fault in logbook.faults if fault is not NEVER_OVERRIDDEN)
+    run = run_under_way(logbook)
+    if mission.escape is None or run is None:
+        return FailsafeOverridden(faults=faults, at=now) if faults else None
+    if mission.escape.fault is NEVER_OVERRIDDEN:
+        return None
+    sample = vehicle.sample(run, now)
+    return FailsafeOverridden(
+        faults=tuple(dict.fromkeys((mission.escape.fault, *faults))),
+        at=now,
+        flight=flight_resumed(mission.escape, here=sample.position),
+        soc=sample.soc,
+        used_j=(run.soc - sample.soc) * vehicle.model.battery_j,
+    )

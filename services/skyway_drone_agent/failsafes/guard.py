@@ -9,9 +9,7 @@ from typing import Final, Never
 
 from skyway.contracts.drone_health import Failsafe, Fault
 from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway_drone_agent.analysis.analysis import Assessment
-from skyway_drone_agent.analysis.lookout import Lookout
-from skyway_drone_agent.failsafes.alarms import in_words, level_of, numbers_behind
+from skyway_drone_agent.analysis.analysis import Assessment, Lookout
 from skyway_drone_agent.failsafes.failsafe import (
     Situation,
     failsafe_for,
@@ -19,13 +17,19 @@ from skyway_drone_agent.failsafes.failsafe import (
     severest,
     situation_of,
 )
-from skyway_drone_agent.failsafes.faults import FaultMonitor, Signs
+from skyway_drone_agent.failsafes.faults import (
+    FaultMonitor,
+    Signs,
+    in_words,
+    level_of,
+    numbers_behind,
+)
 from skyway_drone_agent.failsafes.rescue import Rescue
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.logbook import run_under_way
 from skyway_drone_agent.journal.records import FaultEnded, HealthLearned
 from skyway_drone_agent.journal.waiting import NewsOrMoment
-from skyway_drone_agent.link.event_writer import EventWriter
+from skyway_drone_agent.link.events import EventWriter
 from skyway_drone_agent.link.heartbeat import Heartbeat
 from skyway_drone_agent.link.link_monitor import CloudMonitor, LinkMonitor
 from skyway_drone_agent.vehicle import Vehicle

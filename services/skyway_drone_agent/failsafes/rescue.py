@@ -7,14 +7,13 @@ from skyway.contracts.drone_health import Failsafe, Fault
 from skyway.contracts.flight_step import FlyStep, RechargeStep
 from skyway_drone_agent.analysis.analysis import Assessment
 from skyway_drone_agent.analysis.landings import Landing
-from skyway_drone_agent.failsafes.alarms import in_words
 from skyway_drone_agent.failsafes.failsafe import is_severer
-from skyway_drone_agent.journal.current_mission import CurrentMission
-from skyway_drone_agent.journal.escape import Place, descent, flight_to
+from skyway_drone_agent.failsafes.faults import in_words
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
-from skyway_drone_agent.journal.logbook import run_under_way
+from skyway_drone_agent.journal.logbook import CurrentMission, run_under_way
+from skyway_drone_agent.journal.mission_changes import Place, descent, flight_to
 from skyway_drone_agent.journal.records import FailsafeBegun
-from skyway_drone_agent.link.event_writer import EventWriter
+from skyway_drone_agent.link.events import EventWriter
 from skyway_drone_agent.vehicle import StepRun, Vehicle
 
 #: How long a drone stands beside its pad before it asks for another plan (fleet time).

@@ -19,7 +19,7 @@ from skyway_drone_agent.journal.journal import JournalUnwritable
 from skyway_drone_agent.journal.logbook import run_under_way
 from skyway_drone_agent.journal.records import StepBegun
 from skyway_drone_agent.journal.waiting import NewsOrMoment, wait_for_end_or_news
-from skyway_drone_agent.link.event_writer import EventWriter
+from skyway_drone_agent.link.events import EventWriter
 from skyway_drone_agent.vehicle import Outcome, StepRun, Vehicle
 
 #: Seconds between two attempts to write the journal: of fleet time, or of wall time if longer.

@@ -7,9 +7,8 @@ from skyway.contracts.drone_health import Failsafe
 from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, PickUpStep, ReturnStep
 from skyway.contracts.message import utc_text
 from skyway.ids import PackageId
-from skyway_drone_agent.failsafes.alarms import in_words
-from skyway_drone_agent.journal.current_mission import Escape, end_of
-from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.failsafes.faults import in_words
+from skyway_drone_agent.journal.logbook import Escape, Logbook, end_of
 from skyway_drone_agent.vehicle import Outcome, StepRun
 
 

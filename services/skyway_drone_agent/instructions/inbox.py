@@ -14,7 +14,7 @@ from skyway.contracts.topics import INSTRUCTIONS
 from skyway.ids import InstructionId
 from skyway.json_model import WireModel
 from skyway.runtime.clock import FleetClock
-from skyway_drone_agent.instructions.override import overridden_by
+from skyway_drone_agent.failsafes.failsafe import overridden_by
 from skyway_drone_agent.instructions.refusal import Refusal, refusal_of
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import JournalUnwritable

@@ -13,7 +13,7 @@ from skyway.contracts.flight_step import (
     ReturnStep,
 )
 from skyway.ids import PackageId
-from skyway_drone_agent.journal.current_mission import end_of, start_of
+from skyway_drone_agent.journal.logbook import end_of, start_of
 
 
 def fault_in(

@@ -23,9 +23,8 @@ from skyway.ids import StationId
 from skyway_drone_agent.failsafes.failsafe import Situation, severest
 from skyway_drone_agent.flying.energy_check import shortfall_of
 from skyway_drone_agent.instructions.mission_form import fault_in, heaviest_load_kg
-from skyway_drone_agent.journal.current_mission import CurrentMission, end_of, start_of
-from skyway_drone_agent.journal.logbook import Logbook, run_to_cut
-from skyway_drone_agent.journal.revision import (
+from skyway_drone_agent.journal.logbook import CurrentMission, Logbook, end_of, run_to_cut, start_of
+from skyway_drone_agent.journal.mission_changes import (
     CUTTABLE,
     Revision,
     can_be_called_off,

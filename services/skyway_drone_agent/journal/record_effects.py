@@ -15,9 +15,13 @@ from skyway.contracts.instruction import (
     ResumeInstruction,
     ReturnHomeInstruction,
 )
-from skyway_drone_agent.journal.current_mission import CurrentMission
-from skyway_drone_agent.journal.escape import mission_escaping, mission_overridden
-from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.logbook import CurrentMission, Logbook
+from skyway_drone_agent.journal.mission_changes import (
+    called_off,
+    mission_after,
+    mission_escaping,
+    mission_overridden,
+)
 from skyway_drone_agent.journal.records import (
     AcceptanceSent,
     Answer,
@@ -31,7 +35,6 @@ from skyway_drone_agent.journal.records import (
     Record,
     StepBegun,
 )
-from skyway_drone_agent.journal.revision import called_off, mission_after
 
 
 def logbook_after(logbook: Logbook, record: Record) -> Logbook:

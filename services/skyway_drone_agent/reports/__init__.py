@@ -1,1 +1,1 @@
-"""What the drone reports: state, events and telemetry."""
+"""What the drone reports: acks, state and telemetry."""

@@ -8,8 +8,7 @@ from skyway_drone_agent.analysis.landings import (
     RememberedLandings,
     landings_of,
 )
-from skyway_drone_agent.journal.current_mission import CurrentMission, Escape, FlownBefore
-from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.logbook import CurrentMission, Escape, FlownBefore, Logbook
 from skyway_drone_agent.journal.records import Answer
 
 from skyway.contracts.drone_health import Failsafe, Fault

@@ -4,7 +4,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_drone_agent.analysis.lookout import Lookout
+from skyway_drone_agent.analysis.analysis import Lookout
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import MemoryJournal
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle

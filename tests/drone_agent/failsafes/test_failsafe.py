@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_drone_agent.failsafes.alarms import in_words, level_of
 from skyway_drone_agent.failsafes.failsafe import (
     TABLE,
     Situation,
@@ -13,6 +12,7 @@ from skyway_drone_agent.failsafes.failsafe import (
     severest,
     situation_of,
 )
+from skyway_drone_agent.failsafes.faults import in_words, level_of
 
 from skyway.contracts.drone_health import Failsafe, Fault
 

@@ -5,8 +5,7 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.flying.mission import Act, Begin, End, Fail, Gates, Stand, next_act
-from skyway_drone_agent.journal.current_mission import CurrentMission
-from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.logbook import CurrentMission, Logbook
 from skyway_drone_agent.journal.records import Answer
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 from skyway_drone_agent.vehicle import StepRun

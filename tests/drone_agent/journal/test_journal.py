@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_drone_agent.journal.current_mission import CurrentMission
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import (
     DamagedJournal,
@@ -16,7 +15,7 @@ from skyway_drone_agent.journal.journal import (
     JournalUnwritable,
     MemoryJournal,
 )
-from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.logbook import CurrentMission, Logbook
 from skyway_drone_agent.journal.records import Answer, EventRecorded, InstructionAnswered
 
 from skyway.contracts.drone_report import DroneEvent

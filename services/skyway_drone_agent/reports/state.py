@@ -1,19 +1,34 @@
-"""Sends events until the broker confirms them, and the state on change and every 30 s."""
+"""A drone's state: made from its logbook and its sensors, sent on change and every 30 s."""
 
 import asyncio
 from operator import attrgetter
-from typing import Protocol
+from typing import Literal, Protocol
 
-from skyway.contracts.drone_report import DroneEvent, DroneState
-from skyway.contracts.topics import EVENTS, STATE
+from skyway.contracts.drone_health import DroneHealth, Wind
+from skyway.contracts.drone_report import DroneState
+from skyway.contracts.topics import STATE
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import MqttUnavailable
-from skyway_drone_agent.analysis.lookout import Lookout
+from skyway_drone_agent.analysis.analysis import Assessment, Lookout
+from skyway_drone_agent.failsafes.failsafe import active_failsafe, in_order_of_danger
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.journal.logbook import Logbook, run_under_way
 from skyway_drone_agent.journal.waiting import NewsOrMoment
+from skyway_drone_agent.link.events import EventSender
 from skyway_drone_agent.link.heartbeat import Heartbeat
-from skyway_drone_agent.link.uplink import Uplink
-from skyway_drone_agent.reports.snapshot import snapshot_of
+from skyway_drone_agent.link.uplink import Envelope, Uplink
+from skyway_drone_agent.vehicle import StepRun
+
+_Activity = Literal["IDLE", "LOADING", "FLYING", "WAITING", "RECHARGING", "DELIVERING", "DOWN"]
+
+_ACTIVITY_OF_STEP: dict[str, _Activity] = {
+    "PICK_UP": "LOADING",
+    "FLY": "FLYING",
+    "WAIT": "WAITING",
+    "RECHARGE": "RECHARGING",
+    "DELIVER": "DELIVERING",
+    "RETURN": "DELIVERING",
+}
 
 #: Turns of the event loop in which other tasks, like the pilot, react to the same news.
 _TURNS = 4
@@ -25,53 +40,69 @@ _PASSING = {"message_id", "sent_at", "seq", "at", "soc", "position", "health", "
 _meaning = attrgetter(*sorted(DroneState.model_fields.keys() - _PASSING))
 
 
+def snapshot_of(logbook: Logbook, assessment: Assessment, *, envelope: Envelope) -> DroneState:
+    """The state at the assessment; `step_id` is the step under way or the next one."""
+    mission, run = logbook.mission, run_under_way(logbook)
+    step_id = mission.steps[0].step_id if mission and mission.steps else None
+    return DroneState(
+        **envelope,
+        traceparent=mission.accepted_by.traceparent if mission else None,
+        at=assessment.at,
+        activity=_activity_of(logbook, run),
+        stream=logbook.stream,
+        last_instruction_seq=logbook.last_instruction_seq,
+        journal_session=logbook.first_session,
+        last_event_seq=logbook.last_event_seq,
+        mission_id=mission.mission_id if mission else None,
+        mission_revision=mission.revision if mission else None,
+        step_id=step_id,
+        released_through=mission.released_through if mission else None,
+        is_held=mission is not None and mission.is_held,
+        station_id=logbook.station_id,
+        position=assessment.position,
+        soc=assessment.soc,
+        load_kg=logbook.load_kg,
+        package_ids=tuple(package.package_id for package in logbook.packages),
+        health=health_of(assessment),
+        faults=in_order_of_danger(logbook.faults),
+        failsafe=active_failsafe(logbook),
+    )
+
+
+def health_of(assessment: Assessment) -> DroneHealth:
+    """The results of the analysis on board, as they are sent."""
+    wind = assessment.wind_mps
+    return DroneHealth(
+        voltage_v=assessment.voltage_v,
+        current_a=assessment.current_a,
+        soc_error=assessment.soc_error,
+        cell_spread_v=assessment.cell_spread_v,
+        temperature_c=assessment.temperature_c,
+        state_of_health=assessment.state_of_health,
+        consumption_factor=assessment.consumption_factor,
+        range_m=assessment.range_m,
+        wind=Wind(east_mps=wind[0], north_mps=wind[1]) if wind else None,
+        safe_landings=tuple(landing.station_id for landing in assessment.safe_landings),
+    )
+
+
+def _activity_of(logbook: Logbook, run: StepRun | None) -> _Activity:
+    if logbook.is_down:
+        return "DOWN"
+    if run is not None:
+        return _ACTIVITY_OF_STEP[run.step.kind]
+    mission = logbook.mission
+    if mission is None or mission.released_through < mission.first_step:
+        return "IDLE"
+    return "WAITING"
+
+
 class Acks(Protocol):
     """The queue of answers to instructions."""
 
     async def wait_all_sent(self) -> None:
         """Return once the broker has confirmed every answer."""
         ...
-
-
-class EventSender:
-    """Sends the events of the journal; the cloud may ask for them again."""
-
-    def __init__(self, uplink: Uplink, recorder: FlightRecorder) -> None:
-        self._uplink = uplink
-        self._recorder = recorder
-        self._news = recorder.watch()
-        self._sent_through = 0
-        self._progress = asyncio.Event()
-
-    async def wait_all_sent(self) -> None:
-        """Return once the broker has confirmed every written event."""
-        while self._next() is not None:
-            self._progress.clear()
-            await self._progress.wait()
-
-    def resend_after(self, seq: int) -> None:
-        """Send the events after this one again."""
-        self._sent_through = min(self._sent_through, seq)
-        self._news.set()
-
-    async def run(self) -> None:
-        """Send events in order for ever; after a restart all unconfirmed events."""
-        while True:
-            event = self._next()
-            if event is None:
-                await self._news.wait()
-                self._news.clear()
-                continue
-            before = self._sent_through
-            await self._uplink.send_until_confirmed(EVENTS, event)
-            # The cloud may have asked for older events meanwhile.
-            if self._sent_through == before:
-                self._sent_through = event.seq
-            self._progress.set()
-
-    def _next(self) -> DroneEvent | None:
-        events = self._recorder.written_events
-        return next((event for event in events if event.seq > self._sent_through), None)
 
 
 class StateSender:

@@ -1,10 +1,12 @@
-"""Makes the events of one drone from its logbook, and writes them to the journal."""
+"""A drone's events: made from its logbook, written to the journal, and sent until confirmed."""
 
+import asyncio
 import logging
 from datetime import datetime
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.topics import EVENTS
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.records import EventRecorded, Record
 from skyway_drone_agent.link.uplink import Uplink
@@ -53,3 +55,44 @@ class EventWriter:
                 "code": event.code,
             },
         )
+
+
+class EventSender:
+    """Sends the events of the journal; the cloud may ask for them again."""
+
+    def __init__(self, uplink: Uplink, recorder: FlightRecorder) -> None:
+        self._uplink = uplink
+        self._recorder = recorder
+        self._news = recorder.watch()
+        self._sent_through = 0
+        self._progress = asyncio.Event()
+
+    async def wait_all_sent(self) -> None:
+        """Return once the broker has confirmed every written event."""
+        while self._next() is not None:
+            self._progress.clear()
+            await self._progress.wait()
+
+    def resend_after(self, seq: int) -> None:
+        """Send the events after this one again."""
+        self._sent_through = min(self._sent_through, seq)
+        self._news.set()
+
+    async def run(self) -> None:
+        """Send events in order for ever; after a restart all unconfirmed events."""
+        while True:
+            event = self._next()
+            if event is None:
+                await self._news.wait()
+                self._news.clear()
+                continue
+            before = self._sent_through
+            await self._uplink.send_until_confirmed(EVENTS, event)
+            # The cloud may have asked for older events meanwhile.
+            if self._sent_through == before:
+                self._sent_through = event.seq
+            self._progress.set()
+
+    def _next(self) -> DroneEvent | None:
+        events = self._recorder.written_events
+        return next((event for event in events if event.seq > self._sent_through), None)
