@@ -2,7 +2,7 @@
 
 `topics` has every MQTT topic; `instruction`, `drone_report`, `world` and `delivery_event` are their
 messages. `candidate`, `shortlist`, `quote`, `mission`, `mission_reports`, `station_check` and
-`track` are bodies between services. `problem_details` and `conflict_codes` describe errors.
+`track` are bodies between services. `problem_details` describes errors and their codes.
 `delivery_event_forms` and `delivery_event_data` describe events to customers. `asyncapi`,
 `rest_tags`, `rest_examples` and the `*_examples` make the published documents.
 """

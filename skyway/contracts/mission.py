@@ -1,17 +1,15 @@
-"""Gateway and composition about missions: booking them, and reporting how they go."""
+"""Gateway and composition about missions: booking them, cancelling them, and doubt about them."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from skyway.contracts.candidate import Candidate, ProviderReason
-from skyway.contracts.doubt import Doubt
-from skyway.contracts.message import FleetMoment, Soc
+from skyway.contracts.message import FleetMoment
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Price
 from skyway.delivery.plan import Plan, Recharge
 from skyway.delivery.request import DeliveryRequest
-from skyway.geo import Position
 from skyway.ids import (
     DeliveryId,
     DroneId,
@@ -19,7 +17,6 @@ from skyway.ids import (
     MissionId,
     PackageId,
     ProviderId,
-    StationId,
 )
 from skyway.json_model import WireModel
 
@@ -29,6 +26,25 @@ MissionState = Literal[
 
 #: A drone is on at most one mission in these states, and pads are reserved for it.
 LIVE_MISSION_STATES: tuple[MissionState, ...] = ("BOOKED", "ACCEPTED", "ACTIVE")
+
+
+class Doubt(WireModel):
+    """Why nobody knows whether the drone flies, or has flown, its mission.
+
+    The mission keeps its drone, its pads and its packages until the drone reports what happened or
+    an operator gives the mission up: no other drone may get the packages meanwhile.
+    """
+
+    code: Annotated[
+        Literal["NO_ANSWER", "SILENT", "JOURNAL_LOST"],
+        Field(
+            description="NO_ANSWER: the drone did not answer the booking, and may have accepted "
+            "it. SILENT: the drone has sent no message since long after the planned end. "
+            "JOURNAL_LOST: the drone has lost its journal, and may have handed packages over."
+        ),
+    ]
+    detail: Annotated[str, Field(description="The reason as a sentence.")]
+    since_at: FleetMoment
 
 
 class PackageEta(WireModel):
@@ -213,84 +229,3 @@ class Cancellation(WireModel):
     too_late: Annotated[
         tuple[PackageId, ...], Field(description="Packages that can no longer be stopped.")
     ] = ()
-
-
-class MissionReport(WireModel):
-    """Composition to gateway and registry: one thing that happened to a mission.
-
-    `seq` counts per mission from 1 without gaps; the sender repeats until answered 2xx. Kinds:
-
-    ACCEPTED    the drone will fly it
-    REFUSED     it will not (code); the mission is over and everything is freed
-    LOADING     the mission has begun: approach flight, or loading at the pickup
-    LOADED      the packages are on board
-    ACTIVITY    `activity`, `station_id` and `soc` changed
-    DELIVERED   `package_ids` were handed over
-    REPLANNING  the plan does not hold any more (`code`), another is looked for
-    REPLANNED   the drone has taken a new revision of the plan (`mission` holds it)
-    RETURNING   `package_ids` go back to the pickup instead of being delivered (`code`)
-    RETURNED    `package_ids` were handed back at `station_id`
-    RELEASED    `package_ids` will not be loaded any more: they were cancelled at the pickup
-    ENDED       the mission is over: COMPLETED, ABORTED or CANCELLED; packages that were not
-                delivered are `stranded_package_ids` at `station_id`, or never left the pickup;
-                where the drone went down away from every station, they are with it at `position`
-    """
-
-    report_id: Annotated[str, Field(description="Id of the report.")]
-    delivery_id: DeliveryId
-    attempt: Annotated[int, Field(description="The number of the booking, from 1.")]
-    trip: Annotated[int, Field(description="The number of the trip, from 1.")]
-    mission_id: MissionId
-    provider_id: ProviderId
-    drone_id: DroneId
-    seq: Annotated[
-        int, Field(ge=1, description="The number of the report within its mission, from 1.")
-    ]
-    kind: Annotated[
-        Literal[
-            "ACCEPTED",
-            "REFUSED",
-            "LOADING",
-            "LOADED",
-            "ACTIVITY",
-            "DELIVERED",
-            "REPLANNING",
-            "REPLANNED",
-            "RETURNING",
-            "RETURNED",
-            "RELEASED",
-            "ENDED",
-        ],
-        Field(description="What happened."),
-    ]
-    at: FleetMoment
-    mission_state: Annotated[MissionState, Field(description="The state of the mission now.")]
-    activity: Annotated[
-        Literal["FLYING", "WAITING", "RECHARGING", "DELIVERING", "OUT_OF_CONTACT"] | None,
-        Field(
-            description="What the drone does now. OUT_OF_CONTACT: nobody knows; the mission waits "
-            "for its drone or an operator."
-        ),
-    ] = None
-    station_id: StationId | None = None
-    position: Annotated[Position | None, Field(description="Where the drone is, in degrees.")] = (
-        None
-    )
-    soc: Soc | None = None
-    package_ids: Annotated[
-        tuple[PackageId, ...], Field(description="The packages that it is about.")
-    ] = ()
-    stranded_package_ids: Annotated[
-        tuple[PackageId, ...], Field(description="The packages that were not delivered.")
-    ] = ()
-    etas: Annotated[
-        tuple[PackageEta, ...], Field(description="When each package is expected.")
-    ] = ()
-    mission: Annotated[Mission | None, Field(description="The mission with its new plan.")] = None
-    code: Annotated[str | None, Field(description="Why, for programs.")] = None
-    detail: Annotated[str | None, Field(description="Why, for people.")] = None
-    #: Evidence and numbers: place and weights at a hand-over, flown seconds and joules at the end.
-    data: dict[str, Any] = Field(
-        default_factory=dict,
-        description="Evidence: place and masses at a hand-over, seconds and joules at the end.",
-    )

@@ -10,9 +10,8 @@ from typing import Self
 
 from skyway.delivery.plan import Fly, Plan, Recharge, Wait
 from skyway.drone.charging import recharge_time_s
-from skyway.drone.flight import speed_mps
+from skyway.drone.flight import flight_power_w, speed_mps
 from skyway.drone.model import DroneModel
-from skyway.drone.power import flight_power_w
 from skyway.geo import Position, bearing_rad
 from skyway.planner.problem import Problem
 from skyway.units import minutes_to_s

@@ -7,8 +7,8 @@ from typing import TypeVar
 import numpy as np
 
 from skyway.drone.charging import fastest_s_per_soc
+from skyway.drone.flight import MASS_EXPONENT
 from skyway.drone.model import DroneModel
-from skyway.drone.power import MASS_EXPONENT
 from skyway.planner.kernels.bounds import fill_orders
 from skyway.planner.kernels.memory import Floats, Ints
 from skyway.planner.situation import Situation

@@ -11,7 +11,7 @@ from hypothesis import note
 from skyway_composition.closures.closure import Area, Closure
 from skyway_drone_agent.simulated.disturbances import Disturbances
 
-from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission_reports import MissionReport
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import StationId
 from tests.composition.busy_world import BusyWorld

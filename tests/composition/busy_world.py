@@ -34,13 +34,8 @@ from sqlalchemy import delete, select
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.flight_step import PackageOnBoard
-from skyway.contracts.mission import (
-    BookMissions,
-    Cancellation,
-    CancelMissions,
-    MissionReport,
-    MissionState,
-)
+from skyway.contracts.mission import BookMissions, Cancellation, CancelMissions, MissionState
+from skyway.contracts.mission_reports import MissionReport
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest

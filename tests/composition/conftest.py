@@ -26,7 +26,8 @@ from sqlalchemy import select, text
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.instruction import Instruction
-from skyway.contracts.mission import Booking, BookMissions, MissionReport
+from skyway.contracts.mission import Booking, BookMissions
+from skyway.contracts.mission_reports import MissionReport
 from skyway.contracts.shortlist import Shortlist
 from skyway.contracts.topic import Topic
 from skyway.delivery.offer import Tariff

@@ -8,7 +8,7 @@ from typing import Any
 
 from jsonschema import Draft202012Validator
 
-from skyway.contracts.conflict_codes import CONFLICT_CODES
+from skyway.contracts.problem_details import CONFLICT_CODES
 from skyway.contracts.rest_tags import TAGS
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from skyway.contracts.conflict_codes import CONFLICT_CODES
+from skyway.contracts.problem_details import CONFLICT_CODES
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.http.problems import status_problem
 from skyway.runtime.http.request_boundary import BODY_LIMIT_BYTES

@@ -24,9 +24,9 @@ from skyway_gateway.verify.rules import RULES
 from sqlalchemy import select, text
 
 from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
-from skyway.contracts.mission import MissionReport
 from skyway.contracts.mission_reports import (
     MANY_MISSION_REPORTS,
+    MissionReport,
     MissionReports,
     TracedReport,
 )

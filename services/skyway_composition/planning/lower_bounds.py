@@ -11,8 +11,8 @@ from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
 from skyway.drone.charging import fastest_s_per_soc
+from skyway.drone.flight import flight_power_w
 from skyway.drone.model import DroneModel
-from skyway.drone.power import flight_power_w
 from skyway.ids import StationId
 from skyway.network.columns import Adjacency, Floats
 from skyway.network.network import Network

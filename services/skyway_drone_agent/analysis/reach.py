@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from math import cos, radians
 from typing import Final
 
-from skyway.drone.flight import speed_mps
+from skyway.drone.flight import flight_power_w, speed_mps
 from skyway.drone.model import DroneModel
-from skyway.drone.power import flight_power_w
 from skyway.geo import Position, bearing_rad, distance_m
 from skyway.ids import StationId
 from skyway_drone_agent.analysis.landings import Landing

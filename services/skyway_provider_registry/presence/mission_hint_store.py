@@ -7,7 +7,8 @@ from typing import Final
 from sqlalchemy import BigInteger, Insert, Text, bindparam, delete, select
 from sqlalchemy.dialects import postgresql
 
-from skyway.contracts.mission import LIVE_MISSION_STATES, MissionReport
+from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.contracts.mission_reports import MissionReport
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_provider_registry.change_store import next_change

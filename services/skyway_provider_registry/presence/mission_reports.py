@@ -8,7 +8,7 @@ import asyncio
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission_reports import MissionReport
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.pace import Pace
 from skyway.runtime.sql.database import Database

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping
 from http import HTTPStatus
 from typing import Any, Final
 
-from skyway.contracts.conflict_codes import CONFLICT_CODES
 from skyway.contracts.problem_details import (
+    CONFLICT_CODES,
     PROBLEM_MEDIA_TYPE,
     FieldProblem,
     ProblemDetails,

@@ -6,8 +6,8 @@ import pytest
 from skyway_composition.planning.problem_for import with_margin
 
 from skyway.delivery.plan import Plan
+from skyway.drone.flight import flight_power_w
 from skyway.drone.models import PAPER_SCENARIO
-from skyway.drone.power import flight_power_w
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 

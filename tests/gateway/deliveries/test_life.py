@@ -23,7 +23,8 @@ from skyway_gateway.deliveries.lifecycle.report_effects import after_report
 from skyway_gateway.deliveries.requests.accept import new_delivery
 from skyway_gateway.notifications.stream_events import LAST_EVENTS
 
-from skyway.contracts.mission import Cancellation, Mission, MissionReport
+from skyway.contracts.mission import Cancellation, Mission
+from skyway.contracts.mission_reports import MissionReport
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, PackageId, SubjectId
 from tests.gateway.peers import make_mission, make_reason

@@ -1,8 +1,14 @@
 import pytest
 
-from skyway.drone.flight import flight_energy_j, flight_time_s, soc_after_use, speed_mps
+from skyway.drone.flight import (
+    flight_energy_j,
+    flight_power_w,
+    flight_time_s,
+    soc_after_use,
+    speed_mps,
+)
 from skyway.drone.model import ChargePoint, DroneModel
-from skyway.drone.models import DJI_MATRICE_300_RTK
+from skyway.drone.models import DJI_MATRICE_300_RTK, PAPER_MATRICE_300
 from skyway.ids import DroneModelId
 
 SLOWING = DroneModel(
@@ -42,3 +48,17 @@ def test_the_makers_drone_flies_about_32_minutes_with_full_payload():
     j_per_s = flight_energy_j(model, length_m=23.0, load_kg=2.7)
 
     assert model.battery_j / j_per_s / 60 == pytest.approx(32, abs=0.5)
+
+
+def test_without_load_the_power_is_the_models_own():
+    assert flight_power_w(DJI_MATRICE_300_RTK, 0.0) == 598.0
+
+
+def test_full_payload_of_the_makers_drone_takes_about_1021_w():
+    assert flight_power_w(DJI_MATRICE_300_RTK, 2.7) == pytest.approx(1021, abs=1)
+
+
+def test_power_rises_as_the_total_mass_to_the_power_of_one_and_a_half():
+    ratio = flight_power_w(PAPER_MATRICE_300, 15.3) / flight_power_w(PAPER_MATRICE_300, 0.0)
+
+    assert ratio == pytest.approx(((6.3 + 15.3) / 6.3) ** 1.5)

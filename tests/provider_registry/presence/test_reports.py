@@ -10,7 +10,7 @@ from skyway_provider_registry.presence.mission_reports import ReportKeeper
 from skyway_provider_registry.tables import mission_hints
 from sqlalchemy import select
 
-from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission_reports import MissionReport
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.pace import Pace

@@ -6,7 +6,8 @@ from typing import Any
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.message import utc_text
-from skyway.contracts.mission import Mission, MissionReport
+from skyway.contracts.mission import Mission
+from skyway.contracts.mission_reports import MissionReport
 from skyway.delivery.offer import Price
 from skyway.ids import PackageId
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus

@@ -7,7 +7,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.delivery_event_data import Custodian
-from skyway.contracts.mission import Mission, MissionReport
+from skyway.contracts.mission import Mission
+from skyway.contracts.mission_reports import MissionReport
 from skyway.geo import Position
 from skyway.ids import PackageId
 from skyway_gateway.deliveries.lifecycle import event_data

@@ -5,7 +5,7 @@ from typing import Final
 
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.message import utc_text
-from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission_reports import MissionReport
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
 from skyway_gateway.deliveries.lifecycle.progress import changed, with_packages
 from skyway_gateway.notifications.record_events import Happening

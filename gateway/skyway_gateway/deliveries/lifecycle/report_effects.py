@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from skyway.contracts.delivery_event import DeliveryEventType
-from skyway.contracts.mission import Mission, MissionReport
+from skyway.contracts.mission import Mission
+from skyway.contracts.mission_reports import MissionReport
 from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.delivery import (
     ON_BOARD_STATES,

@@ -8,7 +8,8 @@ from pydantic import TypeAdapter
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event_data import Custodian
-from skyway.contracts.mission import MissionReport, OfferLimits
+from skyway.contracts.mission import OfferLimits
+from skyway.contracts.mission_reports import MissionReport
 from skyway.delivery.request import DeliveryRequest, Place
 from skyway.geo import Position
 from skyway.runtime.sql.connection import AnyRow

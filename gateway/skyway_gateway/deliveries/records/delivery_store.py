@@ -24,7 +24,7 @@ from sqlalchemy import (
 from sqlalchemy.ext.asyncio import AsyncConnection
 from sqlalchemy.sql.dml import ReturningUpdate
 
-from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission_reports import MissionReport
 from skyway.ids import DeliveryId, MissionId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller

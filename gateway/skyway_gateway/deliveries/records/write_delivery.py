@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
-from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission_reports import MissionReport
 from skyway.ids import DeliveryId
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from skyway.contracts.mission import LIVE_MISSION_STATES, CancelMissions, MissionReport
-from skyway.contracts.mission_reports import TracedReport
+from skyway.contracts.mission import LIVE_MISSION_STATES, CancelMissions
+from skyway.contracts.mission_reports import MissionReport, TracedReport
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake

@@ -4,10 +4,10 @@ from typing import Annotated
 
 from fastapi import Depends, Response
 
-from skyway.contracts.mission import MissionReport
 from skyway.contracts.mission_reports import (
     MANY_MISSION_REPORTS,
     MISSION_REPORTS,
+    MissionReport,
     MissionReports,
 )
 from skyway.runtime.http.app import internal_body

@@ -7,7 +7,7 @@ while the first drone may have them, or may have delivered them.
 from dataclasses import replace
 from typing import Literal
 
-from skyway.contracts.doubt import Doubt
+from skyway.contracts.mission import Doubt
 from skyway_composition.missions.mission.notify import raise_alarm, report
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork

@@ -6,8 +6,7 @@ from datetime import datetime
 from typing import Any, Final
 
 from skyway.contracts.drone_health import AlarmLevel
-from skyway.contracts.mission import MissionReport
-from skyway.contracts.mission_reports import MISSION_REPORTS
+from skyway.contracts.mission_reports import MISSION_REPORTS, MissionReport
 from skyway.ids import StationId
 from skyway.units import moment_to_ms
 from skyway_composition.alarms import store
