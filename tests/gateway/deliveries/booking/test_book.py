@@ -375,6 +375,27 @@ async def test_after_five_refusals_the_delivery_is_rejected(
     assert [one["drone_id"] for one in delivery["refusals"]] == [f"drn_{n}" for n in range(1, 6)]
 
 
+async def test_a_delivery_is_not_given_up_while_composition_holds_a_refused_mission(
+    gateway: Gateway, reason: Callable[..., Any]
+) -> None:
+    """Composition has reported the refusal, and does not close the delivery yet."""
+    delivery_id = await gateway.planned()
+    await gateway.report(delivery_id, "REFUSED", seq=1, code="EXPIRED")
+    gateway.registry.candidates_now = []
+    gateway.registry.infeasible = [reason("OVERWEIGHT", is_temporary=False)]
+
+    await gateway.book_next()
+    at_first = (await gateway.get(delivery_id))["state"]
+    mission = gateway.composition.booked[delivery_id, 1]
+    refused = mission.model_copy(update={"state": "REFUSED"})
+    gateway.composition.booked[delivery_id, 1] = refused
+    gateway.clock.advance(timedelta(seconds=3))
+    await gateway.book_next()
+
+    assert (at_first, (await gateway.get(delivery_id))["state"]) == ("REQUESTED", "REJECTED")
+    assert delivery_id in gateway.composition.closed
+
+
 async def _claimed(gateway: Gateway) -> Any:
     return await gateway.parts.booker.claim(limit=9)
 

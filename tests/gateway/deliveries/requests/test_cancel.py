@@ -50,6 +50,7 @@ async def test_a_waiting_request_is_closed_before_it_is_cancelled(gateway_on_bot
     assert states(delivery) == ["CANCELLED", "CANCELLED"]
     assert {package["detail"] for package in delivery["packages"]} == {"ordered twice"}
     assert delivery_id in gateway.composition.closed
+    assert gateway.composition.cancellations == [], "asked for missions before it was closed"
     assert await gateway.event_types(delivery_id) == [
         "delivery.requested",
         "package.cancelled",

@@ -300,6 +300,59 @@ async def test_two_replicas_send_each_message_once(
     assert sorted(mqtt.taken) == sorted(ids)
 
 
+@ON_POSTGRESQL
+async def test_a_message_that_is_being_confirmed_holds_up_no_other(
+    db: Database, mqtt: InMemoryMqtt, clock: Alarms
+) -> None:
+    async with running(MqttSender(db, mqtt, clock)):
+        await send(db, "m1", stream="one", confirmed_by="receiver")
+        await mqtt.changes.until(lambda: mqtt.taken == ["m1"])
+        async with db.write() as tx:
+            await confirm(tx, ["m1"])
+            clock.advance(timedelta(seconds=3))  # the message is due again
+            # A look at the table that began before may find the first of these messages.
+            await send(db, "m2", stream="two")
+            await mqtt.changes.until(lambda: mqtt.taken == ["m1", "m2"])
+            await send(db, "m3", stream="two")
+            await mqtt.changes.until(lambda: mqtt.taken == ["m1", "m2", "m3"])
+
+
+@ON_POSTGRESQL
+async def test_a_message_is_not_published_twice_while_its_puback_may_still_come(
+    db: Database, mqtt: InMemoryMqtt, clock: Alarms
+) -> None:
+    mqtt.gates["m1"] = asyncio.Event()
+    await send(db, "m1", stream="one")
+
+    async with running(MqttSender(db, mqtt, clock)):
+        await mqtt.changes.until(lambda: mqtt.asked == ["m1"])
+    clock.advance(timedelta(seconds=5))  # for as long as the broker may take
+    async with running(MqttSender(db, mqtt, clock)):
+        await send(db, "m2", stream="two")
+        await mqtt.changes.until(lambda: mqtt.taken == ["m2"])
+
+    assert mqtt.asked == ["m1", "m2"]
+
+
+@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+async def test_a_sender_that_starts_leaves_the_messages_of_other_channels_claimed(
+    db: Database, mqtt: InMemoryMqtt, clock: Alarms
+) -> None:
+    mqtt.gates["m1"] = asyncio.Event()
+    gateway = InMemoryService()
+    await send(db, "m1", stream="one")
+
+    async with running(MqttSender(db, mqtt, clock)):
+        await mqtt.changes.until(lambda: mqtt.asked == ["m1"])
+        async with running(ReportSender(db, {"gateway": gateway}, clock)):
+            await report(db, "/a")
+            await gateway.changes.until(lambda: gateway.paths() == ["/a"])
+        await send(db, "m2", stream="two")
+        await mqtt.changes.until(lambda: mqtt.taken == ["m2"])
+
+    assert mqtt.asked == ["m1", "m2"]
+
+
 async def test_a_report_is_posted_as_it_was_written(db: Database, clock: FleetClock) -> None:
     gateway = InMemoryService()
 

@@ -69,6 +69,16 @@ class Receiver:
         return Retry(after_s=self.again_after_s.pop(0), attempts=row.attempts + 1)
 
 
+class BrokenOnce(Receiver):
+    """Fails with a bug the first time."""
+
+    async def take(self, row: Row[Any]) -> Retry | None:
+        await super().take(row)
+        if len(self.taken) == 1:
+            raise LookupError("a bug")
+        return None
+
+
 @pytest.fixture
 async def db(database_url: str) -> AsyncIterator[CountingDatabase]:
     async with CountingDatabase(database_url, outbox=OUTBOX) as opened:
@@ -163,10 +173,11 @@ async def test_the_table_does_not_hear_of_a_row_that_waits_before_it_is_due(
     assert receiver.taken == [("/a", 0), ("/a", 1)]
 
 
-async def test_a_row_that_waits_for_longer_than_its_claim_is_freed(
-    db: CountingDatabase, clock: ManualClock
+@pytest.mark.parametrize("wait_s", [14.2, 100.0])
+async def test_a_row_that_waits_until_its_claim_is_almost_over_is_freed(
+    db: CountingDatabase, clock: ManualClock, wait_s: float
 ) -> None:
-    receiver = Receiver(100.0)
+    receiver = Receiver(wait_s)
     await write(db, "/a")
 
     async with sending(db, receiver, clock):
@@ -175,7 +186,24 @@ async def test_a_row_that_waits_for_longer_than_its_claim_is_freed(
             while row.claimed_by is not None:
                 row = await oldest(db)
 
-    assert ms_to_moment(row.due_at_ms) - clock.wall_now() > timedelta(seconds=90)
+    assert ms_to_moment(row.due_at_ms) - clock.wall_now() >= timedelta(seconds=wait_s)
+
+
+async def test_a_row_whose_sending_breaks_is_sent_again_when_its_claim_runs_out(
+    db: CountingDatabase, clock: ManualClock
+) -> None:
+    receiver = BrokenOnce()
+    await write(db, "/a")
+
+    async with sending(db, receiver, clock):
+        await until_taken(db, 1, by=receiver)
+        await until_looked_again(db)
+        left = await rows(db)
+        clock.advance(timedelta(seconds=15))
+        await until_empty(db)
+
+    assert [row.address for row in left] == ["/a"]
+    assert receiver.taken == [("/a", 0), ("/a", 0)]
 
 
 @ON_POSTGRESQL

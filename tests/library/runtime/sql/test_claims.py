@@ -29,7 +29,8 @@ ON_POSTGRESQL = pytest.mark.parametrize(
 async def db(database: Database) -> Database:
     async with database.write() as tx:
         await tx.connection.run_sync(METADATA.create_all)
-        await tx.execute(REQUESTS.insert(), [{"day": 1, "number": n} for n in range(6)])
+        # The first to claim lies last in the table.
+        await tx.execute(REQUESTS.insert(), [{"day": 1, "number": n} for n in range(5, -1, -1)])
     return database
 
 
