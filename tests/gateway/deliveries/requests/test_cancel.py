@@ -139,6 +139,17 @@ async def test_a_cancelled_waiting_package_is_left_out_of_the_booking(gateway: G
     assert package.package_id == "p2"
 
 
+async def test_cancelling_the_last_waiting_package_closes_the_delivery(gateway: Gateway) -> None:
+    """A round of booking that is still under way must not book it."""
+    delivery_id = await gateway.accepted(packages=2)
+    await cancel(gateway, delivery_id, package_ids=["p1"])
+
+    delivery = (await cancel(gateway, delivery_id, package_ids=["p2"])).json()
+
+    assert delivery["state"] == "CANCELLED"
+    assert delivery_id in gateway.composition.closed
+
+
 async def test_a_package_that_is_cancelled_during_booking_is_not_carried(
     gateway: Gateway,
 ) -> None:
