@@ -22,7 +22,7 @@ from skyway.contracts.mission import BookMissions
 from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DeliveryId, DroneId, NetworkId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
-from tests.composition.row_locks import free_keys, until_a_lock_is_waited_for
+from tests.row_locks import free_keys, until_a_lock_is_waited_for
 
 # SQLite has one writer: there is no order to keep.
 pytestmark = [
@@ -62,8 +62,8 @@ async def free_rows_of_a_waiting_lock(
     async with composition.db.write() as tx:
         await tx.execute(text(f"SELECT {key} FROM {table} WHERE {first} FOR UPDATE"))
         waiting = asyncio.create_task(wait())
-        await until_a_lock_is_waited_for(composition)
-        free = await free_keys(composition, table, key)
+        await until_a_lock_is_waited_for(composition.db)
+        free = await free_keys(composition.db, table, key)
     await waiting
     return free & set(keys)
 
@@ -139,8 +139,8 @@ async def test_two_drones_of_one_booking_are_locked_in_sorted_order(
         booking = asyncio.create_task(
             composition.parts.bookings.book(DeliveryId("dlv_1"), requested)
         )
-        await until_a_lock_is_waited_for(composition)
-        free = await free_keys(composition, "drone_links", "drone_id")
+        await until_a_lock_is_waited_for(composition.db)
+        free = await free_keys(composition.db, "drone_links", "drone_id")
 
     assert [mission.drone_id for mission in (await booking).missions] == [DRONES[1], DRONES[0]]
     assert free == set(DRONES[1:])
@@ -154,7 +154,7 @@ async def test_links_of_new_drones_are_added_in_sorted_order(composition: Any, d
     async with composition.db.write() as tx:
         await lock_link(tx, new[0], PROVIDER)
         following = asyncio.create_task(composition.receive(*batch))
-        await until_a_lock_is_waited_for(composition)
+        await until_a_lock_is_waited_for(composition.db)
         for each in new[1:]:
             await lock_link(tx, each, PROVIDER)
     await following

@@ -15,7 +15,7 @@ from skyway_composition.tables import networks
 from sqlalchemy import update
 
 from skyway.ids import DroneId, NetworkId, ProviderId, StationId
-from tests.composition.row_locks import until_a_lock_is_waited_for
+from tests.row_locks import until_a_lock_is_waited_for
 
 pytestmark = [
     pytest.mark.parametrize("migrated_url", ["postgresql"], indirect=True),
@@ -60,7 +60,7 @@ async def test_a_claim_that_waited_for_a_link_gets_the_next_number(
     await composition.book()
     async with link_held(composition):
         engaging = asyncio.create_task(engage_mission(composition))
-        await until_a_lock_is_waited_for(composition)
+        await until_a_lock_is_waited_for(composition.db)
 
     assert (await engaging).seq == 3
 
@@ -70,7 +70,7 @@ async def test_a_claim_that_waited_for_a_changed_network_fails(composition: Any,
     async with composition.db.write() as tx:
         await lock_version(tx, ROW)
         engaging = asyncio.create_task(engage_mission(composition))
-        await until_a_lock_is_waited_for(composition)
+        await until_a_lock_is_waited_for(composition.db)
         await tx.execute(BUMP)
 
     assert await engaging is None
@@ -89,6 +89,6 @@ async def test_a_claimed_station_stays_locked_until_the_transaction_ends(composi
         )
         await lock("b")
         waiting = asyncio.create_task(lock("a"))
-        await until_a_lock_is_waited_for(composition)
+        await until_a_lock_is_waited_for(composition.db)
         assert not waiting.done()
     await waiting

@@ -7,7 +7,7 @@ import pytest
 from skyway_composition.links.store import lock_links
 
 from skyway.ids import DroneId
-from tests.composition.row_locks import free_keys, until_a_lock_is_waited_for
+from tests.row_locks import free_keys, until_a_lock_is_waited_for
 
 # SQLite has one writer: there is no order to keep.
 pytestmark = pytest.mark.parametrize("migrated_url", ["postgresql"], indirect=True)
@@ -41,9 +41,9 @@ async def test_an_intervention_locks_the_drone_before_the_mission(
     async with composition.db.write() as tx:
         await lock_links(tx, [DroneId("drn_1")])
         call = asyncio.create_task(composition(caller, "POST", path, body))
-        await until_a_lock_is_waited_for(composition)
-        deliveries = await free_keys(composition, "deliveries", "delivery_id")
-        missions = await free_keys(composition, "missions", "mission_id")
+        await until_a_lock_is_waited_for(composition.db)
+        deliveries = await free_keys(composition.db, "deliveries", "delivery_id")
+        missions = await free_keys(composition.db, "missions", "mission_id")
 
     assert len(deliveries) == free_deliveries
     assert missions == {instruction.mission_id}

@@ -4,8 +4,7 @@ from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
 
-from skyway_gateway.deliveries.booking.queue_store import try_later
-from skyway_gateway.deliveries.records.delivery_store import note_reasons
+from skyway_gateway.deliveries.booking.queue_store import note_reasons, try_later
 
 from tests.gateway.whole_gateway import Gateway
 

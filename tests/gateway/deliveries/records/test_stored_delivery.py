@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from skyway_gateway.deliveries.booking.queue_store import try_later
 from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache, StoredDelivery
 from skyway_gateway.deliveries.requests.cancel import CancelRequest
 
@@ -14,6 +15,7 @@ from skyway.ids import DeliveryId
 from skyway.runtime.errors import Conflict
 from skyway.runtime.http.identity import Caller
 from tests.gateway.whole_gateway import Gateway
+from tests.row_locks import until_a_lock_is_waited_for
 
 
 @pytest.fixture
@@ -182,6 +184,27 @@ async def test_a_report_sees_a_cancellation_by_another_replica(
     await _apply(gateway, delivery_id, "LOADED", seq=2, package_ids=["p2"])
     delivery = await gateway.get(delivery_id)
     assert [one["state"] for one in delivery["packages"]] == ["CANCELLED", "LOADED"]
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("migrated_url", ["postgresql"], indirect=True)
+async def test_a_cancellation_waits_for_a_write_that_is_under_way(
+    gateway_on_both: Gateway, reason: Callable[..., Any]
+) -> None:
+    gateway, db = gateway_on_both, gateway_on_both.parts.db
+    delivery_id = await gateway.accepted(packages=2)
+    next_try_at = gateway.clock.wall_now()
+
+    async with db.write() as tx:
+        await try_later(
+            tx, delivery_id, next_try_at=next_try_at, reasons=[reason("BUSY", is_temporary=True)]
+        )
+        cancelling = asyncio.create_task(_cancel(gateway, delivery_id, ["p1"]))
+        await until_a_lock_is_waited_for(db)
+    cancelled = await cancelling
+
+    assert [one.state for one in cancelled.packages] == ["CANCELLED", "CREATED"]
+    assert [one.code for one in cancelled.reasons] == ["BUSY"]
 
 
 async def _cancel(gateway: Gateway, delivery_id: DeliveryId, package_ids: list[str]) -> Any:

@@ -1,67 +1,15 @@
 """Notifying webhooks: at least once, under one id, in sequence, or given up."""
 
 import asyncio
-import contextlib
-import json
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
 from standardwebhooks import Webhook
 
+from tests.gateway.notifications.webhooks.receiver import Receiver, receiving
 from tests.gateway.whole_gateway import Gateway
-
-Handler = Callable[[dict[str, str], bytes], Any]
-
-
-class Receiver:
-    """A customer's HTTP server on loopback; answers with the next of `answers`, then 204."""
-
-    def __init__(self) -> None:
-        self.answers: list[int | str] = []
-        self.received: list[tuple[dict[str, str], dict[str, Any]]] = []
-        self.bodies: list[bytes] = []
-        self.has_received = asyncio.Event()
-        self.port = 0
-        self.hangs = asyncio.Event()
-
-    @property
-    def url(self) -> str:
-        return f"http://127.0.0.1:{self.port}/in"
-
-    @property
-    def types(self) -> list[str]:
-        return [event["type"] for _, event in self.received]
-
-    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        with contextlib.suppress(ConnectionError, asyncio.IncompleteReadError):
-            head = (await reader.readuntil(b"\r\n\r\n")).decode().split("\r\n")
-            lines = (line.partition(": ") for line in head[1:] if line)
-            headers = {name.lower(): value for name, _, value in lines}
-            body = await reader.readexactly(int(headers["content-length"]))
-            self.received.append((headers, json.loads(body)))
-            self.bodies.append(body)
-            self.has_received.set()
-            answer = self.answers.pop(0) if self.answers else 204
-            if answer == "hang":
-                await self.hangs.wait()
-            elif answer != "drop":
-                location = f"Location: {self.url}/elsewhere\r\n" if answer == 302 else ""
-                text = f"HTTP/1.1 {answer} X\r\n{location}Content-Length: 0\r\n\r\n"
-                writer.write(text.encode())
-                await writer.drain()
-        writer.close()
-
-
-@contextlib.asynccontextmanager
-async def receiving() -> AsyncIterator[Receiver]:
-    receiver = Receiver()
-    server = await asyncio.start_server(receiver.serve, "127.0.0.1", 0)
-    receiver.port = server.sockets[0].getsockname()[1]
-    async with server:
-        yield receiver
-        receiver.hangs.set()
 
 
 @pytest.fixture
@@ -156,11 +104,11 @@ async def test_later_events_of_a_delivery_wait_for_the_earlier_ones(
     assert await _notify(gateway) == 1
     assert receiver.types == ["delivery.requested"]
     # Another delivery does not wait for this one.
-    await gateway.accepted()
-    assert await _notify(gateway) == 1
+    await gateway.planned()
+    assert await _notify(gateway) == 2
     gateway.clock.advance(timedelta(seconds=7))
     await _notify(gateway)
-    assert receiver.types[2:] == ["delivery.requested", "delivery.planned"]
+    assert receiver.types[3:] == ["delivery.requested", "delivery.planned"]
 
 
 async def test_a_notification_is_given_up_after_its_last_attempt(
@@ -202,6 +150,25 @@ async def test_a_receiver_that_answers_410_is_disabled(
     assert again.json()["disabled_reason"] is None
     await gateway.accepted()
     assert await _notify(gateway) == 1
+
+
+async def test_an_attempt_at_a_webhook_that_was_disabled_meanwhile_is_not_repeated(
+    gateway: Gateway, receiver: Receiver
+) -> None:
+    webhook = await _webhook(gateway, receiver.url)
+    path = f"/v1/webhooks/{webhook['webhook_id']}"
+    receiver.answers = ["hang"]
+    await gateway.accepted()
+    sending = asyncio.ensure_future(_notify(gateway))
+    await receiver.has_received.wait()
+    await gateway.http.patch(path, json={"state": "DISABLED"}, headers=gateway.customer)
+    receiver.hangs.set()  # the attempt fails now
+    assert await sending == 1
+
+    await gateway.http.patch(path, json={"state": "ACTIVE"}, headers=gateway.customer)
+    gateway.clock.advance(timedelta(seconds=30))
+
+    assert await _notify(gateway) == 0
 
 
 async def test_a_redirect_is_not_followed(gateway: Gateway, receiver: Receiver) -> None:
