@@ -55,7 +55,15 @@ def _engine(db_url: str) -> AsyncEngine:
 
 
 def _begin_immediate(connection: Connection) -> None:
+    """Begin to write; an error if the file is read-only.
+
+    A process that opens a read-only file can never write it, even when others can again: all its
+    connections share the first view of the file. So a service must not open one. SQLite itself
+    reports a read-only file at the first change, and setting the same version is one.
+    """
     connection.exec_driver_sql("BEGIN IMMEDIATE")
+    version = connection.exec_driver_sql("PRAGMA user_version").scalar_one()
+    connection.exec_driver_sql(f"PRAGMA user_version = {version}")
 
 
 def _scripts(package: str) -> ScriptDirectory:
