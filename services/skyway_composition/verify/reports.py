@@ -6,7 +6,7 @@ from typing import Final
 
 from sqlalchemy import select
 
-from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission_reports import MissionReport
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.survey import Survey
 from skyway_composition.tables import missions, outbox
