@@ -23,12 +23,12 @@ def tracked(pattern: str) -> list[Path]:
     return [ROOT / name for name in listed.stdout.splitlines() if (ROOT / name).exists()]
 
 
-def test_no_python_file_is_over_400_lines() -> None:
-    """Tests and tools may have 400 lines; test_house.py holds sources to 300."""
+def test_no_python_file_is_over_450_lines() -> None:
+    """A test file mirrors a source file and may be longer; test_house.py allows sources 300."""
     too_long = {
         path.relative_to(ROOT): lines
         for path in tracked("*.py")
-        if (lines := len(path.read_text().splitlines())) > 400
+        if (lines := len(path.read_text().splitlines())) > 450
     }
 
     assert not too_long
