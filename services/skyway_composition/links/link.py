@@ -124,11 +124,17 @@ class DroneLink:
         return forgot or state.stream > self.stream
 
     def in_new_stream(self, state: DroneState) -> "DroneLink":
-        """The link with a stream that neither side has used; events go on from the drone's last."""
+        """The link with a stream that neither side has used; events go on from the drone's last.
+
+        What the drone confirmed before is forgotten. Otherwise each further state of a drone that
+        has lost its journal would open another stream until the drone gets an instruction.
+        """
         return replace(
             self,
             stream=max(self.stream, state.stream) + 1,
             last_seq=0,
+            acked_stream=state.stream,
+            acked_session=state.session,
             last_event_seq=state.last_event_seq,
         )
 

@@ -76,6 +76,14 @@ def test_an_older_stream_in_a_later_session_needs_a_new_stream() -> None:
     assert not link.needs_new_stream(make_state(stream=0, session=4))
 
 
+def test_a_drone_without_its_journal_gets_one_new_stream_for_each_loss() -> None:
+    lost = make_link(stream=1).acked(1, 4).in_new_stream(make_state(stream=0, session=5))
+
+    assert not lost.needs_new_stream(make_state(stream=0, session=5))
+    assert not lost.needs_new_stream(make_state(stream=0, session=6))
+    assert lost.acked(2, 6).needs_new_stream(make_state(stream=0, session=7))
+
+
 def test_an_unconfirmed_stream_needs_no_new_stream() -> None:
     link = make_link(stream=1)
 
