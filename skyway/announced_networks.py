@@ -42,10 +42,12 @@ class CachedNetworks:
     """One version of each network by its stations; a station belongs to one network.
 
     `revision` grows with each change: results that were computed from the cache are then outdated.
+    Versions that have left the cache are kept for `last_position_if_connected` alone.
     """
 
     def __init__(self) -> None:
         self._networks: dict[NetworkId, _CachedVersion] = {}
+        self._outdated: dict[NetworkId, _CachedVersion] = {}
         self.revision = 0
 
     def position_if_connected(
@@ -55,12 +57,14 @@ class CachedNetworks:
 
         None when the cache does not show such ways; there may still be some.
         """
-        for network in self._networks.values():
-            if (place := network.places.get(start)) is not None:
-                position, part = place
-                ends = (network.places.get(each) for each in to)
-                return position if all(end and end[1] == part for end in ends) else None
-        return None
+        return _position_if_connected(self._networks.values(), start, to)
+
+    def last_position_if_connected(
+        self, start: StationId, *, to: Iterable[StationId]
+    ) -> Position | None:
+        """The same, also from versions that may have been replaced: for use without composition."""
+        last = {**self._outdated, **self._networks}
+        return _position_if_connected(last.values(), start, to)
 
     def network_of(self, station_id: StationId) -> NetworkId | None:
         """The network of a station; None when the station is not cached."""
@@ -77,23 +81,46 @@ class CachedNetworks:
     def put(self, stations: NetworkStations) -> None:
         """Cache this version of a network, without its stations when the cache would be too big."""
         self.drop(stations.network_id)
+        self._outdated.pop(stations.network_id, None)
         cached = sum(len(network.places) for network in self._networks.values())
-        places: Mapping[StationId, tuple[Position, int]] = {}
-        if cached + len(stations.station_ids) <= _MOST_CACHED:
-            each = zip(stations.positions, stations.parts, strict=True)
-            places = dict(zip(stations.station_ids, each, strict=True))
-        self._networks[stations.network_id] = _CachedVersion(stations.version, places)
+        has_room = cached + len(stations.station_ids) <= _MOST_CACHED
+        self._networks[stations.network_id] = (
+            _cached_version(stations) if has_room else _CachedVersion(stations.version, {})
+        )
         self.revision += 1
+
+    def put_outdated(self, stations: NetworkStations) -> None:
+        """Keep a version that may have been replaced, for `last_position_if_connected` alone."""
+        self._outdated[stations.network_id] = _cached_version(stations)
 
     def drop(self, network_id: NetworkId) -> None:
         """Remove a network from the cache."""
-        self._networks.pop(network_id, None)
+        if (dropped := self._networks.pop(network_id, None)) is not None:
+            self._outdated[network_id] = dropped
         self.revision += 1
 
     def clear(self) -> None:
         """Remove all networks from the cache."""
+        self._outdated |= self._networks
         self._networks.clear()
         self.revision += 1
+
+
+def _cached_version(stations: NetworkStations) -> _CachedVersion:
+    each = zip(stations.positions, stations.parts, strict=True)
+    places = dict(zip(stations.station_ids, each, strict=True))
+    return _CachedVersion(stations.version, places)
+
+
+def _position_if_connected(
+    networks: Iterable[_CachedVersion], start: StationId, to: Iterable[StationId]
+) -> Position | None:
+    for network in networks:
+        if (place := network.places.get(start)) is not None:
+            position, part = place
+            ends = (network.places.get(each) for each in to)
+            return position if all(end and end[1] == part for end in ends) else None
+    return None
 
 
 def stations_from(composition: ServiceClient) -> AllStations:
@@ -106,12 +133,24 @@ def stations_from(composition: ServiceClient) -> AllStations:
     return ask
 
 
-class NetworkLearner:
-    """Fills `cached` with announced networks, and clears it when announcements may be missed."""
+#: Stores the stations of a version that was learned.
+Keep = Callable[[NetworkStations], Awaitable[None]]
 
-    def __init__(self, all_stations: AllStations) -> None:
+
+async def _keep_nothing(_stations: NetworkStations) -> None:
+    """For a process that does not need the stations after a restart."""
+
+
+class NetworkLearner:
+    """Fills `cached` with announced networks, and clears it when announcements may be missed.
+
+    `keep` gets each version that was learned, for the next start.
+    """
+
+    def __init__(self, all_stations: AllStations, *, keep: Keep = _keep_nothing) -> None:
         self.cached = CachedNetworks()
         self._all_stations = all_stations
+        self._keep = keep
         self._announced: dict[NetworkId, int] = {}
         self._wake = Wake()
 
@@ -139,7 +178,7 @@ class NetworkLearner:
         Raises
         ------
         ServiceUnavailable
-            Composition does not answer now.
+            Composition or the database does not answer now.
         """
         for network_id in [each for each in self._announced if self._is_new(each)]:
             stations = await self._all_stations(network_id)
@@ -147,6 +186,7 @@ class NetworkLearner:
             # step asks again then.
             if stations.version >= self._announced.get(network_id, stations.version + 1):
                 self.cached.put(stations)
+                await self._keep(stations)
         return False
 
     def forget(self) -> None:

@@ -27,6 +27,7 @@ from xdist.scheduler import LoadScopeScheduling
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.migrations import migrate
+from tests.shared_statements import share_statements
 
 #: Data files that tests in several folders read.
 _DATA = Path(__file__).parent / "data"
@@ -58,7 +59,11 @@ gc.set_threshold(100_000)
 
 
 def pytest_configure() -> None:
-    """Make temporary folders in memory: deleting ten thousand files from a disk takes long."""
+    """Make temporary folders in memory: deleting ten thousand files from a disk takes long.
+
+    All engines share their compiled statements.
+    """
+    share_statements()
     if (memory := _memory()) is not None:
         tempfile.tempdir = str(memory)
 

@@ -3,10 +3,12 @@
 python tools/trace_delivery.py           figures
 python tools/trace_delivery.py --files   and the files and the calls between folders
 
-The tool starts `skyway up` in a temporary folder, lets one drone stand ready, and then notes each
-Python call in every process until the webhook `delivery.completed` arrives. Domain files are all
-files of Skyway except `skyway/runtime`, `skyway/planner` and `skyway/cli`. Background loops run
-during the delivery and count too.
+The tool starts `skyway up` in a temporary folder, lets one drone stand ready, and notes each Python
+call in every process until the webhook `delivery.completed` arrives. Domain files are all files of
+Skyway except `skyway/runtime`, `skyway/planner` and `skyway/cli`.
+
+The first figures count all that runs during the delivery. The second figures leave out the broker,
+the simulated drone, and the calls that the same processes also make while nobody requests anything.
 """
 
 import argparse
@@ -33,12 +35,21 @@ SKYWAY: Final = (sys.executable, "-m", "skyway.cli")
 #: Longest wait for any step, seconds of wall time.
 LONGEST_WAIT_S: Final = 120.0
 
+#: How long the system is watched while nobody requests anything, seconds of wall time.
+IDLE_S: Final = 15.0
+
+#: Files that the second figures leave out: a real fleet brings its own broker and vehicle.
+_STAND_INS: Final = ("services/skyway_broker/", "services/skyway_drone_agent/simulated/")
+
+#: A file of ours that calls another file of ours; the caller is empty for a file of others.
+Calls = set[tuple[str, str]]
+
 #: Python runs a module of this name in each process, before all else. SIGUSR1 begins the notes,
 #: SIGUSR2 writes them: a line for each pair of files of which one calls the other.
 _NOTE_TAKER: Final = """
 import json, os, signal, sys, threading
 ROOT, FOLDER = os.environ["SKYWAY_TRACE_ROOT"] + "/", os.environ["SKYWAY_TRACE_FOLDER"]
-active, calls = False, set()
+active, calls, written = False, set(), 0
 
 def note(frame, event, _):
     if active and event == "call" and frame.f_code.co_filename.startswith(ROOT):
@@ -51,11 +62,12 @@ def begin(*_):
     active = True
 
 def write(*_):
-    global active
-    active = False
-    with open(f"{FOLDER}/{os.getpid()}.json", "w") as file:
-        json.dump(sorted(calls), file)
-    os.rename(f"{FOLDER}/{os.getpid()}.json", f"{FOLDER}/{os.getpid()}.done")
+    global active, calls, written
+    active, noted, calls, written = False, calls, set(), written + 1
+    name = f"{FOLDER}/{os.getpid()}.{written}"
+    with open(f"{name}.json", "w") as file:
+        json.dump(sorted(noted), file)
+    os.rename(f"{name}.json", f"{name}.done")
 
 signal.signal(signal.SIGUSR1, begin)
 signal.signal(signal.SIGUSR2, write)
@@ -122,8 +134,52 @@ def keys_of(folder: Path) -> dict[str, str]:
     return {name: value.strip("'\"") for name, _, value in pairs}
 
 
-def traced_calls(folder: Path) -> set[tuple[str, str]]:
-    """All pairs of files, of which the first calls the second, during one delivery."""
+class Recorder:
+    """Notes the calls of running processes, one recording after the other."""
+
+    def __init__(self, folder: Path, pids: list[int]) -> None:
+        self._folder = folder
+        self._pids = pids
+        self._recordings = 0
+
+    @contextmanager
+    def recording(self, calls: Calls) -> Iterator[None]:
+        """Adds to `calls` what the processes call during the block."""
+        self._recordings += 1
+        self._signal(signal.SIGUSR1)
+        yield
+        self._signal(signal.SIGUSR2)
+        notes = [self._folder / f"{pid}.{self._recordings}.done" for pid in self._pids]
+        until(lambda: all(note.exists() for note in notes), "the notes of all processes")
+        for note in notes:
+            calls.update((short(a), short(b)) for a, b in json.loads(note.read_text()))
+
+    def _signal(self, number: signal.Signals) -> None:
+        for pid in self._pids:
+            os.kill(pid, number)
+
+
+class Client:
+    """Calls the gateway with the keys that `skyway up` wrote."""
+
+    def __init__(self, folder: Path) -> None:
+        self._keys = keys_of(folder)
+        self._http = httpx.Client(base_url=self._keys["SKYWAY_GATEWAY_URL"], timeout=LONGEST_WAIT_S)
+
+    def call(self, method: str, path: str, role: str, body: object = None) -> Any:
+        """The answer of a route, called with the key of this role."""
+        bearer = {"Authorization": f"Bearer {self._keys[f'SKYWAY_{role}_KEY']}"}
+        return self._http.request(method, path, json=body, headers=bearer).raise_for_status().json()
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._http.close()
+
+
+def traced_calls(folder: Path) -> tuple[Calls, Calls]:
+    """The calls between files during one delivery, and before it, when nobody requests any."""
+    # With the notes on, the compiler of the planner would take longer than any wait.
+    subprocess.run((sys.executable, "-m", "skyway.planner.warm"), check=True, cwd=ROOT)
     (folder / "sitecustomize.py").write_text(_NOTE_TAKER)
     environment = os.environ | {
         "PYTHONPATH": str(folder),
@@ -138,49 +194,50 @@ def traced_calls(folder: Path) -> set[tuple[str, str]]:
         process(*up, environment=environment, log=folder / "up.log") as system,
     ):
         until(lambda: "Skyway is up" in (folder / "up.log").read_text(), "skyway up")
-        keys = keys_of(folder)
-        api = httpx.Client(base_url=keys["SKYWAY_GATEWAY_URL"], timeout=LONGEST_WAIT_S)
-
-        def call(method: str, path: str, role: str, body: object = None) -> Any:
-            bearer = {"Authorization": f"Bearer {keys[f'SKYWAY_{role}_KEY']}"}
-            return api.request(method, path, json=body, headers=bearer).raise_for_status().json()
-
-        built = subprocess.run((*SKYWAY, "network", "build"), capture_output=True, check=True)
-        call("PUT", "/v1/networks/texas-corridor", "OPERATOR", json.loads(built.stdout))
-        terms = {"name": "Traced Air", "tariff": {"currency": "USD", "base": 1, "per_km": 1}}
-        provider_id = call("POST", "/v1/providers", "OPERATOR", terms)["provider_id"]
-        drones = f"/v1/providers/{provider_id}/drones"
-        drone = {"model_id": "paper-scenario", "home_station_id": "san-marcos"}
-        fleet_file = folder / "fleet.json"
-        fleet_file.write_text(json.dumps(call("POST", drones, "OPERATOR", [drone])))
-        call("POST", "/v1/webhooks", "CUSTOMER", {"url": url})
-        fleet = process(
-            *SKYWAY, "fleet", fleet_file, environment=environment, log=folder / "fleet.log"
-        )
-        with closing(api), fleet as agent:
-            until(
-                lambda: call("GET", drones, "OPERATOR")["items"][0]["state"] == "AVAILABLE",
-                "the drone to stand ready",
-            )
-            pids = [*with_descendants(system), *with_descendants(agent)]
-            _signal(pids, signal.SIGUSR1)
-            package = {"mass_kg": 0.5, "destination": {"station_id": "mcqueeney"}}
-            request = {
-                "pickup": {"station_id": "san-marcos"},
-                "packages": [{"package_id": "p1", **package}],
-                "qos": {"objective": "fastest"},
-            }
-            call("POST", "/v1/deliveries", "CUSTOMER", request)
-            until(lambda: "delivery.completed" in kinds, "the webhook delivery.completed")
-            _signal(pids, signal.SIGUSR2)
-            notes = [folder / f"{pid}.done" for pid in pids]
-            until(lambda: all(note.exists() for note in notes), "the notes of all processes")
-            return {tuple(pair) for note in notes for pair in json.loads(note.read_text())}
+        with closing(Client(folder)) as client:
+            drones = registered_drone(client, folder)
+            client.call("POST", "/v1/webhooks", "CUSTOMER", {"url": url})
+            fleet = (*SKYWAY, "fleet", folder / "fleet.json")
+            with process(*fleet, environment=environment, log=folder / "fleet.log") as agent:
+                until(
+                    lambda: (
+                        client.call("GET", drones, "OPERATOR")["items"][0]["state"] == "AVAILABLE"
+                    ),
+                    "the drone to stand ready",
+                )
+                recorder = Recorder(folder, [*with_descendants(system), *with_descendants(agent)])
+                idle: Calls = set()
+                with recorder.recording(idle):
+                    time.sleep(IDLE_S)
+                busy: Calls = set()
+                with recorder.recording(busy):
+                    request_delivery(client)
+                    until(lambda: "delivery.completed" in kinds, "the webhook delivery.completed")
+    return busy, idle
 
 
-def _signal(pids: list[int], number: signal.Signals) -> None:
-    for pid in pids:
-        os.kill(pid, number)
+def registered_drone(client: Client, folder: Path) -> str:
+    """The path of a provider's drones, of which one can fly with the new `fleet.json`."""
+    built = subprocess.run((*SKYWAY, "network", "build"), capture_output=True, check=True)
+    client.call("PUT", "/v1/networks/texas-corridor", "OPERATOR", json.loads(built.stdout))
+    terms = {"name": "Traced Air", "tariff": {"currency": "USD", "base": 1, "per_km": 1}}
+    provider_id = client.call("POST", "/v1/providers", "OPERATOR", terms)["provider_id"]
+    drones = f"/v1/providers/{provider_id}/drones"
+    drone = {"model_id": "paper-scenario", "home_station_id": "san-marcos"}
+    fleet = client.call("POST", drones, "OPERATOR", [drone])
+    (folder / "fleet.json").write_text(json.dumps(fleet))
+    return drones
+
+
+def request_delivery(client: Client) -> None:
+    """Request one delivery of one package."""
+    package = {"mass_kg": 0.5, "destination": {"station_id": "mcqueeney"}}
+    request = {
+        "pickup": {"station_id": "san-marcos"},
+        "packages": [{"package_id": "p1", **package}],
+        "qos": {"objective": "fastest"},
+    }
+    client.call("POST", "/v1/deliveries", "CUSTOMER", request)
 
 
 def is_domain(file: str) -> bool:
@@ -195,26 +252,40 @@ def short(file: str) -> str:
     return inside if is_ours else ""
 
 
+def part(file: str) -> str:
+    """The service that a file belongs to; `skyway` for the library."""
+    base, *inside = file.split("/")
+    return base if base == "skyway" else inside[0]
+
+
+def print_figures(title: str, calls: Calls, *, with_files: bool) -> None:
+    """Print how many domain files and folders these calls pass, in all and in each service."""
+    files = {callee for _, callee in calls if callee}
+    domain = {file for file in files if is_domain(file)}
+    folders = {str(Path(file).parent) for file in domain}
+    across = {(a, b) for a, b in calls if {a, b} <= domain and Path(a).parent != Path(b).parent}
+    between = {(str(Path(a).parent), str(Path(b).parent)) for a, b in across}
+    print(title)
+    if with_files:
+        print(*(f"  {file}" for file in sorted(domain)), sep="\n")
+        print(*(f"  {a} -> {b}" for a, b in sorted(between)), sep="\n")
+    print(f"  {len(domain)} domain files in {len(folders)} folders, {len(files)} files in all")
+    print(f"  {len(between)} pairs of folders and {len(across)} pairs of files call across")
+    files_of, folders_of = Counter(map(part, domain)), Counter(map(part, folders))
+    for name, count in sorted(files_of.items()):
+        print(f"    {name}: {count} files in {folders_of[name]} folders")
+
+
 def main() -> int:
     """Trace one delivery and print the figures."""
     parser = argparse.ArgumentParser(description="Trace one delivery through all processes.")
     parser.add_argument("--files", action="store_true", help="print files and calls, too")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="skyway-trace-") as folder:
-        calls = {(short(a), short(b)) for a, b in traced_calls(Path(folder))}
-    files = {callee for _, callee in calls if callee}
-    domain = {file for file in files if is_domain(file)}
-    folders = {str(Path(file).parent) for file in domain}
-    between = Counter(
-        (str(Path(a).parent), str(Path(b).parent))
-        for a, b in calls
-        if a in domain and b in domain and Path(a).parent != Path(b).parent
-    )
-    if options.files:
-        print(*sorted(domain), sep="\n")
-        print(*(f"{a} -> {b}" for a, b in sorted(between)), sep="\n")
-    print(f"{len(domain)} domain files in {len(folders)} folders, {len(files)} files in all")
-    print(f"{len(between)} pairs of folders and {between.total()} pairs of files call across")
+        busy, idle = traced_calls(Path(folder))
+    own = {(a, b) for a, b in busy - idle if not b.startswith(_STAND_INS)}
+    print_figures("All that runs during a delivery", busy, with_files=options.files)
+    print_figures("Without broker, simulation and background loops", own, with_files=options.files)
     return 0
 
 

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -27,6 +27,7 @@ from benchmarks.chaos.trial import Trial
 from benchmarks.chaos.webhooks import WebhookServer
 from benchmarks.load.storage_pair import storage_pair
 from skyway.cli.data_folder import DataFolder
+from skyway.cli.system.databases import database_urls
 from skyway.errors import SkywayError
 from skyway.ids import DeliveryId
 
@@ -50,7 +51,9 @@ async def run(trial: Trial) -> Outcome:
         ):
             outcome = await _played(cast)
         if outcome.flaws:
-            _keep_traces(folder)
+            kept = _keep_traces(folder)
+            if trial.storage == "production":
+                await asyncio.to_thread(_keep_databases, kept, await database_urls(folder))
         return outcome
 
 
@@ -75,7 +78,7 @@ def _disk(trial: Trial, folder: DataFolder) -> Iterator[SmallDisk | None]:
         yield None
 
 
-def _keep_traces(folder: DataFolder) -> None:
+def _keep_traces(folder: DataFolder) -> Path:
     kept = Path(tempfile.mkdtemp(prefix="skyway-chaos-traces-"))
     for part in (folder.logs, folder.journals):
         shutil.copytree(part, kept / part.name, ignore=shutil.ignore_patterns("*.lock"))
@@ -83,6 +86,14 @@ def _keep_traces(folder: DataFolder) -> None:
         for file in database.resolve().parent.glob(f"{database.name}*"):
             shutil.copy(file, kept)
     print(f"logs, journals and databases are in {kept}", file=sys.stderr, flush=True)
+    return kept
+
+
+def _keep_databases(kept: Path, urls: Mapping[str, str]) -> None:
+    """Dump the services' PostgreSQL databases as SQL."""
+    for service, url in urls.items():
+        command = ["pg_dump", "--inserts", f"--dbname={url}", f"--file={kept / service}.sql"]
+        subprocess.run(command, check=False)
 
 
 async def _played(cast: Cast) -> Outcome:

@@ -10,6 +10,7 @@ from typing import Final
 from fastapi import FastAPI
 from starlette.middleware import Middleware
 
+from skyway.contracts.topics import CONNECTION
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -43,6 +44,7 @@ from skyway_gateway.notifications.routes import clock_routes, webhook_routes
 from skyway_gateway.notifications.stream_events import EventStream
 from skyway_gateway.parts import SERVICE, Parts, running_parts
 from skyway_gateway.quotes import store as quote_store
+from skyway_gateway.quotes.network_store import read_networks
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.statistics.routes import statistics_routes
@@ -53,6 +55,8 @@ PACKAGE: Final = "skyway_gateway"
 _ACCOUNTS_EVERY_S: Final = 10.0
 _SWEEP_EVERY_S: Final = 600.0
 _OVERDUE_EVERY_S: Final = 1.0
+_SCHEDULED_EVERY_S: Final = 0.5
+_WAKES_EVERY_S: Final = 0.5
 
 #: How long a quote can be read after it has expired.
 _QUOTES_KEPT: Final = timedelta(hours=24)
@@ -96,7 +100,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             ),
             statistics_routes(db=db, gate=gate, clock=clock),
             audit_routes(db=db, gate=gate),
-            forward_routes(gate=gate, clients=parts.clients),
+            forward_routes(gate=gate, clients=parts.clients, changes=parts.waker),
         ],
         lifespan=lifespan,
         readiness=readiness,
@@ -140,6 +144,7 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             loops.start("webhooks", parts.sender.run())
             loops.start("networks", parts.networks.run(mqtt))
             loops.start("booking", parts.booking.run(parts.booker))
+            loops.start("connections", parts.waker.follow(mqtt.batches(CONNECTION)))
             loops.start("clock", repeat("clock", repeat_clock, every_s=CLOCK_EVERY_S))
             _start_sweeping(loops, parts)
             yield
@@ -168,8 +173,10 @@ def openapi_app() -> FastAPI:
 
 
 async def take_over(parts: Parts) -> None:
-    """Prepare the database at the start: add the first keys, free the claims of dead processes."""
+    """Prepare for the start: first keys, known networks, claims of dead processes freed."""
     await parts.keys.make_first_keys()
+    for stations in await read_networks(parts.db):
+        parts.networks.cached.put_outdated(stations)
     if parts.db.dialect == "sqlite":
         async with parts.db.write() as tx:
             await free_claims(tx)
@@ -190,4 +197,9 @@ def _start_sweeping(loops: Loops, parts: Parts) -> None:
     loops.start("accounts", accounts)
     late = repeat("overdue", parts.overdue_notifier.step, every_s=_OVERDUE_EVERY_S)
     loops.start("overdue", late)
+    waker = parts.waker
+    wakes = repeat("wakes", waker.step, every_s=_WAKES_EVERY_S, wake=waker.noted)
+    loops.start("wakes", wakes)
+    due = repeat("scheduled", parts.schedule_opener.step, every_s=_SCHEDULED_EVERY_S)
+    loops.start("scheduled", due)
     loops.start("sweep", repeat("sweep", delete_old_answers, every_s=_SWEEP_EVERY_S))

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import timedelta
+from functools import partial
 from typing import Final
 
 from skyway.announced_networks import NetworkLearner, stations_from
@@ -12,10 +14,13 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import mint
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.issue_keys import Keys
-from skyway_gateway.access.recognise_keys import CachedKeys, DroneKeys, KeyGate
+from skyway_gateway.access.recognise_keys import CachedKeys, DroneKeys
+from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
 from skyway_gateway.deliveries.booking.book import Booker
+from skyway_gateway.deliveries.booking.horizon import ScheduleOpener
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
+from skyway_gateway.deliveries.booking.wake_waiting import Waker
 from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.reporting.apply_reports import ReportApplier
@@ -29,6 +34,8 @@ from skyway_gateway.notifications.webhooks.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhooks.targets import Targets
 from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks
 from skyway_gateway.quotes.make_quote import QuoteMaker
+from skyway_gateway.quotes.network_store import keep_network
+from skyway_gateway.quotes.short_wait import ShortWait
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import outbox
 
@@ -56,6 +63,8 @@ class Parts:
     post: WebhookPost
     sender: WebhookSender
     booking: BookingLoop
+    horizon: timedelta
+    waker: Waker
 
     @property
     def booker(self) -> Booker:
@@ -69,12 +78,18 @@ class Parts:
             self.clock,
             mint,
             self.booking.claimant,
+            self.waker,
         )
 
     @property
     def canceller(self) -> Canceller:
         """Cancels deliveries."""
         return Canceller(self.db, self.composition, self.writer, self.clock, mint)
+
+    @property
+    def schedule_opener(self) -> ScheduleOpener:
+        """Requests deliveries whose pickup has come within the booking horizon."""
+        return ScheduleOpener(self.db, self.writer, self.clock, self.booking.queued, self.horizon)
 
     @property
     def overdue_notifier(self) -> OverdueNotifier:
@@ -84,7 +99,8 @@ class Parts:
     @property
     def applier(self) -> ReportApplier:
         """Applies mission reports."""
-        return ReportApplier(self.db, self.writer, self.clock, self.booking.queued)
+        freed = self.waker.note_change_around
+        return ReportApplier(self.db, self.writer, self.clock, self.booking.queued, freed)
 
     @property
     def quote_maker(self) -> QuoteMaker:
@@ -101,13 +117,17 @@ class Parts:
     @property
     def acceptance(self) -> Acceptance:
         """Accepts delivery requests."""
-        return Acceptance(self.db, self.checks, self.writer, self.clock, mint, self.booking)
+        return Acceptance(
+            self.db, self.checks, self.writer, self.clock, mint, self.booking, self.horizon
+        )
 
     @property
     def checks(self) -> RequestChecks:
         """Checks delivery requests against networks and fleets."""
         limits = CachedPayloadLimits(self.registry, self.clock)
-        return RequestChecks(limits, self.networks.cached, self.composition, self.clock)
+        return RequestChecks(
+            limits, self.networks.cached, self.composition, self.clock, ShortWait()
+        )
 
 
 def build_parts(
@@ -128,7 +148,8 @@ def build_parts(
     )
     post = WebhookPost(targets)
     events = EventRecorder(clock=clock, mint=mint, listeners=listeners, webhooks=notifications)
-    cached_keys = CachedKeys(db, clock)
+    cached_keys, queued = CachedKeys(db, clock), Wake()
+    networks = NetworkLearner(stations_from(clients["composition"]), keep=partial(keep_network, db))
     return Parts(
         db=db,
         clock=clock,
@@ -136,7 +157,7 @@ def build_parts(
         clients=clients,
         registry=registry,
         composition=composition,
-        networks=NetworkLearner(stations_from(clients["composition"])),
+        networks=networks,
         cached_keys=cached_keys,
         gate=KeyGate(cached_keys, DroneKeys(registry)),
         services=ServiceGate(settings.secrets_dir, allowed=("composition",)),
@@ -153,7 +174,9 @@ def build_parts(
         targets=targets,
         post=post,
         sender=WebhookSender(db, post, notifications, clock, mint),
-        booking=BookingLoop(Wake(), claimant=mint("bkr"), most=settings.bookings_at_once),
+        booking=BookingLoop(queued, claimant=mint("bkr"), most=settings.bookings_at_once),
+        horizon=timedelta(hours=settings.booking_horizon_h),
+        waker=Waker(db, clock, networks.cached, queued),
     )
 
 

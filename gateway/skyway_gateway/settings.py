@@ -29,6 +29,13 @@ class GatewaySettings(ServiceSettings):
     bookings_at_once: int = Field(
         default=8, ge=1, le=64, description="Deliveries that are booked at the same time."
     )
+    booking_horizon_h: float = Field(
+        default=24.0,
+        ge=0.1,
+        le=720.0,
+        description="Hours of fleet time. A request whose `earliest_pickup_at` is further ahead "
+        "waits as SCHEDULED and holds nothing.",
+    )
 
     @field_validator("webhook_allow_networks", mode="before")
     @classmethod

@@ -28,6 +28,7 @@ from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Commands
 from skyway_composition.missions.interventions.routes import intervention_routes
+from skyway_composition.missions.schedule.routes import schedule_routes
 from skyway_composition.missions.tracking.routes import tracking_routes
 from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, airspace_routes, network_routes
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
@@ -61,6 +62,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
         routers=[
             booking_routes(gate=gate, bookings=parts.bookings),
             tracking_routes(db=db, gate=gate),
+            schedule_routes(db=db, gate=gate, clock=clock),
             network_routes(
                 db=db,
                 gate=gate,

@@ -1,6 +1,6 @@
 """The parts that composition's folders share; none of them is opened here."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from skyway.runtime.clock import FleetClock, load_clock
@@ -10,6 +10,7 @@ from skyway.runtime.minting import Mint, mint
 from skyway.runtime.sql.database import Database
 from skyway_composition.closures.close import Closings
 from skyway_composition.missions.booking.book import Bookings
+from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.quotes import Quotes
@@ -38,16 +39,28 @@ class Parts:
     inquiries: SolverPool
     published: Wake
     stuck: Wake
+    calendars: Wake
+    turns: Turns = field(default_factory=Turns)
 
     @property
     def bookings(self) -> Bookings:
         """Books missions."""
-        return Bookings(self.db, self.networks, self.solver, self.clock, self.mint)
+        return Bookings(
+            self.db,
+            self.networks,
+            self.solver,
+            self.clock,
+            self.mint,
+            self.calendars,
+            turns=self.turns,
+        )
 
     @property
     def quotes(self) -> Quotes:
         """Answers requests for quotes."""
-        return Quotes(self.db, self.networks, self.inquiries, self.clock, self.bookings.busy_among)
+        return Quotes(
+            self.db, self.networks, self.inquiries, self.clock, self.bookings.last_missions
+        )
 
     @property
     def impact(self) -> MissionImpact:
@@ -73,6 +86,7 @@ def parts_of(settings: CompositionSettings) -> Parts:
         inquiries=_pool(settings, inline_labels=0),
         published=Wake(),
         stuck=Wake(),
+        calendars=Wake(),
     )
 
 

@@ -9,7 +9,9 @@ from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.mqtt_sender import MqttSender
 from skyway.runtime.outbox.report_sender import ReportSender
+from skyway.runtime.outbox.stream_sender import hint_pace
 from skyway_composition.links.listening import Listening
+from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
@@ -36,17 +38,29 @@ class Work:
         self._mqtt = mqtt
         self._instructions = MqttSender(db, mqtt, clock)
         self._reports = ReportSender(
-            db, clients, clock, together={MISSION_REPORTS: MANY_MISSION_REPORTS}
+            db,
+            clients,
+            clock,
+            together={MISSION_REPORTS: MANY_MISSION_REPORTS},
+            # To the registry a report is only a hint: our own index says which drones are busy.
+            paces={"registry": hint_pace()},
         )
         self._listening = Listening(clock)
         self._follower = Follower(
-            db, mqtt, clock=clock, mint=mint, stuck=parts.stuck, listening=self._listening
+            db,
+            mqtt,
+            clock=clock,
+            mint=mint,
+            stuck=parts.stuck,
+            calendars=parts.calendars,
+            listening=self._listening,
         )
         self._overdue = OverdueMissions(db, clock, mint, self._listening)
         self._late = LateMissions(db, parts.networks, clock, mint, parts.stuck)
         self._replanner = Replanner(
             db, parts.networks, parts.solver, clock, mint, replica, OccupiedPads(parts.closings)
         )
+        self._calendars = Calendars(db, parts.networks, parts.solver, clock, mint)
         self._loading_timeouts = LoadingTimeouts(db, parts.networks, clock, mint)
         self._ground_stops = GroundStopEnforcer(db, parts.closings, clock)
         self._station_states = StationStates(db, mqtt, clock, mint)
@@ -75,6 +89,7 @@ class Work:
         loops.start("follow", self._follower.run())
         for name, step, wake in (
             ("recompose", self._replanner.step, self._parts.stuck),
+            ("calendars", self._calendars.step, self._parts.calendars),
             ("overdue", self._overdue.step, Wake()),
             ("lagging", self._late.step, Wake()),
             ("loading", self._loading_timeouts.step, Wake()),

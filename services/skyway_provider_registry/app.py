@@ -25,22 +25,20 @@ from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.migrations import migrate
 from skyway_provider_registry.candidates.routes import candidate_routes
 from skyway_provider_registry.enrolment.routes import drone_key_routes, enrolment_routes
-from skyway_provider_registry.fleets.credentials.routes import credential_routes
+from skyway_provider_registry.fleets.credential_routes import credential_routes
 from skyway_provider_registry.fleets.drone_model_routes import drone_model_routes
 from skyway_provider_registry.fleets.registration_routes import (
     REGISTRATION_LIMIT_BYTES,
     registration_routes,
 )
-from skyway_provider_registry.fleets.routes import fleet_routes
-from skyway_provider_registry.fleets.statistics_routes import fleet_statistics_routes
+from skyway_provider_registry.fleets.routes import fleet_routes, fleet_statistics_routes
 from skyway_provider_registry.parts import SERVICE, Parts, composition_client, parts_in_life
 from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, PresenceFollower
 from skyway_provider_registry.presence.routes import presence_routes
 from skyway_provider_registry.providers.routes import provider_routes
 from skyway_provider_registry.settings import RegistrySettings
-from skyway_provider_registry.telemetry.geojson_schema import TelemetryGeoJson
 from skyway_provider_registry.telemetry.recorder import TelemetryRecorder
-from skyway_provider_registry.telemetry.routes import telemetry_routes
+from skyway_provider_registry.telemetry.routes import TelemetryGeoJson, telemetry_routes
 from skyway_provider_registry.telemetry.thinning import KeepTimes, Thinning
 
 PACKAGE: Final = "skyway_provider_registry"
@@ -67,7 +65,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
         # Paths are matched in this order: first the routes that every delivery calls.
         routers=[
             candidate_routes(view=parts.fleet_view, gate=gate, clock=clock),
-            presence_routes(keeper=parts.report_keeper, gate=gate),
+            presence_routes(db=db, clock=clock, gate=gate),
             provider_routes(db=db, gate=gate, clock=clock, mint=parts.mint),
             drone_model_routes(db=db, gate=gate),
             registration_routes(

@@ -13,16 +13,14 @@ from skyway.runtime.pace import Pace
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.enrolment.password_file import PasswordFile
-from skyway_provider_registry.fleets.credentials.issue import Issuer
-from skyway_provider_registry.fleets.home_stations import CompositionStations, StationLookup
-from skyway_provider_registry.presence.mission_reports import ReportKeeper
+from skyway_provider_registry.fleets.issue_credentials import Issuer
+from skyway_provider_registry.fleets.registration import CompositionStations, StationLookup
 from skyway_provider_registry.settings import RegistrySettings
 
 SERVICE: Final = "registry"
 
-#: Seconds of wall time between two transactions of mission reports, and between two reads of the
-#: changes. Under load several callers share one; after a pause no caller waits.
-_REPORTS_EVERY_S: Final = 0.1
+#: Seconds of wall time between two reads of the changes. Under load several callers share one;
+#: after a pause no caller waits.
 _REFRESH_EVERY_S: Final = 0.1
 
 
@@ -43,11 +41,6 @@ class Parts:
     def fleet_view(self) -> FleetView:
         """Keeps all fleets in memory for the selection of candidates."""
         return FleetView(self.db, self.networks.cached, Pace(_REFRESH_EVERY_S))
-
-    @property
-    def report_keeper(self) -> ReportKeeper:
-        """Stores mission reports."""
-        return ReportKeeper(self.db, self.clock, Pace(_REPORTS_EVERY_S))
 
 
 def composition_client(settings: RegistrySettings) -> ServiceClient:

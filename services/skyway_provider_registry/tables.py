@@ -37,8 +37,10 @@ providers = Table(
     Column("terms", Text),
     Column("state", Text, nullable=False),
     Column("loading", Text, nullable=False, server_default="AUTOMATIC"),
+    Column("standby", Text, nullable=False, server_default="HOME"),
     Column("created_ms", BigInteger, nullable=False),
     CheckConstraint("state IN ('ACTIVE', 'SUSPENDED')", name="provider_state"),
+    CheckConstraint("standby IN ('HOME', 'STAY', 'PARKING')", name="provider_standby"),
 )
 
 #: Models that operators added; the library's named models are not in this table.
@@ -61,10 +63,12 @@ drones = Table(
     Column("name", Text),
     Column("registration", Text),
     Column("initial_soc", Double, nullable=False),
+    Column("standby", Text),  # null: as its provider
     Column("is_in_maintenance", Boolean, nullable=False),
     Column("created_ms", BigInteger, nullable=False),
     # A registration belongs to one aircraft; across providers we cannot judge to which one.
     UniqueConstraint("provider_id", "registration", name="drone_registration"),
+    CheckConstraint("standby IN ('HOME', 'STAY', 'PARKING')", name="drone_standby"),
     Index("drones_by_provider", "provider_id", "drone_id"),
     Index("drones_by_model", "model_id"),
 )
@@ -147,6 +151,10 @@ mission_hints = Table(
     Column("mission_state", Text, nullable=False),
     Column("is_live", Boolean, nullable=False),
     Column("reported_wall_ms", BigInteger, nullable=False),
+    # When and where the drone can begin another mission; null if that was not reported.
+    Column("free_ms", BigInteger),
+    Column("free_station_id", Text),
+    Column("free_soc", Double),
     Index("mission_hints_by_drone", "drone_id", "is_live"),
 )
 

@@ -1,7 +1,6 @@
 """The broker's password file, in Mosquitto's `$7$` form, which both brokers read."""
 
 import base64
-import binascii
 import hashlib
 import hmac
 import os
@@ -32,12 +31,25 @@ def hash_password(password: str) -> str:
 def matches(password: str, hashed: str) -> bool:
     """Whether this is the hash of the password; False for a hash of another kind."""
     try:
-        nothing, kind, rounds, salt, key = hashed.split("$")
-        expected = base64.b64decode(key, validate=True)
-        actual = _derive(password, base64.b64decode(salt, validate=True), int(rounds))
-    except (ValueError, binascii.Error, OverflowError):
+        rounds, salt, expected = read_hash(hashed)
+        actual = _derive(password, salt, rounds)
+    except (ValueError, OverflowError):
         return False
-    return nothing == "" and kind == "7" and hmac.compare_digest(actual, expected)
+    return hmac.compare_digest(actual, expected)
+
+
+def read_hash(hashed: str) -> tuple[int, bytes, bytes]:
+    """The rounds, the salt and the key of a hash.
+
+    Raises
+    ------
+    ValueError
+        It is not a hash of this kind.
+    """
+    nothing, kind, rounds, salt, key = hashed.split("$")
+    if (nothing, kind) != ("", "7"):
+        raise ValueError("not a hash of a password in the form $7$")
+    return int(rounds), base64.b64decode(salt, validate=True), base64.b64decode(key, validate=True)
 
 
 def write_password_file(path: Path, accounts: Mapping[str, str]) -> None:

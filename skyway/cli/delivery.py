@@ -46,6 +46,12 @@ def request_command(
         Path | None, typer.Option(help="A delivery request as JSON, instead of the above.")
     ] = None,
     objective: Annotated[str, typer.Option(help="fastest, cheapest or greenest.")] = "fastest",
+    priority: Annotated[
+        str,
+        typer.Option(
+            help="STANDARD, or PRIORITY: planned first, at a price factor of the provider."
+        ),
+    ] = "STANDARD",
     follow: Annotated[
         bool, typer.Option("--follow", help=f"Track it to its end. {_EXIT_CODES_IN_WORDS}")
     ] = False,
@@ -58,7 +64,9 @@ def request_command(
     else:
         if not pickup or not package:
             fail("give a pickup station and at least one --package STATION=KG, or --file")
-        body = json.dumps(_request(pickup, package, objective)).encode()
+        body = json.dumps(
+            _request(pickup, package, {"objective": objective, "priority": priority})
+        ).encode()
     _name_what_is_missing(folder)
     answer = _create(folder, body)
     typer.echo(answer["delivery_id"])
@@ -88,7 +96,7 @@ def proof_of(plan: Mapping[str, Any]) -> str:  # a plan as JSON
     return f"not proven optimal: another plan could be up to {earlier_s:,.0f} s earlier"
 
 
-def _request(pickup: str, packages: list[str], objective: str) -> dict[str, Any]:
+def _request(pickup: str, packages: list[str], qos: dict[str, str]) -> dict[str, Any]:
     """The JSON of a delivery request."""
     asked = []
     for number, text in enumerate(packages, start=1):
@@ -105,7 +113,7 @@ def _request(pickup: str, packages: list[str], objective: str) -> dict[str, Any]
     return {
         "pickup": {"station_id": pickup},
         "packages": asked,
-        "qos": {"objective": objective},
+        "qos": qos,
     }
 
 

@@ -20,6 +20,7 @@ _COMMANDS: Final = {
     "drone": "skyway.cli.drones.drone:drone_command",
     "fleet": "skyway.cli.drones.fleet:fleet_command",
     "top": "skyway.cli.top.command:top_command",
+    "schedule": "skyway.cli.schedule:schedule_command",
     "secrets": "skyway.cli.system.secrets_command:secrets_command",
     "verify": "skyway.cli.verify.command:verify_command",
     "doctor": "skyway.cli.doctor:doctor_command",

@@ -170,6 +170,7 @@ def _facts(network: Network) -> list[tuple[str, str]]:
     facts = [
         ("stations", str(len(network.stations))),
         ("pads", str(int(columns.pads.sum()))),
+        ("parking stations", str(len(columns.parking))),
         ("segments (directed)", str(len(network.segments))),
         ("zones", str(len(network.zones))),
     ]

@@ -24,6 +24,11 @@ MAX_CANDIDATES = 60
 Loading = Literal["AUTOMATIC", "CONFIRMED"]
 
 
+#: What a drone does after its last hand-over until it is booked again: it flies home, stays where
+#: it is, or goes to the best parking station. It charges there.
+Standby = Literal["HOME", "STAY", "PARKING"]
+
+
 class CandidateQuery(WireModel):
     """What must be carried from where, by whom it may be, and which drones refused already.
 
@@ -56,6 +61,7 @@ class Candidate(WireModel):
     home_station_id: StationId
     tariff: Tariff
     loading: Loading = "AUTOMATIC"
+    standby: Standby = "HOME"
 
 
 #: NO_DRONES .. LOW_CHARGE come from the registry, the others from the planner and from booking;

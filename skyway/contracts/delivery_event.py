@@ -13,6 +13,7 @@ class DeliveryEventType(StrEnum):
     """All that a customer can be told of a delivery."""
 
     REQUESTED = "delivery.requested"
+    SCHEDULED = "delivery.scheduled"
     PLANNED = "delivery.planned"
     DISPATCHED = "delivery.dispatched"
     LOADED = "delivery.loaded"

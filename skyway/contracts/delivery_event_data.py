@@ -59,6 +59,17 @@ class RequestedData(WireModel):
     request: Annotated[DeliveryRequest, Field(description="The request as it was accepted.")]
 
 
+class ScheduledData(WireModel):
+    """From when a drone is looked for; nothing is held before."""
+
+    earliest_pickup_at: Annotated[
+        FleetMoment, Field(description="The drone does not begin to load before, fleet time.")
+    ]
+    books_from_at: Annotated[
+        FleetMoment, Field(description="From then on a drone is looked for, fleet time.")
+    ]
+
+
 class ExpectedPackage(WireModel):
     """When a package is expected."""
 

@@ -51,6 +51,7 @@ def delivery_event_examples() -> list[AnyDeliveryEvent]:
 
 def _examples() -> Iterator[tuple[str, datetime, Mapping[str, Any]]]:
     yield "delivery.requested", after(0), _requested()
+    yield "delivery.scheduled", after(0), _scheduled()
     yield "delivery.planned", after(0), _planned()
     yield "delivery.dispatched", after(1), _FLOWN_BY
     yield "delivery.loaded", after(5), _loaded()
@@ -79,6 +80,14 @@ def _requested() -> Mapping[str, Any]:
     ]
     request = {"pickup": {"station_id": SAN_MARCOS}, "packages": packages}
     return {"reference": "order 1042", "request": request}
+
+
+def _scheduled() -> Mapping[str, Any]:
+    day = 24 * 60
+    return {
+        "earliest_pickup_at": utc_text(after(3 * day)),
+        "books_from_at": utc_text(after(2 * day)),
+    }
 
 
 def _planned() -> Mapping[str, Any]:

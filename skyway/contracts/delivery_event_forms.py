@@ -22,6 +22,7 @@ from skyway.contracts.delivery_event_data import (
     RejectedData,
     ReplannedData,
     RequestedData,
+    ScheduledData,
     StartedData,
 )
 from skyway.contracts.message import FleetMoment, Message
@@ -46,6 +47,13 @@ class DeliveryRequestedEvent(_Event):
 
     type: Annotated[Literal["delivery.requested"], _About] = "delivery.requested"
     data: Annotated[RequestedData, _Data]
+
+
+class DeliveryScheduledEvent(_Event):
+    """The pickup is far ahead: the delivery waits until its drone may be booked."""
+
+    type: Annotated[Literal["delivery.scheduled"], _About] = "delivery.scheduled"
+    data: Annotated[ScheduledData, _Data]
 
 
 class DeliveryPlannedEvent(_Event):
@@ -157,6 +165,7 @@ class PackageCancelledEvent(_Event):
 
 AnyDeliveryEvent = Annotated[
     DeliveryRequestedEvent
+    | DeliveryScheduledEvent
     | DeliveryPlannedEvent
     | DeliveryDispatchedEvent
     | DeliveryLoadedEvent

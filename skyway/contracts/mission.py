@@ -21,11 +21,15 @@ from skyway.ids import (
 from skyway.json_model import WireModel
 
 MissionState = Literal[
-    "BOOKED", "ACCEPTED", "ACTIVE", "COMPLETED", "ABORTED", "CANCELLED", "REFUSED"
+    "QUEUED", "BOOKED", "ACCEPTED", "ACTIVE", "COMPLETED", "ABORTED", "CANCELLED", "REFUSED"
 ]
 
-#: A drone is on at most one mission in these states, and pads are reserved for it.
+#: The mission was sent to its drone and is not over. A drone has at most one such mission.
 LIVE_MISSION_STATES: tuple[MissionState, ...] = ("BOOKED", "ACCEPTED", "ACTIVE")
+
+#: The mission is not over, and its pads are reserved. A QUEUED mission waits for the missions
+#: before it in its drone's calendar, and is not sent yet.
+OPEN_MISSION_STATES: tuple[MissionState, ...] = ("QUEUED", *LIVE_MISSION_STATES)
 
 
 class Doubt(WireModel):
@@ -76,9 +80,10 @@ class Margins(WireModel):
 class Mission(WireModel):
     """A plan being flown: what a delivery shows of it, and what operators see.
 
-    `plan` ends with the last delivery and counts seconds from `start_at`; `home_plan` takes the
-    empty drone home from there, and `home_recharge` charges it there to the top, both counting from
-    the end of `plan`; `released_at` is when the drone is planned to be free again. All of these are
+    `plan` ends with the last delivery and counts seconds from `start_at`. `home_plan` and
+    `home_recharge` are the drone's standby, at home or elsewhere: the flight of the empty drone to
+    where it stands by, and its recharge there to the top. Both count from the end of `plan`.
+    `released_at` is when the drone is planned to be free again. All of these are
     of the present revision: after a re-composition `plan` holds only what was left to deliver then.
     """
 
@@ -104,13 +109,11 @@ class Mission(WireModel):
     plan: Annotated[Plan, Field(description="The present plan, up to the last delivery.")]
     home_plan: Annotated[
         Plan | None,
-        Field(description="How the empty drone flies home; seconds count from the end of `plan`."),
+        Field(description="How the drone flies to where it stands by, after the end of `plan`."),
     ] = None
     home_recharge: Annotated[
         Recharge | None,
-        Field(
-            description="How the drone is charged at home; seconds count from the end of `plan`."
-        ),
+        Field(description="How it is charged there; seconds count from the end of `plan`."),
     ] = None
     margins: Annotated[
         Margins, Field(description="What the plan was booked with on top of what it needs.")
@@ -156,6 +159,12 @@ class BookMissions(WireModel):
     shortlist: Annotated[Shortlist, Field(description="The drones to compare.")]
     offer: Annotated[
         OfferLimits | None, Field(description="What an accepted offer promised; null without one.")
+    ] = None
+    asked_at: Annotated[
+        FleetMoment | None,
+        Field(
+            description="When the customer asked. Of one class, who asked first is planned first."
+        ),
     ] = None
 
     @property
@@ -215,16 +224,18 @@ class CancelMissions(WireModel):
 class Cancellation(WireModel):
     """What a cancellation leads to, package by package; mission reports tell when it has.
 
-    `released` stay at the pickup: their missions end, or go on without them, at once.
-    `returning` are on board, and come back to the pickup or strand where a drone can land.
+    `released` surely stay at the pickup: their missions end, or go on without them.
+    `returning` are on board or may be loaded until their drone answers. The report RELEASED follows
+    if they stay; else they come back to the pickup or strand where a drone can land.
     `too_late` are with their recipients, or are over.
     """
 
     released: Annotated[
-        tuple[PackageId, ...], Field(description="Packages that stay at the pickup.")
+        tuple[PackageId, ...], Field(description="Packages that surely stay at the pickup.")
     ] = ()
     returning: Annotated[
-        tuple[PackageId, ...], Field(description="Packages that are on board and come back.")
+        tuple[PackageId, ...],
+        Field(description="Packages that are on board and come back, or may still be loaded."),
     ] = ()
     too_late: Annotated[
         tuple[PackageId, ...], Field(description="Packages that can no longer be stopped.")

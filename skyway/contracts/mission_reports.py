@@ -18,11 +18,24 @@ MISSION_REPORTS: Final = "/internal/mission-reports"
 MANY_MISSION_REPORTS: Final = "/internal/mission-reports/many"
 
 
+#: Codes of REFUSED that a QUEUED mission gets from composition: its drone has not refused it.
+CALENDAR_CODES: Final = ("CALENDAR_CHANGED", "DRONE_NOT_FREE", "CANCELLED")
+
+
+class FreeFrom(WireModel):
+    """Where and when a drone can begin another mission, after the last hand-over of this one."""
+
+    at: FleetMoment
+    station_id: StationId
+    soc: Soc
+
+
 class MissionReport(WireModel):
     """Composition to gateway and registry: one thing that happened to a mission.
 
     `seq` counts per mission from 1 without gaps; the sender repeats until answered 2xx. Kinds:
 
+    QUEUED      it waits for the missions before it in its drone's calendar
     ACCEPTED    the drone will fly it
     REFUSED     it will not (code); the mission is over and everything is freed
     LOADING     the mission has begun: approach flight, or loading at the pickup
@@ -31,6 +44,7 @@ class MissionReport(WireModel):
     DELIVERED   `package_ids` were handed over
     REPLANNING  the plan does not hold any more (`code`), another is looked for
     REPLANNED   the drone has taken a new revision of the plan (`mission` holds it)
+    RETIMED     a QUEUED mission has other arrival times, which differ little (`mission`)
     RETURNING   `package_ids` go back to the pickup instead of being delivered (`code`)
     RETURNED    `package_ids` were handed back at `station_id`
     RELEASED    `package_ids` will not be loaded any more: they were cancelled at the pickup
@@ -51,6 +65,7 @@ class MissionReport(WireModel):
     ]
     kind: Annotated[
         Literal[
+            "QUEUED",
             "ACCEPTED",
             "REFUSED",
             "LOADING",
@@ -59,6 +74,7 @@ class MissionReport(WireModel):
             "DELIVERED",
             "REPLANNING",
             "REPLANNED",
+            "RETIMED",
             "RETURNING",
             "RETURNED",
             "RELEASED",
@@ -90,6 +106,10 @@ class MissionReport(WireModel):
         tuple[PackageEta, ...], Field(description="When each package is expected.")
     ] = ()
     mission: Annotated[Mission | None, Field(description="The mission with its new plan.")] = None
+    free_from: Annotated[
+        FreeFrom | None,
+        Field(description="When and where its drone can begin another mission; null if unknown."),
+    ] = None
     code: Annotated[str | None, Field(description="Why, for programs.")] = None
     detail: Annotated[str | None, Field(description="Why, for people.")] = None
     #: Evidence and numbers: place and weights at a hand-over, flown seconds and joules at the end.

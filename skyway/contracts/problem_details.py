@@ -17,6 +17,7 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "BEING_LOADED": "The loading was just confirmed; the drone must answer first.",
     "HELD": "The mission is held; resume it first.",
     "MISSION_OVER": "The mission is over.",
+    "MISSION_QUEUED": "The mission was not sent to its drone yet.",
     "MODEL_IN_USE": "Registered drones are of this model; use another model id.",
     "NAMED_MODEL": "The model is one of Skyway's own and cannot be replaced.",
     "NOTHING_ON_BOARD": "The drone carries nothing that it could bring home.",

@@ -62,6 +62,7 @@ BY_NAME: Final[Mapping[str, Any]] = {
     "role": "customer",
     "service": "gateway",
     "state": "PLANNED",
+    "priority": "STANDARD",
     "sha256": "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08",
     "traceparent": "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01",
     "url": "https://books.example/hooks/skyway",
@@ -108,6 +109,7 @@ BY_NAME: Final[Mapping[str, Any]] = {
     "per_kg": 0,
     "per_km": 25,
     "per_recharge_minute": 0,
+    "priority_factor": 1.5,
     "minimum": 0,
     "power_w": 1020.0,
     "range_m": 21000.0,
@@ -170,6 +172,7 @@ BY_NAME: Final[Mapping[str, Any]] = {
     "failsafe": None,
     "delivered_at": None,
     "proof": None,
+    "waiting": None,
 }
 
 _REQUEST: Final[dict[str, Any]] = {

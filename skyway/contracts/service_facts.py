@@ -104,4 +104,15 @@ class DroneFacts(WireModel):
         return self.drone_id
 
 
-AnyFacts = DeliveryFacts | HintFacts | DroneFacts
+class ProviderFacts(WireModel):
+    """A provider that is registered, or that has a key."""
+
+    provider_id: ProviderId
+
+    @property
+    def key(self) -> str:
+        """The key by which facts are sorted and compared."""
+        return self.provider_id
+
+
+AnyFacts = DeliveryFacts | HintFacts | DroneFacts | ProviderFacts

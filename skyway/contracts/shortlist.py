@@ -11,7 +11,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from skyway.contracts.candidate import Candidate, Loading, ProviderReason
+from skyway.contracts.candidate import Candidate, Loading, ProviderReason, Standby
 from skyway.contracts.message import Soc
 from skyway.delivery.offer import Tariff
 from skyway.drone.model import DroneModel
@@ -56,6 +56,10 @@ class Shortlist(WireModel):
     home_station_ids: Annotated[
         tuple[StationId, ...], Field(description="The home of the drone of each row.")
     ] = ()
+    standbys: Annotated[
+        tuple[Standby, ...],
+        Field(description="What the drone of each row does when it is idle; without it, HOME."),
+    ] = ()
 
     @classmethod
     def of(cls, candidates: Iterable[Candidate]) -> Self:
@@ -77,12 +81,13 @@ class Shortlist(WireModel):
             socs=tuple(each.soc for each in listed),
             station_ids=tuple(each.station_id for each in listed),
             home_station_ids=tuple(each.home_station_id for each in listed),
+            standbys=tuple(each.standby for each in listed),
         )
 
     @model_validator(mode="after")
     def _rows_are_whole(self) -> Self:
         columns = (self.provider_ids, self.model_ids, self.socs)
-        places = (self.station_ids, self.home_station_ids)
+        places = (self.station_ids, self.home_station_ids, self.each_standby)
         if {len(column) for column in (*columns, *places)} != {len(self.drone_ids)}:
             raise ValueError("the columns must be as long as drone_ids")
         if not {model.model_id for model in self.models}.issuperset(self.model_ids):
@@ -106,6 +111,11 @@ class Shortlist(WireModel):
         """The providers' terms by their ids."""
         return {each.provider_id: each for each in self.providers}
 
+    @cached_property
+    def each_standby(self) -> tuple[Standby, ...]:
+        """The standby of each row; an older registry sends none, and its drones fly home."""
+        return self.standbys or tuple("HOME" for _ in self.drone_ids)
+
     @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Each drone by itself, nearest first."""
@@ -121,6 +131,7 @@ class Shortlist(WireModel):
             soc=self.socs[row],
             station_id=self.station_ids[row],
             home_station_id=self.home_station_ids[row],
+            standby=self.each_standby[row],
             tariff=terms.tariff,
             loading=terms.loading,
         )
@@ -138,6 +149,7 @@ class Shortlist(WireModel):
             socs=tuple(self.socs[row] for row in rows),
             station_ids=tuple(self.station_ids[row] for row in rows),
             home_station_ids=tuple(self.home_station_ids[row] for row in rows),
+            standbys=tuple(self.each_standby[row] for row in rows),
         )
 
     def of_provider(self, provider_id: ProviderId) -> Self:

@@ -59,7 +59,7 @@ CONNECTION: Final[Topic[Connection]] = Topic(
     mqtt_qos=1,
     retained=True,
     writer="drone",
-    readers=("composition", "registry", "operator"),
+    readers=("composition", "registry", "gateway", "operator"),
     about="ONLINE, OFFLINE, and LOST as the last will.",
 )
 DELIVERY_EVENTS: Final[Topic[DeliveryEvent]] = Topic(

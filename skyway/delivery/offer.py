@@ -6,7 +6,7 @@ from typing import Annotated, Final, Self
 
 from pydantic import Field
 
-from skyway.delivery.request import Weights
+from skyway.delivery.request import Priority, Weights
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
 
@@ -36,6 +36,20 @@ class Tariff(JsonModel):
     minimum: Annotated[
         MinorUnits, Field(description="The least price of a delivery, in minor units.")
     ] = 0
+    priority_factor: Annotated[
+        float,
+        Field(
+            ge=1,
+            le=10,
+            allow_inf_nan=False,
+            strict=True,
+            description="A PRIORITY delivery costs its price times this factor, 1 to 10.",
+        ),
+    ] = 1.5
+
+    def factor_of(self, priority: Priority) -> float:
+        """What the price of a request of this class is multiplied by."""
+        return self.priority_factor if priority == "PRIORITY" else 1.0
 
 
 class Price(JsonModel):
@@ -47,15 +61,36 @@ class Price(JsonModel):
     currency: Currency
 
 
-def price_of(tariff: Tariff, *, distance_m: float, payload_kg: float, recharging_s: float) -> Price:
-    """The price of flying a plan, rounded to the nearest minor unit, at least the minimum."""
+def price_of(
+    tariff: Tariff,
+    *,
+    distance_m: float,
+    payload_kg: float,
+    recharging_s: float,
+    priority: Priority = "STANDARD",
+) -> Price:
+    """The price of flying a plan, rounded to the nearest minor unit, at least the minimum.
+
+    PRIORITY multiplies it, the minimum too, by the tariff's factor.
+    """
     amount = amount_of(
-        tariff, distance_m=distance_m, payload_kg=payload_kg, recharging_s=recharging_s
+        tariff,
+        distance_m=distance_m,
+        payload_kg=payload_kg,
+        recharging_s=recharging_s,
+        priority=priority,
     )
     return Price(amount=amount, currency=tariff.currency)
 
 
-def amount_of(tariff: Tariff, *, distance_m: float, payload_kg: float, recharging_s: float) -> int:
+def amount_of(
+    tariff: Tariff,
+    *,
+    distance_m: float,
+    payload_kg: float,
+    recharging_s: float,
+    priority: Priority = "STANDARD",
+) -> int:
     """The amount of `price_of`, in minor units of the tariff's currency."""
     amount = (
         tariff.base
@@ -63,7 +98,7 @@ def amount_of(tariff: Tariff, *, distance_m: float, payload_kg: float, rechargin
         + tariff.per_kg * payload_kg
         + tariff.per_recharge_minute * recharging_s / 60
     )
-    return max(tariff.minimum, round(amount))
+    return round(max(tariff.minimum, round(amount)) * tariff.factor_of(priority))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,8 @@
 """The delivery request: packages, places and the QoS that annotates it."""
 
 from collections import Counter
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import AwareDatetime, Field, field_validator, model_validator
 
@@ -18,6 +19,12 @@ MAX_TRIP_DESTINATIONS = 12
 MAX_PACKAGE_MASS_KG = 1_000.0
 
 Objective = Literal["fastest", "cheapest", "greenest"]
+
+#: The classes of requests.
+Priority = Literal["PRIORITY", "STANDARD"]
+
+#: The order of the classes: a lower rank is planned first.
+PRIORITY_RANKS: Final[Mapping[Priority, int]] = {"PRIORITY": 0, "STANDARD": 1}
 
 
 class Place(JsonModel):
@@ -103,7 +110,8 @@ class ProviderChoice(JsonModel):
 class QoS(JsonModel):
     """What the customer asks for: `objective` or `weights` rank offers, the limits are hard.
 
-    `max_price` is in minor units of the network's currency.
+    `max_price` is in minor units of the network's currency. PRIORITY requests are planned before
+    STANDARD ones, and cost more.
     """
 
     objective: Annotated[
@@ -125,6 +133,13 @@ class QoS(JsonModel):
     providers: Annotated[ProviderChoice, Field(description="Which providers may serve.")] = (
         ProviderChoice()
     )
+    priority: Annotated[
+        Priority,
+        Field(
+            description="PRIORITY is planned before STANDARD; its price is multiplied by the "
+            "`priority_factor` of the provider's tariff."
+        ),
+    ] = "STANDARD"
 
     @model_validator(mode="after")
     def _one_way_to_rank(self) -> Self:

@@ -79,6 +79,12 @@ def truths(values: Sequence[Any]) -> None:
     _refuse_others(values, bool)
 
 
+def rows_of_truth(values: Sequence[Any]) -> list[int]:
+    """The rows that hold true, where all values are true or false."""
+    truths(values)
+    return [row for row, value in enumerate(values) if value]
+
+
 def numbers(values: Sequence[Any], *, low: float, high: float) -> Floats:
     """Finite numbers from low to high, ``(k,)``."""
     _refuse_others(values, float, int)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,9 @@ from skyway.network.parts import Segment, Station
 
 Floats = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int32]
+
+#: Why a parking station without pads is refused.
+PARKING_WITHOUT_PADS: Final = "a parking station needs at least 1 pad"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +40,8 @@ class Columns:
         By the station's row, for stations that have a name.
     station_properties, segment_properties
         By row: the properties that Skyway does not read.
+    parking
+        The rows of the parking stations, each with at least one pad.
     """
 
     station_ids: tuple[StationId, ...]
@@ -49,6 +54,7 @@ class Columns:
     names: Mapping[int, str] = field(default_factory=dict)
     station_properties: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     segment_properties: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
+    parking: frozenset[int] = frozenset()
 
     @classmethod
     def of(cls, stations: Mapping[StationId, Station], segments: Iterable[Segment]) -> "Columns":
@@ -72,6 +78,7 @@ class Columns:
             names={row: s.name for row, s in enumerate(in_order) if s.name is not None},
             station_properties={r: s.properties for r, s in enumerate(in_order) if s.properties},
             segment_properties={r: s.properties for r, s in enumerate(segments) if s.properties},
+            parking=frozenset(row for row, s in enumerate(in_order) if s.is_parking),
         )
 
 
@@ -116,16 +123,21 @@ class Adjacency:
 
 
 def refuse_contradictions(columns: Columns, row_of: Mapping[StationId, int]) -> None:
-    """Refuse two stations of one id, and segments with a missing end, with equal ends, or repeated.
+    """Refuse wrong stations and segments.
+
+    Wrong are two stations of one id, a parking station without pads, and a segment with a missing
+    end, with equal ends, or repeated.
 
     Raises
     ------
     InvalidNetwork
-        Names the first segment at fault by its row.
+        Names the first station or segment at fault by its row.
     """
     stations = len(columns.station_ids)
     if len(row_of) < stations:
         raise InvalidNetwork("stations", "two stations share an id")
+    if (row := parking_without_pads(columns.parking, columns.pads)) is not None:
+        raise InvalidNetwork(f"stations.{row}", PARKING_WITHOUT_PADS)
     from_row, to_row = columns.from_row, columns.to_row
     lost = (np.minimum(from_row, to_row) < 0) | (np.maximum(from_row, to_row) >= stations)
     if lost.any():
@@ -141,6 +153,11 @@ def refuse_contradictions(columns: Columns, row_of: Mapping[StationId, int]) -> 
     if repeated is not None:
         from_id, to_id = (columns.station_ids[ends[repeated]] for ends in (from_row, to_row))
         raise InvalidNetwork(f"segments.{repeated}", f"a second one from {from_id!r} to {to_id!r}")
+
+
+def parking_without_pads(parking: Iterable[int], pads: npt.NDArray[Any]) -> int | None:
+    """The first row of a parking station that has no pad; None when each has one."""
+    return min((row for row in parking if pads[row] < 1), default=None)
 
 
 def segment_keys(from_row: Rows, to_row: Rows, *, stations: int) -> npt.NDArray[np.int64]:

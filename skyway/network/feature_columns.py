@@ -63,6 +63,7 @@ def read_blocks(blocks: Iterable[Sequence[Any]]) -> tuple[Columns, list[Feature]
         names=stations.names,
         station_properties=stations.unread,
         segment_properties=segments.unread,
+        parking=frozenset(stations.parking),
     )
     return columns_read, zones
 

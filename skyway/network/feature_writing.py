@@ -23,6 +23,8 @@ def station_features(columns: Columns) -> Iterator[dict[str, Any]]:
         if row in names:
             properties["name"] = names[row]
         properties["pads"] = pads
+        if row in columns.parking:
+            properties["parking"] = True
         yield _feature("Point", [longitude_deg, latitude_deg], properties)
 
 

@@ -10,6 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 from skyway.errors import InvalidNetwork
 from skyway.geo import Position
 from skyway.ids import StationId
+from skyway.network.columns import PARKING_WITHOUT_PADS
 
 # All identifiers share one pattern, so the adapter of one type serves every type.
 _IDENTIFIER = TypeAdapter(StationId)
@@ -61,6 +62,14 @@ def truth(value: Any, path: str) -> bool:
     if not isinstance(value, bool):
         raise InvalidNetwork(path, f"{shown(value)} is neither true nor false")
     return value
+
+
+def parking(value: Any, path: str, *, pads: int) -> bool:
+    """Whether a station with this many pads is a parking station."""
+    is_parking = truth(value, path)
+    if is_parking and pads < 1:
+        raise InvalidNetwork(path, f"{PARKING_WITHOUT_PADS}: this station has {pads}")
+    return is_parking
 
 
 def number(value: Any, path: str, *, low: float, high: float) -> float:

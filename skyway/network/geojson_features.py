@@ -16,7 +16,7 @@ MAX_SEGMENT_LENGTH_M = 20_100_000.0
 #: coordinates, and close enough to notice a line drawn between other stations. Our own choice.
 LINE_END_TOLERANCE_M = 100.0
 
-STATION_PROPERTIES = ("kind", "station_id", "name", "pads")
+STATION_PROPERTIES = ("kind", "station_id", "name", "pads", "parking")
 SEGMENT_PROPERTIES = ("kind", "from", "to", "length_m", "one_way")
 ZONE_PROPERTIES = ("kind", "zone_id", "active_from", "active_until")
 
@@ -64,13 +64,20 @@ def read_feature(value: Any, path: str) -> Feature:
 
 def read_station(feature: Feature) -> Station:
     """The station of a Point feature; without `pads` it has 4, as in the paper."""
-    pads = feature.properties.get("pads", DEFAULT_PADS)
+    pads = fields.whole_number(
+        feature.properties.get("pads", DEFAULT_PADS),
+        feature.property_path("pads"),
+        low=0,
+        high=MAX_PADS,
+    )
+    parking = feature.properties.get("parking", False)
     return Station(
         station_id=StationId(feature.property_identifier("station_id")),
         position=fields.position(feature.coordinates, f"{feature.path}.geometry.coordinates"),
-        pads=fields.whole_number(pads, feature.property_path("pads"), low=0, high=MAX_PADS),
+        pads=pads,
         name=fields.text_or_none(feature.properties.get("name"), feature.property_path("name")),
         properties=feature.unknown_properties(STATION_PROPERTIES),
+        is_parking=fields.parking(parking, feature.property_path("parking"), pads=pads),
     )
 
 

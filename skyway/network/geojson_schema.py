@@ -36,6 +36,10 @@ class StationProperties(_Open):
         int,
         Field(ge=0, le=MAX_PADS, description=f"How many recharging pads it has, 0 to {MAX_PADS}."),
     ] = DEFAULT_PADS
+    parking: Annotated[
+        bool,
+        Field(description="Whether idle drones may gather here; then it needs at least one pad."),
+    ] = False
 
 
 class StationFeature(_Open):

@@ -22,6 +22,8 @@ _HEAD = re.compile(
 )
 _NEXT = re.compile(r',[ \t\n\r]*(?=\{[ \t\n\r]*"type"[ \t\n\r]*:[ \t\n\r]*"Feature")')
 
+_PARKING = ', "parking": true'
+
 #: Characters decoded together: few enough for their objects to stay in a processor's cache.
 _BLOCK = 50_000
 
@@ -70,13 +72,14 @@ def _stations(columns: Columns) -> Iterator[str]:
     if columns.station_properties or not _are_finite(columns.longitude_deg, columns.latitude_deg):
         return map(_dumped, station_features(columns))
     ids = map(encode_basestring_ascii, columns.station_ids)
-    names = columns.names
+    names, parking = columns.names, columns.parking
     longitudes, latitudes = columns.longitude_deg.tolist(), columns.latitude_deg.tolist()
     stations = zip(ids, longitudes, latitudes, columns.pads.tolist(), strict=True)
     return (
         f'{{"type": "Feature", "geometry": {{"type": "Point", "coordinates": [{longitude_deg!r}, '
         f'{latitude_deg!r}]}}, "properties": {{"kind": "station", "station_id": {station_id}, '
-        f'{_name(names[row]) if row in names else ""}"pads": {pads}}}}}'
+        f'{_name(names[row]) if row in names else ""}"pads": {pads}'
+        f"{_PARKING if row in parking else ''}}}}}"
         for row, (station_id, longitude_deg, latitude_deg, pads) in enumerate(stations)
     )
 

@@ -25,7 +25,7 @@ class Network:
     ------
     InvalidNetwork
         A segment names a station that is not there, starts where it ends, or repeats another;
-        or two zones share an id.
+        a parking station has no pad; or two zones share an id.
     """
 
     def __init__(
@@ -145,6 +145,7 @@ def _are_equal(columns: Columns, other: Columns) -> bool:
             for name in ("longitude_deg", "latitude_deg", "pads", "from_row", "to_row", "length_m")
         )
         and columns.names == other.names
+        and columns.parking == other.parking
         and columns.station_properties == other.station_properties
         and columns.segment_properties == other.segment_properties
     )

@@ -1,8 +1,8 @@
 """Skyway networks as NetworkX graphs, in and out.
 
 Nodes are stations; their attributes are `pos` (longitude and latitude in degrees, the name that
-NetworkX's own drawing uses), `pads` and `name`. Edges are segments; their attribute is `length_m`.
-Other attributes are kept as properties. `graph.graph` may hold `zones` and `settings`.
+NetworkX's own drawing uses), `pads`, `parking` and `name`. Edges are segments; their attribute is
+`length_m`. Other attributes are kept as properties. `graph.graph` may hold `zones` and `settings`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -15,7 +15,14 @@ from skyway.geo import distance_m
 from skyway.ids import StationId
 from skyway.network import column_fields, fields
 from skyway.network.column_fields import Doubtful, collector_paused
-from skyway.network.columns import Columns, Floats, Rows, first_repeated, segment_keys
+from skyway.network.columns import (
+    Columns,
+    Floats,
+    Rows,
+    first_repeated,
+    parking_without_pads,
+    segment_keys,
+)
 from skyway.network.geojson_features import MAX_SEGMENT_LENGTH_M
 from skyway.network.network import Network
 from skyway.network.parts import DEFAULT_PADS, MAX_PADS, Segment, Station
@@ -23,7 +30,7 @@ from skyway.network.parts import DEFAULT_PADS, MAX_PADS, Segment, Station
 if TYPE_CHECKING:
     import networkx
 
-_STATION_ATTRIBUTES = frozenset(("pos", "pads", "name"))
+_STATION_ATTRIBUTES = frozenset(("pos", "pads", "parking", "name"))
 _SEGMENT_ATTRIBUTES = frozenset(("length_m",))
 
 
@@ -68,6 +75,8 @@ def _nodes(columns: Columns) -> Iterator[tuple[str, dict[str, Any]]]:
         attributes = {**unread.get(row, {}), "pos": (longitude_deg, latitude_deg), "pads": pads}
         if row in names:
             attributes["name"] = names[row]
+        if row in columns.parking:
+            attributes["parking"] = True
         yield station_id, attributes
 
 
@@ -88,7 +97,12 @@ def _columns(graph: "networkx.Graph[Any]") -> Columns:
     column_fields.identifiers(ids)
     names = [each.get("name") for each in attributes]
     column_fields.texts_or_none(names)
-    pads = [each.get("pads", DEFAULT_PADS) for each in attributes]
+    pads = column_fields.whole_numbers(
+        [each.get("pads", DEFAULT_PADS) for each in attributes], low=0, high=MAX_PADS
+    )
+    parking = column_fields.rows_of_truth([each.get("parking", False) for each in attributes])
+    if parking_without_pads(parking, pads) is not None:
+        raise Doubtful
     longitude_deg, latitude_deg = column_fields.positions(column_fields.member(attributes, "pos"))
     row_of = {node: row for row, node in enumerate(nodes)}
     from_row, to_row, length_m, unread = _edge_columns(graph, row_of)
@@ -96,13 +110,14 @@ def _columns(graph: "networkx.Graph[Any]") -> Columns:
         station_ids=tuple(ids),
         longitude_deg=longitude_deg,
         latitude_deg=latitude_deg,
-        pads=column_fields.whole_numbers(pads, low=0, high=MAX_PADS).astype(np.int32),
+        pads=pads.astype(np.int32),
         from_row=from_row,
         to_row=to_row,
         length_m=length_m,
         names={row: name for row, name in enumerate(names) if name is not None},
         station_properties=column_fields.unknown_members(attributes, _STATION_ATTRIBUTES),
         segment_properties=unread,
+        parking=frozenset(parking),
     )
 
 
@@ -159,14 +174,16 @@ def _station(node: object, attributes: dict[str, Any]) -> Station:
         raise InvalidNetwork(path, "the id of a station is a string or a whole number")
     if "pos" not in attributes:
         raise InvalidNetwork(f"{path}.pos", "is missing: longitude and latitude in degrees")
+    pads = fields.whole_number(
+        attributes.get("pads", DEFAULT_PADS), f"{path}.pads", low=0, high=MAX_PADS
+    )
     return Station(
         station_id=StationId(fields.identifier(str(node), path)),
         position=fields.position(attributes["pos"], f"{path}.pos"),
-        pads=fields.whole_number(
-            attributes.get("pads", DEFAULT_PADS), f"{path}.pads", low=0, high=MAX_PADS
-        ),
+        pads=pads,
         name=fields.text_or_none(attributes.get("name"), f"{path}.name"),
         properties={k: v for k, v in attributes.items() if k not in _STATION_ATTRIBUTES},
+        is_parking=fields.parking(attributes.get("parking", False), f"{path}.parking", pads=pads),
     )
 
 

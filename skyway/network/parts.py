@@ -19,7 +19,8 @@ MAX_PADS = 1_000
 class Station:
     """A rooftop where drones take off and land; `pads` drones can recharge there at a time.
 
-    `properties` are the GeoJSON properties that Skyway does not read, kept as they came.
+    Idle drones may gather at a parking station, which has at least one pad. `properties` are the
+    GeoJSON properties that Skyway does not read, kept as they came.
     """
 
     station_id: StationId
@@ -27,6 +28,7 @@ class Station:
     pads: int = DEFAULT_PADS
     name: str | None = None
     properties: Mapping[str, Any] = field(default_factory=dict)  # any JSON value, not ours
+    is_parking: bool = False
 
 
 @dataclass(frozen=True, slots=True)

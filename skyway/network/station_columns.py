@@ -9,7 +9,7 @@ import numpy as np
 from skyway.ids import StationId
 from skyway.network import column_fields
 from skyway.network.column_fields import Doubtful
-from skyway.network.columns import Floats, Rows
+from skyway.network.columns import Floats, Rows, parking_without_pads
 from skyway.network.geojson_features import STATION_PROPERTIES
 from skyway.network.parts import DEFAULT_PADS, MAX_PADS
 
@@ -28,12 +28,13 @@ class PlacedStations:
 class StationColumns:
     """The stations' columns; `names` and `unread` properties by row, where there are any.
 
-    `row_of` holds the row of each station read so far.
+    `row_of` holds the row of each station read so far, and `parking` the rows of parking stations.
     """
 
     def __init__(self) -> None:
         self.names: dict[int, str] = {}
         self.unread: dict[int, dict[str, Any]] = {}
+        self.parking: set[int] = set()
         self.row_of: dict[StationId, int] = {}
         self._longitudes: list[Floats] = [np.empty(0)]
         self._latitudes: list[Floats] = [np.empty(0)]
@@ -53,6 +54,7 @@ class StationColumns:
         names = [each.get("name") for each in properties]
         column_fields.texts_or_none(names)
         pads = [each.get("pads", DEFAULT_PADS) for each in properties]
+        parking = column_fields.rows_of_truth([each.get("parking", False) for each in properties])
         longitude_deg, latitude_deg = column_fields.positions(coordinates)
         self.row_of.update(zip(ids, range(first, first + len(ids)), strict=True))
         if len(self.row_of) < first + len(ids):
@@ -60,6 +62,9 @@ class StationColumns:
         self._longitudes.append(longitude_deg)
         self._latitudes.append(latitude_deg)
         self._pads.append(column_fields.whole_numbers(pads, low=0, high=MAX_PADS))
+        if parking_without_pads(parking, self._pads[-1]) is not None:
+            raise Doubtful
+        self.parking.update(first + row for row in parking)
         for row, name in enumerate(names, start=first):
             if name is not None:
                 self.names[row] = name

@@ -33,6 +33,7 @@ class StationView(Mapping[StationId, Station]):
                 columns.pads.item(row),
                 columns.names.get(row),
                 columns.station_properties.get(row, {}),
+                row in columns.parking,
             )
             self._kept[station_id] = station
         return station
@@ -68,7 +69,14 @@ class StationView(Mapping[StationId, Station]):
         )
         names, properties = columns.names, columns.station_properties
         for row, (station_id, position, pads) in enumerate(rows):
-            yield Station(station_id, position, pads, names.get(row), properties.get(row, {}))
+            yield Station(
+                station_id,
+                position,
+                pads,
+                names.get(row),
+                properties.get(row, {}),
+                row in columns.parking,
+            )
 
 
 class _StationValues(ValuesView[Station]):

@@ -20,8 +20,8 @@ from skyway.runtime.garbage import load_without_collecting
 from skyway.runtime.logs import configure_logs
 from skyway.runtime.settings import DatabaseSettings, ServiceSettings
 from skyway.runtime.sql.database import Database
-from skyway.runtime.verification.fact_files import FactReader, read_facts, write_facts
-from skyway.runtime.verification.find_broken import DAMAGED, find_broken, unreadable
+from skyway.runtime.verification.check import check
+from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.rule import Rule
 
 S = TypeVar("S", bound=ServiceSettings)
@@ -75,14 +75,14 @@ class ServiceProcess(Generic[S]):
     async def _print_broken_rules(self, database_url: str, folder: Path | None) -> int:
         wall_at = AnchoredClock.plain().wall_now()
         async with Database(database_url) as db:
-            broken = await find_broken(
-                db, self.rules, wall_at=wall_at, pause=partial(asyncio.sleep, _SETTLES_WITHIN_S)
+            broken = await check(
+                db,
+                self.rules,
+                self.facts,
+                folder=folder,
+                wall_at=wall_at,
+                pause=partial(asyncio.sleep, _SETTLES_WITHIN_S),
             )
-            try:
-                if folder is not None:
-                    write_facts(await read_facts(db, self.facts, wall_at=wall_at), folder)
-            except DAMAGED as error:
-                broken.append(unreadable("the facts for other services", error))
         for each in broken:
             sys.stdout.write(json.dumps(each.as_json()) + "\n")
         return 1 if broken else 0

@@ -75,11 +75,11 @@ class Story:
         async with asyncio.TaskGroup() as customers:
             for _ in range(3):
                 customers.create_task(self._order(chance))
-        await self.world.converse()
+        await self.world.keep_calendars()
 
     async def book(self, chance: Random) -> None:
         await self._order(chance)
-        await self.world.converse()
+        await self.world.keep_calendars()
 
     async def _order(self, chance: Random) -> None:
         delivery_id = self.world.new_delivery()
@@ -113,7 +113,7 @@ class Story:
         request = await self.world.left_to_book(delivery_id)
         if request is not None:
             note(f"  {await self.world.book(delivery_id, request, loading='AUTOMATIC')}")
-            await self.world.converse()
+            await self.world.keep_calendars()
 
     async def cancel(self, chance: Random) -> None:
         if not self.world.requests:

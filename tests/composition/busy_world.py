@@ -2,6 +2,7 @@
 
 import asyncio
 from collections import Counter, defaultdict
+from collections.abc import Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import Any, Self
@@ -10,6 +11,7 @@ from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
 from skyway_composition.links.listening import Listening
 from skyway_composition.missions.booking.book import Bookings
+from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer, MissionImpact
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.interventions.cancel import Cancellations
@@ -34,7 +36,13 @@ from sqlalchemy import delete, select
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.flight_step import PackageOnBoard
-from skyway.contracts.mission import BookMissions, Cancellation, CancelMissions, MissionState
+from skyway.contracts.mission import (
+    OPEN_MISSION_STATES,
+    BookMissions,
+    Cancellation,
+    CancelMissions,
+    MissionState,
+)
 from skyway.contracts.mission_reports import MissionReport
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Tariff
@@ -61,8 +69,8 @@ _LONGEST_STRIDE = timedelta(minutes=10)
 #: Instructions to a connected drone arrive within this time.
 _DROPS_FOR = timedelta(minutes=1)
 
-#: How often drones in flight check for failures: a quarter of a second of wall time.
-_FLIGHT_STRIDE = timedelta(seconds=0.25 * _RATE)
+#: How often drones in flight check for failures; a quarter of a second of wall time at `_RATE`.
+_FLIGHT_STRIDE = timedelta(seconds=15)
 
 #: Silent turns of the event loop until the agents have nothing to do; 7 turns once preceded news.
 _CALM_TURNS = 12
@@ -74,8 +82,8 @@ _OVER_WITHIN = timedelta(hours=30)
 class BusyWorld:
     """Composition and its drones; time passes only when the test moves the clock."""
 
-    def __init__(self, url: str) -> None:
-        self.clock = ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC), rate=_RATE)
+    def __init__(self, url: str, *, rate: float = _RATE) -> None:
+        self.clock = ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC), rate=rate)
         self.mint = CountingMint()
         self.db = Database(url, outbox=outbox)
         self.solver = SolverPool(threads=1, time_limit_s=5.0)
@@ -113,13 +121,19 @@ class BusyWorld:
         """Restart composition as after kill -9: new objects on the same database."""
         db, clock, mint, stuck = self.db, self.clock, self.mint, Wake()
         networks, parts = PreparedNetworks(db), (db, clock, mint, stuck)
-        self.bookings = Bookings(db, networks, self.solver, clock, mint)
+        self.bookings = Bookings(db, networks, self.solver, clock, mint, Wake())
         self.closings = Closings(db, networks, MissionImpact(clock, mint, stuck), clock, mint)
         self.cancellations, self.commands = Cancellations(*parts), Commands(*parts)
         self.loadings = Loadings(*parts)
         listening = Listening(clock)
         self.follower = Follower(
-            db, SilentSubscriber(), clock=clock, mint=mint, stuck=stuck, listening=listening
+            db,
+            SilentSubscriber(),
+            clock=clock,
+            mint=mint,
+            stuck=stuck,
+            calendars=Wake(),
+            listening=listening,
         )
         occupied = OccupiedPads(self.closings)
         self.replanner = Replanner(db, networks, self.solver, clock, mint, "hot", occupied)
@@ -129,6 +143,7 @@ class BusyWorld:
             GroundStopEnforcer(db, self.closings, clock),
             OverdueMissions(db, clock, mint, listening),
         )
+        self.calendars = Calendars(db, networks, self.solver, clock, mint)
 
     @property
     def now_ms(self) -> int:
@@ -158,7 +173,15 @@ class BusyWorld:
             for sweep in self.sweeps:
                 await sweep.step()
             await self._load()
-            await self.converse()
+            await self.keep_calendars()
+
+    async def keep_calendars(self) -> None:
+        """Send, move or give up missions that wait in calendars, until nothing is left to do."""
+        await self.converse()
+        for _ in range(20):
+            if not await self.calendars.step():
+                break
+        await self.converse()
 
     async def _is_calm(self, *, since: datetime) -> bool:
         """Whether no drone has a message to send, and no check of missions is due."""
@@ -222,8 +245,15 @@ class BusyWorld:
     def new_delivery(self) -> str:
         return self.mint("dlv").replace("_", "")
 
-    async def book(self, delivery_id: str, request: DeliveryRequest, *, loading: str) -> str:
-        """Book as the gateway does; returns the outcome."""
+    async def book(
+        self,
+        delivery_id: str,
+        request: DeliveryRequest,
+        *,
+        loading: str,
+        drones: Sequence[FlownDrone] | None = None,
+    ) -> str:
+        """Book one of these drones (None: of all) as the gateway does; returns the outcome."""
         self.requests.setdefault(delivery_id, request)
         attempt = self.attempts[delivery_id] = self.attempts.get(delivery_id, 0) + 1
         candidates = [
@@ -233,14 +263,15 @@ class BusyWorld:
                     "drone_id": each.drone_id,
                     "model": MODEL,
                     "soc": each.logbook.soc,
-                    "station_id": each.logbook.station_id,
+                    # Where a drone with missions begins the next one, its calendar says.
+                    "station_id": each.logbook.station_id or each.drone.home_station_id,
                     "home_station_id": each.drone.home_station_id,
                     "tariff": Tariff(base=100, per_km=10),
                     "loading": loading,
                 }
             )
-            for each in self.drones
-            if each.logbook.mission is None and each.logbook.station_id is not None
+            for each in (self.drones if drones is None else drones)
+            if each.logbook.mission is not None or each.logbook.station_id is not None
         ]
         shortlist = Shortlist.of(candidates)
         requested = BookMissions(attempt=attempt, request=request, shortlist=shortlist)
@@ -291,8 +322,8 @@ class BusyWorld:
         await self.converse()
 
     async def left_to_book(self, delivery_id: str) -> DeliveryRequest | None:
-        """The packages of a delivery that are at the pickup and in no live mission."""
-        live = await self.live()
+        """The packages of a delivery that are at the pickup and in no mission that is not over."""
+        live = await self.planned()
         request = self.requests[delivery_id]
         async with self.db.read() as connection:
             held = await held_packages(connection, DeliveryId(delivery_id))
@@ -320,9 +351,17 @@ class BusyWorld:
         await self.converse()
 
     async def live(self) -> list[MissionRecord]:
+        """The missions that were sent and are not over."""
+        return [each for each in await self.planned() if each.is_live]
+
+    async def planned(self) -> list[MissionRecord]:
+        """The missions that are not over, in the order of their drones and starts."""
         async with self.db.read() as connection:
             records = await page(connection, MissionFilter(), before=None, limit=10_000)
-        return sorted((each for each in records if each.is_live), key=lambda each: each.drone_id)
+        return sorted(
+            (each for each in records if each.mission.state in OPEN_MISSION_STATES),
+            key=lambda each: (each.drone_id, each.start.at_ms),
+        )
 
     # What must hold
 
@@ -346,10 +385,14 @@ class BusyWorld:
                 await drone.restart(with_journal=True)
         self.loaders = "RIGHT"
         over_at = self.clock.now() + _OVER_WITHIN
-        while ((records := await self.live()) or self._flying()) and self.clock.now() < over_at:
+        while ((records := await self.planned()) or self._flying()) and self.clock.now() < over_at:
             for record in records:
-                if record.mission.is_held:
+                if record.mission.is_held and record.is_live:
                     await self.command(record.mission_id, "RESUME", None)
+                doubt = record.mission.doubt
+                if doubt is not None and doubt.code == "JOURNAL_LOST":
+                    # The drone cannot know what it did; people have looked at it.
+                    await self.command(record.mission_id, "GIVE_UP", None)
             await self.fetch_all()
             await self.pass_time(timedelta(minutes=30))
             await self.check()

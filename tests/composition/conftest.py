@@ -12,6 +12,7 @@ import httpx
 import pytest
 from skyway_composition.app import composition_app
 from skyway_composition.links.listening import Listening
+from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
 from skyway_composition.missions.replanning.replan import Replanner
@@ -147,6 +148,7 @@ class Composition:
     late_missions: LateMissions
     replanner: Replanner
     listening: Listening
+    calendars: Calendars
     deliveries: int = field(default=0)
 
     @property
@@ -275,6 +277,7 @@ async def unpublished(
             inquiries=inquiries,
             published=Wake(),
             stuck=Wake(),
+            calendars=Wake(),
         )
         async with httpx.AsyncClient(
             transport=httpx.ASGITransport(shared_app(composition_app, parts)),
@@ -289,13 +292,17 @@ async def unpublished(
                 clock=clock,
                 mint=mint,
                 stuck=parts.stuck,
+                calendars=parts.calendars,
                 listening=listening,
             )
             overdue = OverdueMissions(db, clock, mint, listening)
             late = LateMissions(db, parts.networks, clock, mint, parts.stuck)
             occupied = OccupiedPads(parts.closings)
             replanner = Replanner(db, parts.networks, solver, clock, mint, "test", occupied)
-            whole = Composition(client, parts, clock, follower, overdue, late, replanner, listening)
+            calendars = Calendars(db, parts.networks, solver, clock, mint)
+            whole = Composition(
+                client, parts, clock, follower, overdue, late, replanner, listening, calendars
+            )
             yield whole
 
 

@@ -24,11 +24,11 @@ BREAKS = {
             "report_seq, told, stuck, retry_wall_ms, claimed_by, claimed_until_ms FROM missions"
         ),
     ],
-    "I3 a reservation has a live mission": ["UPDATE missions SET state = 'COMPLETED'"],
-    "I3 a live mission holds the pads of its steps": [
+    "I3 a reservation has a mission that is not over": ["UPDATE missions SET state = 'COMPLETED'"],
+    "I3 a mission holds the pads of its steps": [
         "DELETE FROM pad_reservations WHERE station_id = 'c'"
     ],
-    "I3 a live mission holds no pad that it does not need": [
+    "I3 a mission holds no pad that it does not need": [
         "UPDATE pad_reservations SET end_ms = end_ms + 1 WHERE station_id = 'c'"
     ],
     "I4 a mission was sent to its drone": ["DELETE FROM instructions"],
@@ -36,7 +36,7 @@ BREAKS = {
     "a mission is checked when its next step should have ended": [
         "UPDATE missions SET state = 'ACCEPTED'"
     ],
-    "a closed delivery has no live mission": ["UPDATE deliveries SET closed_ms = 1"],
+    "a closed delivery has no mission that is not over": ["UPDATE deliveries SET closed_ms = 1"],
     "I7 instructions of a stream have no gaps": ["UPDATE instructions SET seq = 3"],
     "I6 a chain of custody has no gaps": ["UPDATE custody SET seq = 2"],
     "I6 a package is delivered once": [

@@ -1,5 +1,6 @@
 """The committed documents are those that the code generates, and they are valid."""
 
+import functools
 import importlib.util
 import json
 import re
@@ -41,7 +42,9 @@ def document_of(service: str) -> Any:
     return json.loads((FOLDER / f"{service}.json").read_text(encoding="utf-8"))
 
 
+@functools.cache
 def asyncapi() -> Any:
+    """The committed AsyncAPI document, read once. Tests do not change it."""
     return yaml.safe_load((FOLDER / "asyncapi.yaml").read_text(encoding="utf-8"))
 
 

@@ -34,7 +34,7 @@ def test_candidates_arrive_as_they_were_and_in_their_order() -> None:
     candidates = (
         make_candidate(3),
         make_candidate(1, provider_id="prv_2", tariff=Tariff(base=5), loading="CONFIRMED"),
-        make_candidate(2, model=DJI_MATRICE_300_RTK),
+        make_candidate(2, model=DJI_MATRICE_300_RTK, standby="STAY"),
     )
 
     arrived = sent(Shortlist.of(candidates))
@@ -67,6 +67,8 @@ def test_a_shortlist_without_drones_is_empty() -> None:
     [
         ("socs", []),
         ("station_ids", ["a", "b"]),
+        ("standbys", ["STAY", "HOME"]),
+        ("standbys", ["ROAM"]),
         ("models", []),
         ("providers", []),
         ("model_ids", ["unheard-of"]),
@@ -78,6 +80,16 @@ def test_a_broken_row_is_refused_where_it_arrives(column: str, value: list[objec
 
     with pytest.raises(ValidationError):
         Shortlist.model_validate({**whole, column: value})
+
+
+def test_drones_of_a_registry_that_sends_no_standby_fly_home() -> None:
+    older = Shortlist.of([make_candidate(1), make_candidate(2)]).model_dump(mode="json")
+    del older["standbys"]
+
+    arrived = Shortlist.model_validate(older)
+
+    assert [each.standby for each in arrived.candidates] == ["HOME", "HOME"]
+    assert arrived.only([1]).candidates == (make_candidate(2),)
 
 
 def test_some_rows_are_those_candidates_in_the_order_asked_for() -> None:

@@ -13,6 +13,26 @@ COMPLETED = "SELECT delivery_id FROM deliveries WHERE state = 'COMPLETED'"
 DAMAGES = [
     ("lost request", "UPDATE deliveries SET give_up_ms = 1 WHERE state = 'REQUESTED'", "I5"),
     (
+        "scheduled and never requested",
+        "UPDATE deliveries SET state = 'SCHEDULED', is_queued = FALSE WHERE state = 'REQUESTED'",
+        "I5 a scheduled delivery is requested before its pickup",
+    ),
+    (
+        "scheduled and queued",
+        "UPDATE deliveries SET state = 'SCHEDULED' WHERE state = 'REQUESTED'",
+        "I5 a delivery is queued while packages of it wait",
+    ),
+    (
+        "waits after its end",
+        "UPDATE deliveries SET waits_since_ms = 1 WHERE state = 'COMPLETED'",
+        "I5 a request that waits for a drone is queued",
+    ),
+    (
+        "in the wrong class",
+        "UPDATE deliveries SET queue_rank = 0 WHERE state = 'REQUESTED'",
+        "I5 requests wait in the order of their classes",
+    ),
+    (
         "finished again",
         "UPDATE deliveries SET state = 'PLANNED' WHERE state = 'COMPLETED'",
         "I5 a delivery that goes on has no final event",
@@ -124,6 +144,23 @@ async def test_damage_is_found(lived: Any, damage: str, rule: str) -> None:
     lived.is_damaged = True
     await lived.execute(damage)
     assert any(found.startswith(rule) for found in await lived.verified())
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "UPDATE events SET recorded_wall_ms = recorded_wall_ms + 1 WHERE sequence = 1",
+        "UPDATE events SET body = body || ' ' WHERE sequence = 1",
+        "UPDATE deliveries SET events_hash = ''",
+    ],
+)
+async def test_an_event_that_was_changed_later_is_found(lived: Any, damage: str) -> None:
+    lived.is_damaged = True
+    await lived.execute(damage)
+
+    found = await lived.verified()
+
+    assert any("a delivery's events are those that were recorded" in each for each in found)
 
 
 async def test_a_package_cannot_be_delivered_twice(lived: Any) -> None:

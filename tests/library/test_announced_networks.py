@@ -73,6 +73,16 @@ def test_a_dropped_network_is_not_cached(cached: CachedNetworks) -> None:
     assert [cached.network_of(StationId(each)) for each in "at"] == [None, "town"]
 
 
+def test_the_last_version_of_a_dropped_network_is_still_known(cached: CachedNetworks) -> None:
+    start, to = StationId("b"), [StationId("a")]
+    cached.clear()
+
+    assert cached.position_if_connected(start, to=to) is None
+    assert cached.last_position_if_connected(start, to=to) == Position(0.0, 1.0)
+    cached.put(make_network(version=2, b=0, c=0))
+    assert cached.last_position_if_connected(start, to=to) is None
+
+
 def test_a_network_that_is_too_large_is_cached_without_stations(cached: CachedNetworks) -> None:
     ids = tuple(StationId(f"s{number}") for number in range(199_997))
     large = NetworkStations(
@@ -149,6 +159,19 @@ async def test_a_cached_version_is_asked_for_once(
 
     assert is_cached(learner, "a")
     assert composition.asked == ["city"]
+
+
+async def test_a_learned_version_is_kept_for_the_next_start(composition: FakeComposition) -> None:
+    kept: list[NetworkStations] = []
+
+    async def keep(stations: NetworkStations) -> None:
+        kept.append(stations)
+
+    learner = NetworkLearner(composition.all_stations, keep=keep)
+    learner.note(announcement())
+    await learner.learn()
+
+    assert kept == [composition.networks["city"]]
 
 
 async def test_a_replaced_version_leaves_the_cache_immediately(

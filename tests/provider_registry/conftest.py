@@ -10,7 +10,7 @@ import httpx
 import pytest
 from skyway_provider_registry.app import registry_app
 from skyway_provider_registry.enrolment.password_file import PasswordFile
-from skyway_provider_registry.fleets.credentials.issue import Issuer
+from skyway_provider_registry.fleets.issue_credentials import Issuer
 from skyway_provider_registry.parts import Parts
 
 from skyway.announced_networks import NetworkLearner

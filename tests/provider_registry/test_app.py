@@ -51,4 +51,5 @@ def test_verify_prints_each_violation_as_a_line(tmp_path: Path) -> None:
     verified = run("verify", SKYWAY_DATABASE_URL=f"sqlite:///{path}")
 
     assert verified.returncode == 1
-    assert [json.loads(line)["subject"] for line in verified.stdout.splitlines()] == ["drn_9"]
+    subjects = [json.loads(line)["subject"] for line in verified.stdout.splitlines()]
+    assert subjects == ["broker_accounts.password_hash of broker_accounts drn_9", "drn_9"]

@@ -7,13 +7,16 @@ from skyway_provider_registry.tables import broker_accounts, drones, presence
 from skyway_provider_registry.verify.rules import RULES
 from sqlalchemy import Executable, delete, insert, update
 
+from skyway.broker_setup.passwords import hash_password
 from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
 
 BREAKS: dict[str, tuple[Executable, str]] = {
     "every drone has a broker account": (delete(broker_accounts), "drn_000001"),
     "every drone's broker account has a drone": (
-        insert(broker_accounts).values(user_name="drn_9", kind="DRONE", password_hash=""),
+        insert(broker_accounts).values(
+            user_name="drn_9", kind="DRONE", password_hash=hash_password("secret")
+        ),
         "drn_9",
     ),
     "every drone has one presence": (delete(presence), "drn_000001"),

@@ -6,16 +6,11 @@ second.
 """
 
 from datetime import timedelta
-from typing import Annotated, Final, Protocol
+from typing import Final, Protocol
 
-from fastapi import Depends, Request
-from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
-
-from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.ids import DroneId
 from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import Unauthenticated
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import store
@@ -24,8 +19,6 @@ from skyway_gateway.access.key import secret_hash
 #: How long a caller is cached, wall time.
 _KEPT: Final = timedelta(seconds=1)
 _MOST_CACHED: Final = 10_000
-
-_bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a drone's: dk_...")
 
 
 class CachedKeys:
@@ -67,27 +60,3 @@ class DroneKeys:
         """The drone that calls; None when the key is unknown or no longer valid."""
         drone_id = await self._registry.drone_of(secret_hash(secret))
         return None if drone_id is None else Caller("drone", drone_id)
-
-
-class KeyGate:
-    """A dependency that lets only known keys in, and gives whose they are."""
-
-    def __init__(self, known: CachedKeys, drones: DroneKeys) -> None:
-        self._known = known
-        self._drones = drones
-
-    async def __call__(
-        self,
-        request: Request,
-        shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
-    ) -> Caller:
-        """The caller whose key is shown."""
-        if shown is None:
-            raise Unauthenticated("an API key is needed: Authorization: Bearer sk_...")
-        is_drones = shown.credentials.startswith(DRONE_KEY_PREFIX)
-        caller = await (self._drones if is_drones else self._known).caller_of(shown.credentials)
-        if caller is None:
-            raise Unauthenticated("this API key is not known, or was withdrawn")
-        # The audit trail, which sees the request from outside, asks who it was.
-        request.state.caller = caller
-        return caller

@@ -1,11 +1,14 @@
-"""API keys over REST; operators only."""
+"""API keys over HTTP: the gate that recognises callers, and the routes for operators."""
 
 from typing import Annotated
 
 from fastapi import Depends, Query, Request, Response
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from pydantic import Field
 
+from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.ids import KeyId, SubjectId
+from skyway.runtime.errors import Unauthenticated
 from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
@@ -14,8 +17,34 @@ from skyway.runtime.sql.database import Database
 from skyway_gateway.access import store
 from skyway_gateway.access.issue_keys import Keys
 from skyway_gateway.access.key import ApiKey, IssuedKey, KeyRole, NewKey
-from skyway_gateway.access.recognise_keys import KeyGate
+from skyway_gateway.access.recognise_keys import CachedKeys, DroneKeys
 from skyway_gateway.access.store import KeyFilter
+
+_bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a drone's: dk_...")
+
+
+class KeyGate:
+    """A dependency that lets only known keys in, and gives whose they are."""
+
+    def __init__(self, known: CachedKeys, drones: DroneKeys) -> None:
+        self._known = known
+        self._drones = drones
+
+    async def __call__(
+        self,
+        request: Request,
+        shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
+    ) -> Caller:
+        """The caller whose key is shown."""
+        if shown is None:
+            raise Unauthenticated("an API key is needed: Authorization: Bearer sk_...")
+        is_drones = shown.credentials.startswith(DRONE_KEY_PREFIX)
+        caller = await (self._drones if is_drones else self._known).caller_of(shown.credentials)
+        if caller is None:
+            raise Unauthenticated("this API key is not known, or was withdrawn")
+        # The audit trail, which sees the request from outside, asks who it was.
+        request.state.caller = caller
+        return caller
 
 
 class KeyListQuery(PageQuery):

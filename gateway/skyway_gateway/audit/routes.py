@@ -11,10 +11,9 @@ from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.key import KeyRole
-from skyway_gateway.access.recognise_keys import KeyGate
+from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.audit import store
-from skyway_gateway.audit.entry import LONGEST_PATH, AuditEntry
-from skyway_gateway.audit.store import AuditFilter
+from skyway_gateway.audit.store import LONGEST_PATH, AuditEntry, AuditFilter
 
 
 class AuditQuery(PageQuery):

@@ -17,7 +17,7 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import current_traceparent
 from skyway_gateway.audit import store
-from skyway_gateway.audit.entry import LONGEST_BODY, AuditEntry, body_text, path_text
+from skyway_gateway.audit.store import LONGEST_BODY, AuditEntry, body_text, path_text
 
 log = logging.getLogger(__name__)
 

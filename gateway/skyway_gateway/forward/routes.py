@@ -3,7 +3,7 @@
 import json
 from collections.abc import Awaitable, Callable, Mapping
 from http import HTTPStatus
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 from fastapi import Depends, Request, Response
 from fastapi.responses import StreamingResponse
@@ -19,19 +19,32 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.issue_keys import Keys
-from skyway_gateway.access.recognise_keys import KeyGate
+from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.forward.table import FORWARDED, Forwarded
 
 _PROVIDERS = "/v1/providers"
 
 
-def forward_routes(*, gate: KeyGate, clients: Mapping[str, ServiceClient]) -> ServiceRouter:
-    """Every row of the table."""
+class Changes(Protocol):
+    """Notes what may help requests that wait for a drone."""
+
+    def note_change(self) -> None:
+        """Note a change that may help requests of any network."""
+        ...
+
+
+def forward_routes(
+    *, gate: KeyGate, clients: Mapping[str, ServiceClient], changes: Changes
+) -> ServiceRouter:
+    """Every row of the table; `changes` notes each call that may have changed something.
+
+    A closure that is lifted, or a drone that is added, may help requests that wait.
+    """
     router = ServiceRouter()
     for row in FORWARDED:
         router.add_api_route(
             row.path,
-            _handler(row, gate, clients[row.service]),
+            _handler(row, gate, clients[row.service], changes),
             methods=[row.method],
             response_class=StreamingResponse,
             # The whole document takes its operation from the service's own.
@@ -41,13 +54,16 @@ def forward_routes(*, gate: KeyGate, clients: Mapping[str, ServiceClient]) -> Se
 
 
 def _handler(
-    row: Forwarded, gate: KeyGate, client: ServiceClient
+    row: Forwarded, gate: KeyGate, client: ServiceClient, changes: Changes
 ) -> Callable[..., Awaitable[Response]]:
     async def pass_on(request: Request, caller: Caller | None) -> Response:
         path = request.scope["path"]
-        return await cancel_on_disconnect(
+        answer = await cancel_on_disconnect(
             request, lambda read: client.forward(read, path, caller, timeout_s=row.timeout_s)
         )
+        if row.method != "GET" and answer.status_code < HTTPStatus.BAD_REQUEST:
+            changes.note_change()
+        return answer
 
     async def for_caller(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Response:
         caller.must_be(*row.roles)

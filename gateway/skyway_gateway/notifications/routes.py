@@ -14,11 +14,11 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
-from skyway_gateway.access.recognise_keys import KeyGate
+from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.notifications.fleet_time import FleetTime, fleet_time
 from skyway_gateway.notifications.webhooks import webhook_store
 from skyway_gateway.notifications.webhooks.replay_events import replay
-from skyway_gateway.notifications.webhooks.replay_request import Replay, ReplayRequest
+from skyway_gateway.notifications.webhooks.replay_store import Replay, ReplayRequest
 from skyway_gateway.notifications.webhooks.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhooks.sending_store import attempts_page
 from skyway_gateway.notifications.webhooks.targets import Targets

@@ -10,7 +10,7 @@ from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.sql.database import Tx
 from skyway_gateway.quotes import store
-from skyway_gateway.quotes.quote import Offer, Quote
+from skyway_gateway.quotes.store import Offer, Quote
 
 
 @dataclass(frozen=True, slots=True)

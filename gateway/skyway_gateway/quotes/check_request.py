@@ -1,7 +1,8 @@
 """Checks whether a delivery request is possible: its times, stations and masses.
 
 Quotes and deliveries pass the same checks. A request that passes may still find no drone. The
-registry says how heavy a package may be; its answer is cached for a moment.
+registry says how heavy a package may be; its answer is cached for a moment. While the registry is
+away, nobody checks masses and providers: booking finds out later, and rejects the delivery.
 """
 
 import contextlib
@@ -19,6 +20,7 @@ from skyway.ids import StationId
 from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
 from skyway_gateway.clients import Composition, Registry
+from skyway_gateway.quotes.short_wait import ShortWait
 
 #: How long a limit is used without asking again, wall time. Fleets hardly change meanwhile, and
 #: booking finds out whether a drone is available.
@@ -28,6 +30,9 @@ _MOST_CACHED: Final = 1_000
 
 #: The furthest moment that a request may name: this finds mistyped years.
 _LONGEST_AHEAD: Final = timedelta(days=366)
+
+#: The furthest pickup that a request may ask for (docs/reference/booking.md).
+_FURTHEST_PICKUP: Final = timedelta(days=30)
 
 #: A mass that exceeds the limit by less than this counts as equal, kilograms.
 _MASS_TOLERANCE_KG: Final = 1e-9
@@ -48,13 +53,17 @@ class CachedPayloadLimits:
     def __init__(self, registry: Registry, clock: FleetClock) -> None:
         self._registry = registry
         self._cached = AnswerCache(self._ask, clock=clock, kept=_KEPT, most=_MOST_CACHED)
+        self._wait = ShortWait()
 
-    async def limit_for(self, heaviest_kg: float, choice: ProviderChoice) -> PayloadLimit:
-        """The payload limit of the chosen providers' drones, fresh if this mass might exceed it."""
+    async def limit_for(self, heaviest_kg: float, choice: ProviderChoice) -> PayloadLimit | None:
+        """The payload limit of the chosen providers' drones, fresh if this mass might exceed it.
+
+        None while the registry is away.
+        """
         cached = self._cached.cached(choice)
         if cached is not None and _allows(cached, heaviest_kg):
             return cached
-        return await self._cached.ask(choice)
+        return await self._wait.answer_of(self._cached.ask(choice))
 
     async def _ask(self, choice: ProviderChoice) -> PayloadLimit:
         return await self._registry.payload_limit(PayloadLimitQuery(providers=choice))
@@ -86,6 +95,7 @@ class RequestChecks:
     networks: CachedNetworks
     composition: Composition
     clock: FleetClock
+    composition_wait: ShortWait
 
     async def check(self, request: DeliveryRequest) -> CheckedRequest:
         """Check the whole request.
@@ -97,7 +107,7 @@ class RequestChecks:
         RemoteProblem
             NO_NETWORK: no network is published at all.
         ServiceUnavailable
-            The registry or composition does not answer now.
+            Composition does not answer now, and never said whether the stations exist.
         """
         self._check_times(request)
         _check_destinations(request)
@@ -107,17 +117,17 @@ class RequestChecks:
 
     def _check_times(self, request: DeliveryRequest) -> None:
         now, deadline_at = self.clock.now(), request.qos.deadline_at
-        latest_at = now + _LONGEST_AHEAD
         if deadline_at is not None and deadline_at <= now:
             raise InvalidInput(
                 "qos.deadline_at", f"{deadline_at} is in the past: fleet time is {now}"
             )
-        for field, moment in (
-            ("qos.deadline_at", deadline_at),
-            ("earliest_pickup_at", request.earliest_pickup_at),
+        for field, moment, furthest in (
+            ("qos.deadline_at", deadline_at, _LONGEST_AHEAD),
+            ("earliest_pickup_at", request.earliest_pickup_at, _FURTHEST_PICKUP),
         ):
-            if moment is not None and moment > latest_at:
-                raise InvalidInput(field, f"{moment} is later than the limit of {latest_at}")
+            if moment is not None and moment > now + furthest:
+                detail = f"{moment} is later than the limit of {now + furthest}"
+                raise InvalidInput(field, f"{detail}, {furthest.days} days ahead")
         if deadline_at is not None and (request.earliest_pickup_at or now) >= deadline_at:
             raise InvalidInput("earliest_pickup_at", f"must be before the deadline {deadline_at}")
 
@@ -129,7 +139,16 @@ class RequestChecks:
         query = StationCheckQuery(
             station_ids=tuple(dict.fromkeys((pickup, *named.values()))), reachable_from=pickup
         )
-        found = await self.composition.check_stations(query)
+        # The network may have changed since, but only composition could say so.
+        last_position = self.networks.last_position_if_connected(pickup, to=named.values())
+        if last_position is None:
+            found = await self.composition.check_stations(query)
+        else:
+            asking = self.composition.check_stations(query)
+            answer = await self.composition_wait.answer_of(asking)
+            if answer is None:
+                return last_position
+            found = answer
         if pickup in found.unknown:
             raise InvalidInput("pickup.station_id", f"station {pickup!r} is unknown")
         for field, station_id in named.items():
@@ -137,10 +156,15 @@ class RequestChecks:
         return found.positions[pickup]
 
     async def _check_payload(self, request: DeliveryRequest) -> bool:
-        """Check each package alone, as several trips may carry all; False without any provider."""
+        """Check each package alone, as several trips may carry all; False without any provider.
+
+        While the registry is away, nothing is checked: that is True.
+        """
         choice = request.qos.providers
         heaviest_kg = max(package.mass_kg for package in request.packages)
         limit = await self.payload_limits.limit_for(heaviest_kg, choice)
+        if limit is None:
+            return True
         for provider_id in limit.unknown_provider_ids:
             field = f"qos.providers.{_field_of(provider_id, choice)}"
             raise InvalidInput(field, f"provider {provider_id!r} is unknown")

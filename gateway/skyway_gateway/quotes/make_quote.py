@@ -18,7 +18,7 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.check_request import NO_PROVIDER, RequestChecks
-from skyway_gateway.quotes.quote import OFFER_LIFE_S, Offer, Quote
+from skyway_gateway.quotes.store import OFFER_LIFE_S, Offer, Quote
 
 
 @dataclass(frozen=True, slots=True)

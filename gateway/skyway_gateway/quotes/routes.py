@@ -11,10 +11,10 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
-from skyway_gateway.access.recognise_keys import KeyGate
+from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.make_quote import QuoteMaker
-from skyway_gateway.quotes.quote import Quote
+from skyway_gateway.quotes.store import Quote
 
 
 def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRouter:

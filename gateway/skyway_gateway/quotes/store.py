@@ -1,23 +1,59 @@
-"""All SQL of quotes."""
+"""A quote as customers see it, and all SQL of quotes."""
 
 from datetime import datetime
-from typing import Final
+from typing import Annotated, Final
 
-from pydantic import TypeAdapter
+from pydantic import Field, TypeAdapter
 from sqlalchemy import and_, delete, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.message import FleetMoment, WallMoment
+from skyway.contracts.quote import OfferTerms
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
+from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.store import owned
-from skyway_gateway.quotes.quote import Offer, Quote
 from skyway_gateway.tables import quotes
+
+#: How long an offer can be accepted, seconds of wall time (docs/reference/time.md).
+OFFER_LIFE_S: Final = 120.0
+
+
+class Offer(OfferTerms):
+    """What one provider offers; its price and time hold if it is accepted before `expires_at`."""
+
+    offer_id: Annotated[OfferId, Field(description="The id of the offer, to accept it with.")]
+    expires_at: WallMoment
+
+
+class Quote(JsonModel):
+    """The offers for a request, the best first, and why other providers make none.
+
+    One of the offers can be accepted, once.
+    """
+
+    quote_id: Annotated[QuoteId, Field(description="The id of the quote.")]
+    request: Annotated[DeliveryRequest, Field(description="What was requested.")]
+    made_at: FleetMoment
+    expires_at: WallMoment
+    offers: Annotated[tuple[Offer, ...], Field(description="the best first")]
+    infeasible: Annotated[
+        tuple[ProviderReason, ...], Field(description="Why other providers make no offer.")
+    ]
+    taken_offer_id: Annotated[
+        OfferId | None, Field(description="The accepted offer; null while none is accepted.")
+    ] = None
+    delivery_id: Annotated[
+        DeliveryId | None,
+        Field(description="The delivery of the accepted offer; null while none is accepted."),
+    ] = None
+
 
 _OFFERS: Final = TypeAdapter(tuple[Offer, ...])
 _REASONS: Final = TypeAdapter(tuple[ProviderReason, ...])

@@ -10,7 +10,7 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
-from skyway_gateway.access.recognise_keys import KeyGate
+from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.statistics import store
 from skyway_gateway.statistics.delivery_statistics import (
     DeliveryQuery,

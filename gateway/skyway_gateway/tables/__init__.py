@@ -6,7 +6,7 @@ from skyway_gateway.tables.access import api_keys, audit, audit_head
 from skyway_gateway.tables.deliveries import custody, deliveries, missions, packages
 from skyway_gateway.tables.metadata import metadata
 from skyway_gateway.tables.notifications import events, notifications, webhook_attempts, webhooks
-from skyway_gateway.tables.quotes import quotes
+from skyway_gateway.tables.quotes import known_networks, quotes
 
 __all__ = [
     "api_keys",
@@ -16,6 +16,7 @@ __all__ = [
     "deliveries",
     "events",
     "idempotency",
+    "known_networks",
     "metadata",
     "missions",
     "notifications",

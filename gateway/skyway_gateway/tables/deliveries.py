@@ -9,6 +9,7 @@ from sqlalchemy import (
     ForeignKey,
     Index,
     Integer,
+    SmallInteger,
     Table,
     Text,
     UniqueConstraint,
@@ -36,6 +37,7 @@ deliveries = Table(
     Column("created_ms", BigInteger, nullable=False),
     Column("updated_ms", BigInteger, nullable=False),
     Column("give_up_ms", BigInteger, nullable=False),
+    Column("earliest_pickup_ms", BigInteger),  # as the customer asked; null without such a wish
     Column("attempt", Integer, nullable=False),
     Column("refusals", Text, nullable=False),  # JSON list of deliveries.lifecycle.delivery.Refusal
     Column(
@@ -53,12 +55,19 @@ deliveries = Table(
     Column("is_queued", Boolean, nullable=False, server_default=true()),
     Column("cancel_reason", Text),  # set when the whole delivery is being cancelled
     Column("next_try_wall_ms", BigInteger, nullable=False),
+    Column("network_id", Text),  # of the pickup; null when the gateway did not know it
+    # The order of requests that wait: PRIORITY (0) before STANDARD (1), then by `created_ms`.
+    Column("queue_rank", SmallInteger, nullable=False, server_default="1"),
+    # Since when no drone was free for it, fleet time; null while it does not wait.
+    Column("waits_since_ms", BigInteger),
+    # When something last changed that may help it; later tries are further and further apart.
+    Column("woken_wall_ms", BigInteger, nullable=False, server_default="0"),
     # Counts the writes of the delivery and its parts; a write names the version that it starts
     # from. Changes of the queue columns do not count.
     Column("version", Integer, nullable=False, server_default="0"),
     *claim_columns(),
     CheckConstraint(
-        "state IN ('REQUESTED', 'PLANNED', 'DISPATCHED', 'LOADING', 'IN_PROGRESS', "
+        "state IN ('SCHEDULED', 'REQUESTED', 'PLANNED', 'DISPATCHED', 'LOADING', 'IN_PROGRESS', "
         "'COMPLETED', 'PARTIALLY_COMPLETED', 'CANCELLED', 'FAILED', 'REJECTED')",
         name="delivery_state",
     ),
@@ -66,6 +75,22 @@ deliveries = Table(
     Index("deliveries_by_state", "state", "next_try_wall_ms"),
     Index("deliveries_queued", "is_queued", "next_try_wall_ms"),
     Index("deliveries_by_time", "created_ms"),
+    Index(
+        "deliveries_waiting",
+        "network_id",
+        "queue_rank",
+        "created_ms",
+        "delivery_id",
+        sqlite_where=text("waits_since_ms IS NOT NULL"),
+        postgresql_where=text("waits_since_ms IS NOT NULL"),
+    ),
+    # Few deliveries are SCHEDULED: the others cost this index nothing.
+    Index(
+        "deliveries_scheduled",
+        "earliest_pickup_ms",
+        sqlite_where=text("state = 'SCHEDULED'"),
+        postgresql_where=text("state = 'SCHEDULED'"),
+    ),
 )
 
 packages = Table(

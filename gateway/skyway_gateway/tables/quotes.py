@@ -1,6 +1,6 @@
-"""Quotes."""
+"""Quotes, and the networks that requests are checked against."""
 
-from sqlalchemy import BigInteger, Column, Index, Table, Text
+from sqlalchemy import BigInteger, Column, Index, Integer, Table, Text
 
 from skyway_gateway.tables.metadata import metadata
 
@@ -18,4 +18,13 @@ quotes = Table(
     Column("taken_offer_id", Text),
     Column("delivery_id", Text),
     Index("quotes_by_expiry", "expires_wall_ms"),
+)
+
+#: The last known version of each network, for the time in which composition is away.
+known_networks = Table(
+    "known_networks",
+    metadata,
+    Column("network_id", Text, primary_key=True),
+    Column("version", Integer, nullable=False),
+    Column("stations", Text, nullable=False),  # JSON of contracts.station_check.NetworkStations
 )

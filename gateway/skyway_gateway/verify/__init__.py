@@ -1,6 +1,6 @@
 """Verification: what must always hold in the gateway's database (docs/reference/invariants.md).
 
-`rules` lists all rules. Each file has the rules of one subject: `deliveries`, their `packages` with
-the `custody` of each, their `missions` and `events`, the `notifications` of webhooks, and `calls`:
-the audit log and the answers that are stored. `facts` are compared with other services.
+`rules` lists all rules. Each file has the rules of one subject: `deliveries`, accepted `offers`,
+`packages` with the `custody` of each, `missions` and `events`, the `notifications` of webhooks, and
+`calls`: keys, the audit log and stored answers. `facts` are compared with other services.
 """

@@ -1,14 +1,23 @@
-"""The rules of calls: the audit log has every entry, and accepted requests have their answers."""
+"""The rules of calls: keys, the audit log, and the stored answers of accepted requests."""
 
 from typing import Final
 
-from sqlalchemy import exists, select
+from sqlalchemy import Column, ColumnElement, exists, select
 
 from skyway.runtime.idempotency.answer_store import KEPT_MS
 from skyway.runtime.verification.rule import Rule
+from skyway.runtime.verification.storage_rules import union_of
 from skyway.runtime.verification.survey import Survey
 from skyway_gateway.audit.store import entry_hash
-from skyway_gateway.tables import audit, audit_head, deliveries, events, idempotency
+from skyway_gateway.tables import (
+    api_keys,
+    audit,
+    audit_head,
+    deliveries,
+    events,
+    idempotency,
+    webhooks,
+)
 
 #: Answers are deleted when they are a day old; a look at that moment may find them or not. Wall ms.
 _SWEPT_WITHIN_MS: Final = 600_000
@@ -44,7 +53,21 @@ async def _lost_answers(survey: Survey) -> set[str]:
     )
 
 
+def _without_key(subject: Column[str]) -> ColumnElement[bool]:
+    # Deleted keys stay in the table.
+    return ~exists().where(api_keys.c.subject_id == subject)
+
+
 CALLS: Final = (
+    Rule(
+        "whose deliveries, webhooks and calls are stored has a key, or had one",
+        union_of(
+            select(subject).where(_without_key(subject))
+            for subject in (deliveries.c.customer_id, webhooks.c.customer_id, audit.c.subject_id)
+        ),
+        "A row of `api_keys` was deleted or changed, so its owner cannot call. Restore it from a "
+        "backup, or make a new key: POST /v1/keys.",
+    ),
     Rule(
         "the audit log has every entry as it was written",
         _changed_entries,

@@ -6,11 +6,12 @@ from typing import Any, Final
 from sqlalchemy import ColumnElement, and_, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.delivery.request import PRIORITY_RANKS, DeliveryRequest
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.survey import Survey
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES, TERMINAL_STATES
 from skyway_gateway.notifications.stream_events import LAST_EVENTS
-from skyway_gateway.tables import deliveries, events, missions, packages, quotes
+from skyway_gateway.tables import deliveries, events, missions, packages
 
 #: A request is overdue when other deliveries were written this long after its end, fleet ms.
 _OVERDUE_MS: Final = 3_600_000
@@ -69,6 +70,16 @@ async def _other_packages(survey: Survey) -> list[str]:
     ]
 
 
+async def _other_ranks(survey: Survey) -> list[str]:
+    """Queued deliveries whose rank is not that of their request's class."""
+    query = select(deliveries.c.delivery_id, deliveries.c.queue_rank, deliveries.c.request)
+    return [
+        row.delivery_id
+        async for row in survey.each(query.where(deliveries.c.is_queued))
+        if row.queue_rank != PRIORITY_RANKS[DeliveryRequest.read(row.request).qos.priority]
+    ]
+
+
 def _requested(text: str) -> tuple[str | None, dict[str, Any]]:
     """The reference of a request, and each package's number, destination and mass."""
     request = json.loads(text)
@@ -95,10 +106,35 @@ DELIVERIES: Final = (
     Rule(
         "I5 a delivery is queued while packages of it wait",
         select(deliveries.c.delivery_id).where(
-            deliveries.c.is_queued != and_(~_is_over, _has_waiting)
+            deliveries.c.is_queued
+            != and_(~_is_over, deliveries.c.state != "SCHEDULED", _has_waiting)
         ),
-        "Set `is_queued` to whether the delivery goes on and a package of it is CREATED without a "
-        "mission.",
+        "Set `is_queued` to whether the delivery goes on, is not SCHEDULED, and a package of it is "
+        "CREATED without a mission.",
+    ),
+    Rule(
+        "I5 a scheduled delivery is requested before its pickup",
+        select(deliveries.c.delivery_id).where(
+            deliveries.c.state == "SCHEDULED",
+            or_(
+                deliveries.c.earliest_pickup_ms.is_(None),
+                deliveries.c.earliest_pickup_ms + _OVERDUE_MS < _newest,
+            ),
+        ),
+        "The gateway's loop `scheduled` does not run: see its log. Set `earliest_pickup_ms` to the "
+        "moment in `request`; the loop then sets the state REQUESTED.",
+    ),
+    Rule(
+        "I5 a request that waits for a drone is queued",
+        select(deliveries.c.delivery_id).where(
+            deliveries.c.waits_since_ms.is_not(None), ~deliveries.c.is_queued
+        ),
+        "Others see it before them in the order of waiting. Set `waits_since_ms` to null.",
+    ),
+    Rule(
+        "I5 requests wait in the order of their classes",
+        _other_ranks,
+        "Set `queue_rank` to 0 where `request` has the priority PRIORITY, else to 1.",
     ),
     Rule(
         "I5 a request that nobody flies is queued",
@@ -165,19 +201,5 @@ DELIVERIES: Final = (
         _other_packages,
         "Correct the rows of `packages` by `deliveries.request`, which is what the customer asked "
         "for; its first event has the same request.",
-    ),
-    Rule(
-        "a delivery of an accepted offer has its limits",
-        select(quotes.c.delivery_id).where(
-            quotes.c.delivery_id.is_not(None),
-            ~exists().where(
-                deliveries.c.delivery_id == quotes.c.delivery_id,
-                deliveries.c.customer_id == quotes.c.customer_id,
-                deliveries.c.offer.is_not(None),
-                quotes.c.taken_offer_id.is_not(None),
-            ),
-        ),
-        "The quote names a delivery that does not exist or promises nothing. The quote's `offers` "
-        "have the price and the time that were promised: restore the delivery from a backup.",
     ),
 )

@@ -12,12 +12,13 @@ from skyway.contracts.service_facts import (
     DeliveryFacts,
     MissionFacts,
     PackageFacts,
+    ProviderFacts,
 )
 from skyway.delivery.offer import Price
 from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.survey import Survey
 from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES
-from skyway_gateway.tables import custody, deliveries, missions, outbox, packages
+from skyway_gateway.tables import api_keys, custody, deliveries, missions, outbox, packages
 
 
 async def _deliveries(survey: Survey) -> AsyncIterator[AnyFacts]:
@@ -86,4 +87,10 @@ async def _waiting(survey: Survey) -> Counter[str]:
     return Counter({row.stream: row.waiting for row in rows})
 
 
-FACTS: Final[dict[str, FactReader]] = {"deliveries": _deliveries}
+async def _providers(survey: Survey) -> AsyncIterator[AnyFacts]:
+    of_providers = api_keys.c.role == "provider", api_keys.c.deleted_wall_ms.is_(None)
+    async for row in survey.each(select(api_keys.c.subject_id).where(*of_providers).distinct()):
+        yield ProviderFacts(provider_id=row.subject_id)
+
+
+FACTS: Final[dict[str, FactReader]] = {"deliveries": _deliveries, "providers": _providers}

@@ -1,12 +1,18 @@
 """The rules of packages: one custodian, one chain of custody, one delivery (I6)."""
 
-from typing import Final
+from typing import Any, Final
 
 from sqlalchemy import ColumnElement, and_, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.runtime.verification.rule import Rule
-from skyway_gateway.deliveries.lifecycle.delivery import ON_BOARD_STATES, SETTLED_PACKAGE_STATES
+from skyway.runtime.verification.survey import Survey
+from skyway.units import moment_to_ms
+from skyway_gateway.deliveries.lifecycle.delivery import (
+    ON_BOARD_STATES,
+    SETTLED_PACKAGE_STATES,
+    Proof,
+)
 from skyway_gateway.tables import custody, missions, packages
 from skyway_gateway.verify.package_stories import PackageStory, packages_where
 
@@ -70,6 +76,26 @@ def _is_delivered_elsewhere(story: PackageStory) -> bool:
 def _ends_otherwise_than_notified(story: PackageStory) -> bool:
     """Whether its final state is not the one of which the customer was notified."""
     return story.notified_ends != story.expected_ends
+
+
+async def _other_proofs(survey: Survey) -> list[str]:
+    query = select(packages).where(_is_delivered)
+    return [
+        f"{row.delivery_id}/{row.package_id}"
+        async for row in survey.each(query)
+        if _proof_differs(row)
+    ]
+
+
+def _proof_differs(row: Any) -> bool:  # a row of packages
+    if row.proof is None:
+        return True
+    proof = Proof.read(row.proof)
+    is_elsewhere = proof.station_id not in (None, row.custodian_id)  # null in reports without place
+    return is_elsewhere or (proof.mission_id, moment_to_ms(proof.at)) != (
+        row.mission_id,
+        row.delivered_ms,
+    )
 
 
 PACKAGES: Final = (
@@ -159,5 +185,11 @@ PACKAGES: Final = (
         "I6 a package ends as its customer was notified",
         packages_where(_ends_otherwise_than_notified),
         _FROM_EVENTS,
+    ),
+    Rule(
+        "a delivered package has the proof of its hand-over",
+        _other_proofs,
+        "The event `package.delivered` has the same evidence: correct `proof`, or the columns that "
+        "differ from it.",
     ),
 )

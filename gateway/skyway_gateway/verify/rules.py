@@ -3,21 +3,28 @@
 import json
 from typing import Final
 
-from pydantic import TypeAdapter
+from pydantic import AnyHttpUrl, TypeAdapter
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event import DeliveryEvent
 from skyway.contracts.mission import OfferLimits
+from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.request import DeliveryRequest
 from skyway.geo import Position
+from skyway.runtime.verification.hash_forms import read_fernet_token, read_sha256
+from skyway.runtime.verification.outbox_rules import outbox_rules
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.storage_rules import storage_rules
 from skyway.runtime.verification.stored_forms import form_rule
 from skyway_gateway.deliveries.lifecycle.delivery import FlownMission, Proof, Refusal
-from skyway_gateway.quotes.quote import Offer
+from skyway_gateway.notifications.webhooks.webhook import signing_key
+from skyway_gateway.quotes.store import Offer
 from skyway_gateway.tables import (
+    api_keys,
     deliveries,
     events,
+    idempotency,
+    known_networks,
     metadata,
     missions,
     outbox,
@@ -30,6 +37,7 @@ from skyway_gateway.verify.deliveries import DELIVERIES
 from skyway_gateway.verify.events import EVENTS
 from skyway_gateway.verify.missions import MISSIONS
 from skyway_gateway.verify.notifications import NOTIFICATIONS
+from skyway_gateway.verify.offers import OFFERS
 from skyway_gateway.verify.packages import PACKAGES
 
 _POSITION: Final = TypeAdapter(Position).validate_json
@@ -47,18 +55,26 @@ _FORMS: Final = form_rule(
         missions.c.body: FlownMission.read,
         events.c.body: DeliveryEvent.read,
         webhooks.c.event_types: TypeAdapter(tuple[str, ...]).validate_json,
+        webhooks.c.url: TypeAdapter(AnyHttpUrl).validate_python,
+        webhooks.c.secret: signing_key,
         quotes.c.request: DeliveryRequest.read,
         quotes.c.offers: TypeAdapter(tuple[Offer, ...]).validate_json,
         quotes.c.infeasible: _REASONS,
+        known_networks.c.stations: NetworkStations.read,
         outbox.c.payload: json.loads,
+        api_keys.c.key_hash: read_sha256,
+        idempotency.c.key_hash: read_sha256,
+        idempotency.c.answer: read_fernet_token,
     }
 )
 
 #: The most important rules first: those of storage say whether the others can be believed.
 RULES: Final[tuple[Rule, ...]] = (
     *storage_rules(metadata),
+    *outbox_rules(outbox, channels=("composition", "mqtt")),
     _FORMS,
     *DELIVERIES,
+    *OFFERS,
     *PACKAGES,
     *MISSIONS,
     *EVENTS,

@@ -67,6 +67,13 @@ class DroneLink:
         is_continued = 0 < self.last_event_seq <= state.last_event_seq
         return state.stream < self.stream and not is_continued
 
+    def has_new_journal(self, state: DroneState) -> bool:
+        """Whether the drone has certainly begun another journal since its last state."""
+        before = self.state
+        if before is None or not (before.journal_session and state.journal_session):
+            return False
+        return before.journal_session != state.journal_session
+
     def with_next(self) -> tuple["DroneLink", InstructionPlace]:
         """The link with one more instruction, and the place of this instruction."""
         link = replace(self, stream=max(1, self.stream), last_seq=self.last_seq + 1)

@@ -1,7 +1,7 @@
 """A reserved pad, in whole milliseconds."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 from skyway.ids import StationId
 
@@ -14,6 +14,26 @@ class BookedPad:
     pad: int
     start_ms: int
     end_ms: int
+
+
+def without(sessions: Iterable[BookedPad], others: Iterable[BookedPad]) -> tuple[BookedPad, ...]:
+    """What is left of these sessions when others use the same pads for some of the time."""
+    left = [*sessions]
+    for other in others:
+        left = [part for session in left for part in _parts_beside(session, other)]
+    return tuple(left)
+
+
+def _parts_beside(session: BookedPad, other: BookedPad) -> Iterator[BookedPad]:
+    """The parts of a session before and after another one of the same pad."""
+    is_same_pad = (session.station_id, session.pad) == (other.station_id, other.pad)
+    if not is_same_pad or other.end_ms <= session.start_ms or session.end_ms <= other.start_ms:
+        yield session
+        return
+    if session.start_ms < other.start_ms:
+        yield replace(session, end_ms=other.start_ms)
+    if other.end_ms < session.end_ms:
+        yield replace(session, start_ms=other.end_ms)
 
 
 def merged(sessions: Iterable[BookedPad]) -> tuple[BookedPad, ...]:

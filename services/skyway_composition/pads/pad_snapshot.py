@@ -1,8 +1,8 @@
 """The reservations of a network, read station by station when planning needs them."""
 
 import asyncio
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Collection, Sequence
+from typing import Final, Self
 
 import numpy as np
 
@@ -26,8 +26,8 @@ class PadSnapshot:
     ----------
     after_ms
         The moment, milliseconds since 1970.
-    without_mission_id
-        A mission whose own pads count as free.
+    without
+        Missions whose pads count as free.
     outages
         Pads that are out of order, and when; an end of `OPEN_MS` means no end.
     gap_ms
@@ -42,7 +42,7 @@ class PadSnapshot:
         network: Network,
         *,
         after_ms: int,
-        without_mission_id: MissionId | None = None,
+        without: Collection[MissionId] = (),
         outages: Sequence[PadHeld] = (),
         gap_ms: int = 0,
     ) -> None:
@@ -50,7 +50,7 @@ class PadSnapshot:
         self._network_id = network_id
         self._network = network
         self._after_ms = after_ms
-        self._without_mission_id = without_mission_id
+        self._without = frozenset(without)
         self._is_read = np.zeros(len(network.row_of), np.bool_)
         self._outages = tuple(outages)
         self._gap_ms = gap_ms
@@ -59,6 +59,18 @@ class PadSnapshot:
         self._reading = asyncio.Lock()
         #: The reservations read so far, in milliseconds since 1970.
         self.book: PadBook = self._book_of(()) if outages else NO_RESERVATIONS
+
+    def without(self, mission_ids: Collection[MissionId]) -> Self:
+        """The same reservations but those of these missions, to be read anew."""
+        return type(self)(
+            self._db,
+            self._network_id,
+            self._network,
+            after_ms=self._after_ms,
+            without=self._without.union(mission_ids),
+            outages=self._outages,
+            gap_ms=self._gap_ms,
+        )
 
     def has_read(self, station_id: StationId) -> bool:
         """Whether this station has been read."""
@@ -79,7 +91,7 @@ class PadSnapshot:
                 connection,
                 self._network_id,
                 moment_ms=self._after_ms,
-                without_mission_id=self._without_mission_id,
+                without=self._without,
             )
         self.book = self._book_of(self._held)
         self._is_read[:] = True
@@ -91,7 +103,7 @@ class PadSnapshot:
                 connection,
                 [ids[row] for row in missing.tolist()],
                 moment_ms=self._after_ms,
-                without_mission_id=self._without_mission_id,
+                without=self._without,
             )
         self.book = self._book_of(self._held)
         self._is_read[missing] = True

@@ -1,24 +1,22 @@
 """All SQL of reserved pads, and of the occupancy of stations."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 from sqlalchemy import BigInteger, bindparam, delete, func, insert, literal, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.ids import MissionId, NetworkId, StationId
+from skyway.ids import DroneId, MissionId, NetworkId, StationId
+from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
-from skyway_composition.pads.booked_pad import BookedPad, merged
+from skyway_composition.pads.booked_pad import BookedPad, merged, without
 from skyway_composition.pads.occupancy import Occupancy
-from skyway_composition.tables import pad_reservations, stations
+from skyway_composition.tables import is_queued, missions, pad_reservations, stations
 
 #: A pad reserved in [start_ms, end_ms): station, pad, start_ms, end_ms.
 PadHeld = tuple[StationId, int, int, int]
-
-#: Used when no mission's pads count as free.
-_NO_MISSION: Final = MissionId("")
 
 # Built once, because every booking runs these statements and building takes longer than running.
 _LASTING: Final = select(
@@ -28,7 +26,7 @@ _LASTING: Final = select(
     pad_reservations.c.end_ms,
 ).where(
     pad_reservations.c.end_ms > bindparam("moment_ms"),
-    pad_reservations.c.mission_id != bindparam("without"),
+    ~in_list(pad_reservations.c.mission_id, "without"),
 )
 _BOOKED_AT: Final = _LASTING.where(in_list(pad_reservations.c.station_id, "station_ids"))
 _BOOKED_EVERYWHERE: Final = _LASTING.join(
@@ -44,6 +42,11 @@ LOCK_STATIONS: Final = (
 _ADD: Final = insert(pad_reservations)
 _HELD_BY: Final = select(pad_reservations).where(
     pad_reservations.c.mission_id == bindparam("of_mission")
+)
+_PADS_OF_QUEUED: Final = (
+    select(pad_reservations)
+    .join(missions, missions.c.mission_id == pad_reservations.c.mission_id)
+    .where(missions.c.drone_id == bindparam("of_drone"), is_queued)
 )
 _FREE: Final = delete(pad_reservations).where(
     pad_reservations.c.mission_id == bindparam("of_mission")
@@ -136,13 +139,13 @@ async def booked_at(
     station_ids: Sequence[StationId],
     *,
     moment_ms: int,
-    without_mission_id: MissionId | None = None,
+    without: Collection[MissionId] = (),
 ) -> list[PadHeld]:
-    """The reservations at these stations that end after a moment."""
+    """The reservations at these stations that end after a moment, but not those of `without`."""
     selection = {
         "station_ids": station_ids,
         "moment_ms": moment_ms,
-        "without": without_mission_id or _NO_MISSION,
+        "without": [*without],
     }
     return [*await connection.execute(_BOOKED_AT, selection)]
 
@@ -152,20 +155,35 @@ async def booked_everywhere(
     network_id: NetworkId,
     *,
     moment_ms: int,
-    without_mission_id: MissionId | None = None,
+    without: Collection[MissionId] = (),
 ) -> list[PadHeld]:
-    """The reservations at all stations of a network that end after a moment."""
+    """The reservations of a whole network that end after a moment, but not those of `without`."""
     selection = {
         "network_id": network_id,
         "moment_ms": moment_ms,
-        "without": without_mission_id or _NO_MISSION,
+        "without": [*without],
     }
     return [*await connection.execute(_BOOKED_EVERYWHERE, selection)]
 
 
+async def pads_of_queued(connection: AsyncConnection, drone_id: DroneId) -> list[BookedPad]:
+    """The pads that the QUEUED missions of a drone hold."""
+    found = await connection.execute(_PADS_OF_QUEUED, {"of_drone": drone_id})
+    return [_booked(row) for row in found]
+
+
+async def give_way(tx: Tx, mission_id: MissionId, booked: Collection[BookedPad]) -> None:
+    """Give up what a mission holds of these pads; the same drone's next mission reserves them."""
+    await hold(tx, mission_id, without(await _held_by(tx, mission_id), booked))
+
+
 async def _held_by(tx: Tx, mission_id: MissionId) -> set[BookedPad]:
     found = await tx.execute(_HELD_BY, {"of_mission": mission_id})
-    return {BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms) for row in found}
+    return {_booked(row) for row in found}
+
+
+def _booked(row: AnyRow) -> BookedPad:
+    return BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms)
 
 
 def _is_within(session: BookedPad, held: Iterable[BookedPad]) -> bool:
@@ -243,10 +261,7 @@ async def reservations_of(
             | ((pad_reservations.c.start_ms == start_ms) & (pad_reservations.c.pad > pad))
         )
     found = await connection.execute(query)
-    return [
-        Reservation(BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms), row.mission_id)
-        for row in found
-    ]
+    return [Reservation(_booked(row), row.mission_id) for row in found]
 
 
 async def used_stations(connection: AsyncConnection, *, at_ms: int) -> dict[StationId, Occupancy]:

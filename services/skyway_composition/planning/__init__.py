@@ -1,8 +1,8 @@
 """Planning: how a request could be flown. It needs much computation and changes nothing.
 
 `world` is what plans are made in, `problem_for` builds the planner's problems, `solver_pool` runs
-the planner. `find_trip` adds the way home, `trip` is the result. `plan_offers` prices and ranks
-trips: `contest` and `lower_bounds` choose the candidates to compose, `split` uses several drones,
-`refusals` collects reasons, `offer` is the result. `quotes`, `problem_reader` and `routes` answer
-REST.
+the planner. `find_trip` adds the standby at a station that `standby` names, `trip` is the result.
+`plan_offers` prices and ranks trips: `contest` and `lower_bounds` choose the candidates to compose,
+`split` uses several drones, `refusals` collects reasons, `offer` is the result. `quotes`,
+`problem_reader` and `routes` answer REST.
 """

@@ -1,7 +1,7 @@
 """Decides which candidates to compose: those that could win, or change which one wins."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -10,7 +10,9 @@ import numpy.typing as npt
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import BestValues, OfferValues
 from skyway.delivery.request import Weights
+from skyway.ids import DroneId
 from skyway.network.columns import Floats
+from skyway_composition.planning.availability import Succession
 from skyway_composition.planning.lower_bounds import LowerBounds
 
 #: Values whose relative difference is at most this differ by rounding only.
@@ -28,11 +30,18 @@ class Contest:
     is composed only if its lower bounds score better than the best offer.
     """
 
-    def __init__(self, shortlist: Shortlist, least: LowerBounds, weights: Weights) -> None:
+    def __init__(
+        self,
+        shortlist: Shortlist,
+        least: LowerBounds,
+        weights: Weights,
+        *,
+        after: Mapping[DroneId, Succession],
+    ) -> None:
         self._shortlist = shortlist
         self._least = least
         self._weights = weights
-        self._twins = _twins_among(shortlist)
+        self._twins = _twins_among(shortlist, after)
         self._is_waiting = np.ones(len(shortlist.drone_ids), np.bool_)
 
     def leave_out(self, rows: Sequence[int]) -> None:
@@ -120,14 +129,20 @@ class Contest:
         )
 
 
-def _twins_among(shortlist: Shortlist) -> npt.NDArray[np.intp]:
-    """A number for each row; rows with the same model, place, charge and home share a number."""
+def _twins_among(shortlist: Shortlist, after: Mapping[DroneId, Succession]) -> npt.NDArray[np.intp]:
+    """A number for each row; rows with equal model, place, charge, home and standby share one.
+
+    A drone that begins after another mission shares its number with no other drone, because the
+    pads of that mission are free for this drone only.
+    """
     numbers: dict[object, int] = {}
     plans = zip(
         shortlist.model_ids,
         shortlist.station_ids,
         shortlist.socs,
         shortlist.home_station_ids,
+        shortlist.each_standby,
+        map(after.get, shortlist.drone_ids),
         strict=True,
     )
     return np.array([numbers.setdefault(plan, len(numbers)) for plan in plans])

@@ -1,35 +1,32 @@
-"""Find a drone's whole trip: the delivery, the way home after it, and the recharge at home."""
+"""Find a drone's whole trip: the delivery, and its standby with the way there and a recharge."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from skyway.contracts.candidate import Candidate, ProviderReasonCode
 from skyway.delivery.plan import Deliver, Plan, PlanStatus, Recharge
 from skyway.delivery.request import DeliveryRequest
 from skyway.drone.charging import recharge_time_s
-from skyway.ids import StationId
-from skyway.network.great_circle import distances_m
-from skyway.network.network import Network
+from skyway.ids import DroneId, StationId
 from skyway.planner.pad_book import PadBook, booked_until_ms
 from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import Problem
 from skyway.units import CHARGE_TOLERANCE, moment_to_ms
 from skyway_composition.pads.booked_pad import BookedPad
+from skyway_composition.planning.availability import Succession
 from skyway_composition.planning.problem_for import (
     Standing,
     delivery_problem,
-    home_problem,
+    standby_problem,
     with_margins,
 )
 from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.standby import StandbyChoice
 from skyway_composition.planning.trip import Trip, soc_after
 from skyway_composition.planning.world import World, compose_in
-
-#: How many near stations are tried for a drone that cannot fly home. Our own choice.
-_MOST_ENDS: Final = 3
 
 #: The plan of a drone without packages left to deliver.
 NOTHING_TO_DELIVER = Plan(
@@ -61,10 +58,10 @@ async def round_trip(
     world: World,
     problem: Problem,
     *,
-    home_station_id: StationId,
+    standby: StandbyChoice,
     held: Sequence[BookedPad] = (),
 ) -> Trip | NoTrip:
-    """The problem's plan with the way home after its last delivery.
+    """The problem's plan with the standby after its last delivery.
 
     `held` are pads that other drones will hold, as in `delivery_problem`.
     """
@@ -77,12 +74,12 @@ async def round_trip(
         station_id=_last_station(plan, problem.start_station_id),
     )
     start_ms = moment_to_ms(problem.start_at) if problem.start_at is not None else 0
-    return await _with_way_home(
+    return await _with_standby(
         solver,
         world,
         plan,
         drone=drone,
-        home_station_id=home_station_id,
+        standby=standby,
         start_ms=start_ms,
         held=held,
     )
@@ -94,41 +91,54 @@ async def way_home(
     plan: Plan,
     *,
     standing: Standing,
-    home_station_id: StationId,
+    standby: StandbyChoice,
     start_ms: int,
 ) -> Trip | NoTrip:
-    """The trip of a drone that is `standing` at the end of `plan`, flies home and recharges."""
-    return await _with_way_home(
+    """The trip of a drone that is `standing` at the end of `plan`, and its standby after that."""
+    return await _with_standby(
         solver,
         world,
         plan,
         drone=with_margins(world, standing),
-        home_station_id=home_station_id,
+        standby=standby,
         start_ms=start_ms,
     )
 
 
-async def _with_way_home(
+async def _with_standby(
     solver: SolverPool,
     world: World,
     plan: Plan,
     *,
     drone: Standing,
-    home_station_id: StationId,
+    standby: StandbyChoice,
     start_ms: int,
     held: Sequence[BookedPad] = (),
 ) -> Trip | NoTrip:
-    """The trip with the way home, or to a near station with pads when home is out of reach."""
-    reason: NoTrip | None = None
-    for end in _ends(world.skyway.network, drone.station_id, home_station_id):
-        trip = await _with_way_to(
+    """The trip with the best end that the drone reaches, and where it charges if one has a pad."""
+
+    async def trip_to(end: StationId) -> Trip | NoTrip:
+        return await _with_way_to(
             solver, world, plan, drone=drone, end=end, start_ms=start_ms, held=held
         )
-        if isinstance(trip, Trip):
+
+    network, start = world.skyway.network, drone.station_id
+    parked = [await trip_to(end) for end in standby.to_compare(network, start)]
+    charged = [each for each in parked if isinstance(each, Trip) and _is_charged(each, drone)]
+    if charged:
+        return min(charged, key=lambda each: each.released_ms)
+    uncharged: Trip | None = None
+    reason: NoTrip | None = None
+    for end in standby.in_turn(network, start):
+        trip = await trip_to(end)
+        if isinstance(trip, NoTrip):
+            reason = reason or trip
+        elif standby.is_home(end) or _is_charged(trip, drone):
             return trip
-        reason = reason or trip
-    detail = f"home station {home_station_id!r} is not in this network, and no pad is near"
-    return reason or NoTrip("NO_WAY_HOME", detail, is_temporary=False)
+        else:
+            uncharged = uncharged or trip
+    detail = f"home station {standby.home_station_id!r} is not in this network, and no pad is near"
+    return uncharged or reason or NoTrip("NO_WAY_HOME", detail, is_temporary=False)
 
 
 async def _with_way_to(
@@ -142,7 +152,7 @@ async def _with_way_to(
     held: Sequence[BookedPad],
 ) -> Trip | NoTrip:
     home_start_ms = start_ms + booked_until_ms(plan.delivery_time_s or 0.0)
-    problem = home_problem(world, drone, home_station_id=end, start_ms=home_start_ms, held=held)
+    problem = standby_problem(world, drone, station_id=end, start_ms=home_start_ms, held=held)
     home_plan = await compose_in(solver, world, problem)
     if not home_plan.is_flyable:
         reason = _no_plan(home_plan)
@@ -153,31 +163,23 @@ async def _with_way_to(
         plan=plan,
         home_start_ms=home_start_ms,
         home_plan=home_plan,
-        home_recharge=_recharge_at_home(
+        home_recharge=_recharge_at_end(
             problem, home_plan, world.pads.book.seen_from(home_start_ms)
         ),
         pad_gap_ms=round(world.skyway.settings.pad_gap_s * 1000),
     )
 
 
-def _ends(network: Network, start: StationId, home_station_id: StationId) -> Iterator[StationId]:
-    """Where a drone may go after its last delivery: home, then the nearest stations with pads."""
-    if home_station_id in network.row_of:
-        yield home_station_id
-    columns = network.columns
-    with_pads = np.flatnonzero(columns.pads > 0)
-    here = np.full(len(with_pads), network.row_of[start])
-    away_m = distances_m(
-        (columns.longitude_deg[here], columns.longitude_deg[with_pads]),
-        (columns.latitude_deg[here], columns.latitude_deg[with_pads]),
-    )
-    nearest = with_pads[np.argsort(away_m, kind="stable")[:_MOST_ENDS]]
-    yield from (columns.station_ids[each] for each in nearest.tolist())
+def _is_charged(trip: Trip, drone: Standing) -> bool:
+    """Whether the drone is charged to its top at the end of this trip."""
+    if trip.home_recharge is not None:
+        return True
+    return soc_after(trip.home_plan, drone.soc) >= drone.model.top_soc - CHARGE_TOLERANCE
 
 
-def _recharge_at_home(problem: Problem, home_plan: Plan, booked: PadBook) -> Recharge | None:
+def _recharge_at_end(problem: Problem, home_plan: Plan, booked: PadBook) -> Recharge | None:
     """The earliest session that charges the drone to its top; None if not needed or no pad."""
-    model, home_station_id = problem.drone.model, problem.packages[0].destination
+    model, station_id = problem.drone.model, problem.packages[0].destination
     soc = soc_after(home_plan, problem.drone.soc)
     if soc >= model.top_soc - CHARGE_TOLERANCE:
         return None
@@ -185,12 +187,12 @@ def _recharge_at_home(problem: Problem, home_plan: Plan, booked: PadBook) -> Rec
     arrived_s = home_plan.delivery_time_s or 0.0
     own = PadBook.of(problem.network, problem.pad_reservations)
     session = PadCalendar(problem.network, [own, booked]).earliest_session(
-        home_station_id, not_before_s=arrived_s, duration_s=duration_s
+        station_id, not_before_s=arrived_s, duration_s=duration_s
     )
     if session is None:
         return None
     return Recharge(
-        station_id=home_station_id,
+        station_id=station_id,
         pad=session.pad,
         start_s=session.start_s,
         end_s=session.start_s + duration_s,
@@ -213,26 +215,31 @@ def _no_plan(plan: Plan) -> NoTrip:
 
 @dataclass(slots=True)
 class TripFinder:
-    """Finds trips in one world for one start; each distinct trip is composed once.
+    """Finds trips in one world; each distinct trip is composed once.
 
-    The last delivery must be over by `latest_ms`; None means no limit.
+    Trips begin at `start_ms`. The drones in `after` begin later, after another mission, whose
+    standby then ends early: its pads count as free. The last delivery must be over by `latest_ms`;
+    None means no limit.
     """
 
     solver: SolverPool
     world: World
     start_ms: int
     latest_ms: int | None
+    after: Mapping[DroneId, Succession] = field(default_factory=dict)
     _found: dict[object, Trip | NoTrip] = field(default_factory=dict)
 
     async def trip(
         self, candidate: Candidate, request: DeliveryRequest, *, held: Sequence[BookedPad] = ()
     ) -> Trip | NoTrip:
         """The trip of this candidate with the packages of a request; `held` pads are not free."""
+        succession = self.after.get(candidate.drone_id)
         key = (
+            succession,
             candidate.model,
             candidate.station_id,
             candidate.soc,
-            candidate.home_station_id,
+            StandbyChoice.of(candidate),
             request.packages,
             tuple(held),
         )
@@ -241,34 +248,49 @@ class TripFinder:
             found = self._found[key] = await self._composed(candidate, request, held)
         return found
 
+    def start_of(self, drone_id: DroneId) -> int:
+        """The earliest start of this drone, fleet milliseconds."""
+        succession = self.after.get(drone_id)
+        return self.start_ms if succession is None else succession.slot.at_ms
+
+    def waits_s(self, drone_ids: Sequence[DroneId]) -> npt.NDArray[np.float64]:
+        """How long each of these drones begins after `start_ms`; ``(n,)`` float64, seconds."""
+        return np.array([(self.start_of(each) - self.start_ms) / 1000 for each in drone_ids])
+
     async def _composed(
-        self, candidate: Candidate, request: DeliveryRequest, held: Sequence[BookedPad]
+        self,
+        candidate: Candidate,
+        request: DeliveryRequest,
+        held: Sequence[BookedPad],
     ) -> Trip | NoTrip:
-        latest_ms = self.latest_ms
-        if latest_ms is not None and latest_ms < self.start_ms:
+        latest_ms, start_ms = self.latest_ms, self.start_of(candidate.drone_id)
+        succession, world = self.after.get(candidate.drone_id), self.world
+        if succession is not None:
+            world = world.without([succession.mission_id])
+        if latest_ms is not None and latest_ms < start_ms:
             detail = "the deadline lies before the earliest start"
-            return self._with_deadline(NoTrip("TOO_LATE", detail, is_temporary=False))
+            return self._with_deadline(NoTrip("TOO_LATE", detail, is_temporary=False), start_ms)
         problem = delivery_problem(
-            self.world,
+            world,
             Standing(candidate.model, candidate.soc, candidate.station_id),
             pickup=request.pickup.station_id,
             packages=request.packages,
-            start_ms=self.start_ms,
+            start_ms=start_ms,
             latest_ms=latest_ms,
             held=held,
         )
         trip = await round_trip(
             self.solver,
-            self.world,
+            world,
             problem,
-            home_station_id=candidate.home_station_id,
+            standby=StandbyChoice.of(candidate),
             held=held,
         )
         if isinstance(trip, NoTrip) and trip.code in ("TOO_LATE", "NO_PAD_IN_TIME"):
-            return self._with_deadline(trip)
+            return self._with_deadline(trip, start_ms)
         return trip
 
-    def _with_deadline(self, reason: NoTrip) -> NoTrip:
+    def _with_deadline(self, reason: NoTrip, start_ms: int) -> NoTrip:
         if self.latest_ms is None:
             return reason
-        return replace(reason, data=(("latest_s", (self.latest_ms - self.start_ms) / 1000),))
+        return replace(reason, data=(("latest_s", (self.latest_ms - start_ms) / 1000),))

@@ -9,7 +9,7 @@ import numpy as np
 
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Tariff
-from skyway.delivery.request import DeliveryRequest
+from skyway.delivery.request import DeliveryRequest, Priority
 from skyway.drone.charging import fastest_s_per_soc
 from skyway.drone.flight import flight_power_w
 from skyway.drone.model import DroneModel
@@ -61,8 +61,18 @@ class LowerBounds:
     energy_j: Floats
 
     @classmethod
-    def of(cls, skyway: PreparedNetwork, request: DeliveryRequest, shortlist: Shortlist) -> Self:
-        """The lower bounds for a request; all its places and the candidates are in the network."""
+    def of(
+        cls,
+        skyway: PreparedNetwork,
+        request: DeliveryRequest,
+        shortlist: Shortlist,
+        *,
+        waits_s: Floats,
+    ) -> Self:
+        """The lower bounds for a request; all its places and the candidates are in the network.
+
+        `waits_s` is how long each candidate begins after the first; ``(n,)``.
+        """
         network, pickup = skyway.network, request.pickup.station_id
         stops = [each for each in request.destinations if each != pickup]
         tour_m = least_tour_m(network, pickup, stops)
@@ -74,7 +84,7 @@ class LowerBounds:
         recharging_s = np.maximum(0.0, energy_j - usable_j) * pace.recharging_s_per_j
         time_s = approach_m * pace.approach_s_per_m + pace.tour_s + recharging_s + pace.stops_s
         is_elsewhere = np.array([each != pickup for each in shortlist.station_ids])
-        time_s += np.where(is_elsewhere, pace.landing_s, 0.0)
+        time_s += np.where(is_elsewhere, pace.landing_s, 0.0) + waits_s
 
         has_way = np.isfinite(time_s)
         price = _amounts(
@@ -82,6 +92,7 @@ class LowerBounds:
             distance_m=np.where(has_way, approach_m + tour_m, 0.0),
             payload_kg=request.payload_kg,
             recharging_s=np.where(has_way, recharging_s, 0.0),
+            priority=request.qos.priority,
         )
         return cls(time_s, np.where(has_way, price, 0.0), energy_j)
 
@@ -123,11 +134,16 @@ def _pace(
 
 
 def _amounts(
-    shortlist: Shortlist, *, distance_m: Floats, payload_kg: float, recharging_s: Floats
+    shortlist: Shortlist,
+    *,
+    distance_m: Floats,
+    payload_kg: float,
+    recharging_s: Floats,
+    priority: Priority,
 ) -> Floats:
     """The price of each candidate's tariff, by the formula of `amount_of`."""
-    by_provider = {key: _rates(terms.tariff) for key, terms in shortlist.terms_of.items()}
-    base, per_km, per_kg, per_recharge_minute, minimum = _looked_up(
+    by_provider = {key: _rates(terms.tariff, priority) for key, terms in shortlist.terms_of.items()}
+    base, per_km, per_kg, per_recharge_minute, minimum, factor = _looked_up(
         by_provider, shortlist.provider_ids
     )
     amounts: Floats = (
@@ -136,17 +152,18 @@ def _amounts(
         + per_kg * payload_kg
         + per_recharge_minute * recharging_s / 60
     )
-    at_least: Floats = np.maximum(minimum, np.rint(amounts))
-    return at_least
+    rounded: Floats = np.rint(np.maximum(minimum, np.rint(amounts)) * factor)
+    return rounded
 
 
-def _rates(tariff: Tariff) -> Sequence[int]:
+def _rates(tariff: Tariff, priority: Priority) -> Sequence[float]:
     return (
         tariff.base,
         tariff.per_km,
         tariff.per_kg,
         tariff.per_recharge_minute,
         tariff.minimum,
+        tariff.factor_of(priority),
     )
 
 

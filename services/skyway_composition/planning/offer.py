@@ -41,15 +41,17 @@ class Part:
             distance_m=distance_m,
             payload_kg=request.payload_kg,
             recharging_s=trip.plan.recharging_s or 0.0,
+            priority=request.qos.priority,
         )
         return cls(candidate, trip, request, distance_m, price)
 
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """One provider's trips, which all begin at the same moment."""
+    """One provider's trips; their times count from `begins_ms`, the earliest start of any drone."""
 
     parts: tuple[Part, ...]
+    begins_ms: int
 
     @property
     def provider_id(self) -> ProviderId:
@@ -71,7 +73,11 @@ class Offer:
     def values(self) -> OfferValues:
         """The values that ranking compares; the time is that of the last delivery of all trips."""
         return OfferValues(
-            time_s=max(part.trip.plan.delivery_time_s or 0.0 for part in self.parts),
+            time_s=max(
+                (part.trip.start_ms - self.begins_ms) / 1000
+                + (part.trip.plan.delivery_time_s or 0.0)
+                for part in self.parts
+            ),
             price=sum(part.price.amount for part in self.parts),
             energy_j=sum(part.trip.plan.energy_j or 0.0 for part in self.parts),
             provider_id=self.provider_id,

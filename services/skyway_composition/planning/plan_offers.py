@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -84,8 +85,9 @@ async def _single_offers(
     refusals: Refusals,
 ) -> list[Offer]:
     """Compose for the candidates that may win, the most promising first."""
-    least = LowerBounds.of(finder.world.skyway, request, shortlist)
-    contest = Contest(shortlist, least, request.qos.ranking)
+    waits_s = finder.waits_s(shortlist.drone_ids)
+    least = LowerBounds.of(finder.world.skyway, request, shortlist, waits_s=waits_s)
+    contest = Contest(shortlist, least, request.qos.ranking, after=finder.after)
     contest.leave_out(_breaking(shortlist, least, finder, limits=limits, refusals=refusals))
     offers: list[Offer] = []
     while twins := contest.next_to_compose([offer.values for offer in offers]):
@@ -93,10 +95,13 @@ async def _single_offers(
         trip = await finder.trip(candidates[0], request)
         for candidate in candidates:
             if isinstance(trip, NoTrip):
-                refusals.add_no_trip(candidate.provider_id, trip)
+                # A drone that is busy now may be free earlier or elsewhere than its calendar says.
+                is_temporary = trip.is_temporary or candidate.drone_id in finder.after
+                reason = replace(trip, is_temporary=is_temporary)
+                refusals.add_no_trip(candidate.provider_id, reason)
                 continue
             part = Part.of(candidate, trip, request=request, network=finder.world.skyway.network)
-            offer = Offer((part,))
+            offer = Offer((part,), finder.start_ms)
             if refusals.is_affordable(offer, limits):
                 offers.append(offer)
     return offers
@@ -127,7 +132,7 @@ def _breaking(
                 provider_id,
                 "TOO_LATE",
                 f"it takes at least {least_s:.0f} s, the limit is {latest_s:.0f} s",
-                is_temporary=False,
+                is_temporary=shortlist.drone_ids[row] in finder.after,
                 least_s=least_s,
                 latest_s=latest_s,
             )

@@ -1,4 +1,4 @@
-"""The planner's problem for a delivery, for packages on board, for a landing, for the way home.
+"""The planner's problem for a delivery, for packages on board, for a landing, for a standby.
 
 Every problem includes the energy margin of its network.
 """
@@ -117,17 +117,20 @@ def landing_problem(
     )
 
 
-def home_problem(
+def standby_problem(
     world: World,
     drone: Standing,
     *,
-    home_station_id: StationId,
+    station_id: StationId,
     start_ms: int,
     held: Iterable[BookedPad] = (),
 ) -> Problem:
-    """Fly home empty; `drone` is the drone at the end of a plan, with its margins included."""
+    """Fly empty to where the drone stands by.
+
+    `drone` is the drone at the end of a plan, with its margins included.
+    """
     return _flight_to(
-        world, drone, packages=(), station_id=home_station_id, start_ms=start_ms, held=held
+        world, drone, packages=(), station_id=station_id, start_ms=start_ms, held=held
     )
 
 

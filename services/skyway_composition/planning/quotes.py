@@ -1,6 +1,6 @@
 """Quotes: what each provider would offer for a request now, without reserving anything."""
 
-from collections.abc import Awaitable, Callable, Collection
+from collections.abc import Awaitable, Callable, Collection, Sequence
 from dataclasses import dataclass
 
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
@@ -10,6 +10,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.availability import Availability, LastMission
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.offer import Limits, Offers, terms_of
 from skyway_composition.planning.plan_offers import best_of_each
@@ -18,8 +19,8 @@ from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.trip import start_ms
 from skyway_composition.planning.world import World
 
-#: Finds which of these drones are on missions, or may be.
-BusyAmong = Callable[[Collection[DroneId]], Awaitable[frozenset[DroneId]]]
+#: Finds the last missions of those of these drones that have missions, or may have one.
+LastMissions = Callable[[Collection[DroneId]], Awaitable[Sequence[LastMission]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,7 @@ class Quotes:
     networks: PreparedNetworks
     solver: SolverPool
     clock: FleetClock
-    busy_among: BusyAmong
+    last_missions: LastMissions
 
     async def answer(self, query: QuoteQuery) -> QuoteAnswer:
         """The best offer of each provider, best first, and why the others make no offer."""
@@ -59,10 +60,15 @@ class Quotes:
     async def _offers(self, query: QuoteQuery, world: World) -> Offers:
         limits = Limits.of_whole(query.request.qos)
         begins_ms = start_ms(self.clock, earliest_at=query.request.earliest_pickup_at)
+        available = Availability.of(
+            await self.last_missions(query.shortlist.drone_ids),
+            begins_ms=begins_ms,
+            clock=self.clock,
+        )
         return await best_of_each(
-            TripFinder(self.solver, world, begins_ms, limits.latest_ms),
+            TripFinder(self.solver, world, begins_ms, limits.latest_ms, available.after),
             query.request,
-            shortlist=query.shortlist,
-            busy=await self.busy_among(query.shortlist.drone_ids),
+            shortlist=available.placed(query.shortlist),
+            busy=available.busy,
             limits=limits,
         )

@@ -7,6 +7,7 @@ from skyway.contracts.candidate import Candidate, ProviderReason, ProviderReason
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId, ProviderId, StationId
+from skyway.units import CHARGE_TOLERANCE
 from skyway_composition.planning.find_trip import NoTrip
 from skyway_composition.planning.offer import Limits, Offer
 from skyway_composition.planning.world import World
@@ -161,7 +162,7 @@ def _unfit_drone(world: World, candidate: Candidate, busy: frozenset[DroneId]) -
     if candidate.drone_id in busy:
         return NoTrip("BUSY", "its drones are on missions", is_temporary=True)
     reserve_soc, currency = candidate.model.reserve_soc, world.skyway.settings.currency
-    if candidate.soc < reserve_soc:
+    if candidate.soc < reserve_soc - CHARGE_TOLERANCE:
         detail = f"charge {candidate.soc:.3f} is below the reserve of {reserve_soc:.3f}"
         data = (("soc", candidate.soc), ("reserve_soc", reserve_soc))
         return NoTrip("LOW_CHARGE", detail, is_temporary=True, data=data)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 from skyway.contracts.candidate import Candidate
@@ -89,7 +89,8 @@ async def _split(
         part_request = request.model_copy(update={"packages": tuple(taken)})
         trip = await finder.trip(candidate, part_request, held=split.held)
         if isinstance(trip, NoTrip):
-            split.obstacle = candidate, trip
+            is_temporary = trip.is_temporary or candidate.drone_id in finder.after
+            split.obstacle = candidate, replace(trip, is_temporary=is_temporary)
             continue
         part = Part.of(candidate, trip, request=part_request, network=skyway.network)
         split.parts.append(part)
@@ -98,7 +99,7 @@ async def _split(
         if not split.left:
             break
     if split.parts and not (split.left and limits.is_whole):
-        return Offer(tuple(split.parts))
+        return Offer(tuple(split.parts), finder.start_ms)
     _refuse(refusals, split, candidates)
     return None
 

@@ -1,4 +1,4 @@
-"""A trip: approach, delivery and return of one drone, placed in fleet time."""
+"""A trip: approach, delivery and standby of one drone, placed in fleet time."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -43,8 +43,9 @@ class PlacedStep:
 class Trip:
     """`plan` counts from `start_ms`; `home_plan` and `home_recharge` count from `home_start_ms`.
 
-    The home plan's PICK_UP and DELIVER of a 0 kg package are not part of the trip's steps. Each
-    pad is booked `pad_gap_ms` longer than the drone needs it.
+    The last two are the standby: the flight to where the drone stands by, which may be its home,
+    and the recharge there. The home plan's PICK_UP and DELIVER of a 0 kg package are not part of
+    the trip's steps. Each pad is booked `pad_gap_ms` longer than the drone needs it.
     """
 
     start_ms: int

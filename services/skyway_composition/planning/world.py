@@ -3,8 +3,8 @@
 Composing in a world reads only the reservations that the plan needs.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
@@ -49,6 +49,10 @@ class World:
         skyway = self.skyway
         return Present(skyway.network_id, skyway.version, self.conditions_version)
 
+    def without(self, mission_ids: Collection[MissionId]) -> Self:
+        """The same world, in which the pads of these missions count as free."""
+        return replace(self, pads=self.pads.without(mission_ids))
+
     @classmethod
     async def around(
         cls, station_id: StationId, networks: PreparedNetworks, *, db: Database, after_ms: int
@@ -77,13 +81,13 @@ class World:
         db: Database,
         *,
         after_ms: int,
-        without_mission_id: MissionId | None = None,
+        without: Collection[MissionId] = (),
         pad_gap_s: float | None = None,
     ) -> Self:
         """The network with the closures and reservations that end after a moment.
 
-        The reservations of `without_mission_id` are left out. All others begin `pad_gap_s` early;
-        None means the network's own gap.
+        The reservations of the missions `without` are left out. All others begin `pad_gap_s`
+        early; None means the network's own gap.
         """
         number, conditions = await skyway.conditions.read(db, after_ms=after_ms)
         pads = _pads(
@@ -91,7 +95,7 @@ class World:
             db,
             conditions,
             after_ms=after_ms,
-            without_mission_id=without_mission_id,
+            without=without,
             pad_gap_s=pad_gap_s,
         )
         return cls(skyway, pads, conditions, number)
@@ -103,7 +107,7 @@ def _pads(
     conditions: Conditions,
     *,
     after_ms: int,
-    without_mission_id: MissionId | None = None,
+    without: Collection[MissionId] = (),
     pad_gap_s: float | None = None,
 ) -> PadSnapshot:
     gap_s = skyway.settings.pad_gap_s if pad_gap_s is None else pad_gap_s
@@ -112,7 +116,7 @@ def _pads(
         skyway.network_id,
         skyway.network,
         after_ms=after_ms,
-        without_mission_id=without_mission_id,
+        without=without,
         outages=conditions.pad_outages(after_ms),
         gap_ms=round(gap_s * 1000),
     )

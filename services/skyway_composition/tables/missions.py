@@ -15,6 +15,7 @@ from sqlalchemy import (
     UniqueConstraint,
     func,
     literal_column,
+    or_,
     select,
     text,
 )
@@ -58,6 +59,13 @@ missions = Table(
     Column("retry_wall_ms", BigInteger, nullable=False, server_default="0"),
     # The first planned end of a step that has not ended; null before the drone has accepted it.
     Column("next_end_ms", BigInteger),
+    # JSON of skyway.scheduling.stays: where another mission can begin; null where none can.
+    Column("stays", Text),
+    # The end of the last hand-over. QUEUED missions of a drone do not overlap until then.
+    Column("served_ms", BigInteger),
+    # The network's version and conditions with which a QUEUED mission was planned.
+    Column("planned_version", Integer),
+    Column("planned_conditions", BigInteger),
     *claim_columns(),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
     # I2: a drone is on at most one mission.
@@ -67,6 +75,13 @@ missions = Table(
         unique=True,
         sqlite_where=text("state IN ('BOOKED', 'ACCEPTED', 'ACTIVE')"),
         postgresql_where=text("state IN ('BOOKED', 'ACCEPTED', 'ACTIVE')"),
+    ),
+    Index(
+        "missions_queued",
+        "drone_id",
+        "start_ms",
+        sqlite_where=text("state = 'QUEUED'"),
+        postgresql_where=text("state = 'QUEUED'"),
     ),
     Index("missions_by_state", "state", "released_ms"),
     Index("missions_by_provider", "provider_id", "mission_id"),
@@ -83,6 +98,12 @@ missions = Table(
 is_live: Final = missions.c.state.in_(
     [literal_column(f"'{state}'") for state in LIVE_MISSION_STATES]
 )
+
+#: Whether a mission waits for the missions before it in its drone's calendar.
+is_queued: Final = missions.c.state == literal_column("'QUEUED'")
+
+#: Whether a mission is not over: it is live or queued.
+is_open: Final = or_(is_live, is_queued)
 
 #: Whether the drone has accepted the mission and has not ended it.
 is_under_way: Final = missions.c.state.in_(

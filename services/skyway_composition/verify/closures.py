@@ -117,6 +117,12 @@ CLOSURES: Final[Sequence[Rule]] = (
         "it again (DELETE and POST of the closure): missions that it hits get other plans.",
     ),
     Rule(
+        "a closure is lifted after it was made",
+        select(closures.c.closure_id).where(closures.c.lifted_ms < closures.c.made_ms),
+        "Its times were changed. The audit log has the calls that made and lifted it: correct "
+        "`made_ms` or `lifted_ms`.",
+    ),
+    Rule(
         "I11 a network's conditions count every closure",
         select(networks.c.network_id).where(
             networks.c.conditions

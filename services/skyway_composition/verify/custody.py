@@ -11,7 +11,7 @@ from sqlalchemy import and_, exists, func, literal_column, or_, select
 from skyway.contracts.mission import Cancellation
 from skyway.runtime.verification.rule import Finder, Rule
 from skyway.runtime.verification.survey import Survey
-from skyway_composition.tables import cancellations, custody, drone_links, is_live, missions
+from skyway_composition.tables import cancellations, custody, drone_links, is_open, missions
 from skyway_composition.verify.package_stories import PackageStory, package_stories
 
 _link = custody.alias("link")
@@ -220,7 +220,7 @@ CUSTODY: Final = (
     Rule(
         "I6 a package of a live mission has a chain of custody",
         select(missions.c.mission_id).where(
-            is_live, ~exists().where(custody.c.delivery_id == missions.c.delivery_id)
+            is_open, ~exists().where(custody.c.delivery_id == missions.c.delivery_id)
         ),
         "All rows of the chain were deleted. The gateway has the same chain (its table "
         "`custody`): copy the rows from there.",

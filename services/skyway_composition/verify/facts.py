@@ -48,7 +48,8 @@ async def _missions_by_delivery(survey: Survey) -> Mapping[str, list[MissionFact
                 trip=row.trip,
                 provider_id=row.provider_id,
                 drone_id=row.drone_id,
-                state=row.state,
+                # The gateway is not notified when a mission is sent.
+                state="BOOKED" if row.state == "QUEUED" else row.state,
                 price=Price.model_validate(json.loads(row.body)["price"]),
                 report_seq=row.report_seq,
                 waiting_reports=waiting[row.mission_id],

@@ -1,10 +1,13 @@
 """The rules of links to drones: gapless instructions, open ones in the outbox, true counters."""
 
 import json
+from collections import Counter
+from collections.abc import Mapping
 from typing import Any, Final
 
 from sqlalchemy import and_, exists, func, literal_column, or_, select
 
+from skyway.contracts.topics import INSTRUCTIONS
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.survey import Survey
 from skyway_composition.tables import (
@@ -15,6 +18,10 @@ from skyway_composition.tables import (
     missions,
     outbox,
 )
+
+#: A drone sends its state after each event. When its link breaks between the two, the events that
+#: it sent last are not in its last state.
+_MOST_EVENTS_BEFORE_STATE: Final = 10
 
 _sent = instructions.alias("sent")
 _before = instructions.alias("before")
@@ -60,14 +67,24 @@ def _differs(row: Any) -> bool:  # a row of instructions
 
 
 async def _changed_messages(survey: Survey) -> list[str]:
-    """Instructions that the outbox repeats with another text."""
-    query = select(instructions.c.instruction_id, instructions.c.body, outbox.c.payload).join(
-        outbox, outbox.c.message_id == instructions.c.instruction_id
+    """Instructions that the outbox repeats with another text, or to another drone."""
+    query = (
+        select(
+            instructions.c.instruction_id,
+            instructions.c.body,
+            instructions.c.drone_id,
+            drone_links.c.provider_id,
+            outbox.c.payload,
+            outbox.c.address,
+        )
+        .join(outbox, outbox.c.message_id == instructions.c.instruction_id)
+        .join(drone_links, drone_links.c.drone_id == instructions.c.drone_id)
     )
     return [
         row.instruction_id
         for row in await survey.rows(query)
         if not _is_same(row.body, row.payload)
+        or row.address != INSTRUCTIONS(row.provider_id, row.drone_id).name
     ]
 
 
@@ -100,37 +117,60 @@ def _is_occupied(state: str | None) -> bool | None:
         return None
 
 
-async def _events_ahead(survey: Survey) -> list[str]:
-    """Drones of which we stored an event of this stream that their link does not count."""
-    links = {
-        row.drone_id: (row.stream, row.last_event_seq)
-        for row in await survey.rows(select(drone_links))
-    }
+async def _wrongly_counted(survey: Survey) -> list[str]:
+    """Drones whose link does not count a stored event, or counts events that nobody has sent."""
+    links, known = {}, {}
+    async for row in survey.each(select(drone_links)):
+        links[row.drone_id] = row.stream, row.last_event_seq
+        known[row.drone_id] = _events_in_state(row.state, row.stream)
+    stored = await _stored_events(survey, {drone: stream for drone, (stream, _) in links.items()})
+    return sorted(
+        drone_id
+        for drone_id, (_, last_seq) in links.items()
+        if last_seq < stored[drone_id]
+        or (
+            (in_state := known[drone_id]) is not None
+            and last_seq > max(in_state, stored[drone_id]) + _MOST_EVENTS_BEFORE_STATE
+        )
+    )
+
+
+def _events_in_state(state: str | None, stream: int) -> int | None:
+    """How many events a drone has sent by its last state; None if it follows another stream."""
+    if state is None:
+        return 0
+    try:
+        value = json.loads(state)
+        return int(value["last_event_seq"]) if value["stream"] == stream else None
+    except (ValueError, KeyError, TypeError):
+        return None  # another rule names texts that cannot be read
+
+
+async def _stored_events(survey: Survey, streams: Mapping[str, int]) -> Counter[str]:
+    """By drone: the highest number of an event of this stream that is stored or was confirmed."""
+    found: Counter[str] = Counter()
     events = select(missions.c.drone_id, mission_steps.c.event).join(
         missions, missions.c.mission_id == mission_steps.c.mission_id
     )
     cuts = select(missions.c.drone_id, cut_steps.c.event).join(
         missions, missions.c.mission_id == cut_steps.c.mission_id
     )
-    found: set[str] = set()
     for query in (events.where(mission_steps.c.event.is_not(None)), cuts):
         async for row in survey.each(query):
-            stream, last_seq = links.get(row.drone_id, (0, 0))
-            if _is_ahead(row.event, stream=stream, last_seq=last_seq):
-                found.add(row.drone_id)
+            seq = _number_in(row.event, stream=streams.get(row.drone_id, 0))
+            found[row.drone_id] = max(found[row.drone_id], seq)
     async for row in survey.each(select(instructions)):
-        stream, last_seq = links.get(row.drone_id, (0, 0))
-        if row.stream == stream and _confirmed(row.body) > last_seq:
-            found.add(row.drone_id)
-    return sorted(found)
+        if row.stream == streams.get(row.drone_id):
+            found[row.drone_id] = max(found[row.drone_id], _confirmed(row.body))
+    return found
 
 
-def _is_ahead(event: str, *, stream: int, last_seq: int) -> bool:
+def _number_in(event: str, *, stream: int) -> int:
     try:
         value = json.loads(event)
-        return bool(value["stream"] == stream and value["seq"] > last_seq)
+        return int(value["seq"]) if value["stream"] == stream else 0
     except (ValueError, KeyError, TypeError):
-        return False
+        return 0
 
 
 def _confirmed(instruction: str) -> int:
@@ -170,7 +210,8 @@ LINKS: Final = (
     Rule(
         "I7 the outbox repeats an instruction as it was stored",
         _changed_messages,
-        "Set the `payload` of the row of `outbox` to `instructions.body`.",
+        "Set the `payload` of the row of `outbox` to `instructions.body`, and its `address` to the "
+        "topic of the drone.",
     ),
     Rule(
         "an instruction's columns say what its body says",
@@ -190,7 +231,7 @@ LINKS: Final = (
     ),
     Rule(
         "I7 a link counts the drone's events",
-        _events_ahead,
+        _wrongly_counted,
         _COUNTERS,
     ),
     Rule(

@@ -11,11 +11,13 @@ from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.survey import Survey
 from skyway.units import moment_to_ms
 from skyway_composition.tables import (
+    alarms,
     deliveries,
     drone_links,
     first_planned_end_ms,
     instructions,
     is_live,
+    is_open,
     is_under_way,
     mission_steps,
     missions,
@@ -36,6 +38,9 @@ _REPEATED: Final = (
     "state",
     "loading",
 )
+#: Missions that need a plan are looked at every 2 s; clocks of machines may differ. Wall ms.
+_LONGEST_WAIT_MS: Final = 600_000
+
 _is_open = instructions.c.status.in_(("SENT", "RECEIVED"))
 _is_of_mission = instructions.c.mission_id == missions.c.mission_id
 
@@ -62,6 +67,24 @@ def _differs(row: Any) -> bool:  # a row of missions
 
 def _ms(text: str) -> int:
     return moment_to_ms(datetime.fromisoformat(text))
+
+
+async def _late_plans(survey: Survey) -> set[str]:
+    latest_ms = survey.wall_ms + _LONGEST_WAIT_MS
+    return await survey.subjects(
+        select(missions.c.mission_id).where(is_live, missions.c.retry_wall_ms > latest_ms)
+    )
+
+
+async def _unknown_doubts(survey: Survey) -> list[str]:
+    query = select(missions.c.mission_id, missions.c.body).where(
+        is_live,
+        ~exists().where(
+            alarms.c.mission_id == missions.c.mission_id, alarms.c.code == "MISSION_IN_DOUBT"
+        ),
+    )
+    rows = await survey.rows(query)
+    return [row.mission_id for row in rows if json.loads(row.body)["doubt"] is not None]
 
 
 async def _lost_proposals(survey: Survey) -> list[str]:
@@ -94,11 +117,13 @@ MISSIONS: Final = (
     Rule(
         "I4 a mission was sent to its drone",
         select(missions.c.mission_id).where(
+            # A mission that waited in its drone's calendar to its end was never sent.
+            missions.c.planned_version.is_(None),
             missions.c.mission_id.not_in(
                 select(instructions.c.mission_id).where(
                     instructions.c.kind == "MISSION", instructions.c.mission_id.is_not(None)
                 )
-            )
+            ),
         ),
         "The drone does not know this mission, unless its instruction was deleted. If the drone's "
         "state names the mission, restore the instruction; else cancel the mission.",
@@ -111,9 +136,9 @@ MISSIONS: Final = (
         "Restore the steps from `instructions.body` of the mission's revision.",
     ),
     Rule(
-        "I4 a live mission has a link to its drone",
+        "I4 a mission that is not over has a link to its drone",
         select(missions.c.mission_id).where(
-            is_live,
+            is_open,
             ~exists().where(
                 drone_links.c.drone_id == missions.c.drone_id,
                 drone_links.c.provider_id == missions.c.provider_id,
@@ -127,6 +152,8 @@ MISSIONS: Final = (
         "I7 a booked mission waits for its drone's answer",
         select(missions.c.mission_id).where(
             missions.c.state == "BOOKED",
+            # A drone that has lost its journal would fly the mission a second time.
+            ~missions.c.body.contains('"doubt":{"code":"JOURNAL_LOST"'),
             ~exists().where(_is_of_mission, instructions.c.kind == "MISSION", _is_open),
         ),
         "The drone was never asked, or its answer was not followed. Cancel the mission (POST "
@@ -137,6 +164,17 @@ MISSIONS: Final = (
         _lost_proposals,
         "No answer will ever come for this revision. Set `missions.proposal` to NULL, and replan: "
         "the mission's `trouble` or `stuck` says why.",
+    ),
+    Rule(
+        "a mission that needs a plan is looked at again within seconds",
+        _late_plans,
+        "Set `retry_wall_ms` to 0: the mission gets its next plan within a second.",
+    ),
+    Rule(
+        "a mission in doubt has called an operator",
+        _unknown_doubts,
+        "The alarm MISSION_IN_DOUBT was not raised, or its row was deleted. Find out where drone "
+        "and packages are, and end the mission: POST /v1/missions/{id}/commands with GIVE_UP.",
     ),
     Rule(
         "a mission's columns say what its body says",
@@ -165,17 +203,17 @@ MISSIONS: Final = (
         "Set `next_end_ms` to the smallest `planned_end_ms` of the mission's PLANNED steps.",
     ),
     Rule(
-        "a closed delivery has no live mission",
+        "a closed delivery has no mission that is not over",
         select(missions.c.mission_id)
         .join(deliveries, deliveries.c.delivery_id == missions.c.delivery_id)
-        .where(deliveries.c.closed_ms.is_not(None), is_live),
+        .where(deliveries.c.closed_ms.is_not(None), is_open),
         "The gateway has given the delivery up, so nobody waits for this mission. Cancel it: POST "
         "/v1/missions/{id}/commands with CANCEL.",
     ),
     Rule(
         "a mission that a drone has begun was accepted",
         select(missions.c.mission_id).where(
-            or_(missions.c.state == "BOOKED", missions.c.state == "REFUSED"),
+            missions.c.state.in_(("QUEUED", "BOOKED", "REFUSED")),
             exists().where(
                 and_(
                     mission_steps.c.mission_id == missions.c.mission_id,

@@ -11,8 +11,15 @@ from skyway.ids import MissionId
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.survey import Survey
 from skyway.units import moment_to_ms
-from skyway_composition.pads.booked_pad import BookedPad, merged
-from skyway_composition.tables import is_live, mission_steps, missions, pad_reservations, stations
+from skyway_composition.pads.booked_pad import BookedPad, merged, without
+from skyway_composition.tables import (
+    is_live,
+    is_open,
+    mission_steps,
+    missions,
+    pad_reservations,
+    stations,
+)
 
 _one = pad_reservations.alias("one")
 _other = pad_reservations.alias("other")
@@ -34,14 +41,14 @@ async def _hoarded(survey: Survey) -> list[str]:
 
 
 async def _needed_pads(survey: Survey) -> dict[MissionId, set[BookedPad]]:
-    """The pads that each live mission needs; missions that wait for a new plan are left out.
+    """The pads that each mission needs until it is over; those that need a plan are left out.
 
     Needed are the sessions of all planned steps and of proposed steps. A session that has ended
     still holds its pad for the gap before the next drone.
     """
     live = await survey.rows(
         select(missions.c.mission_id, missions.c.body, missions.c.proposal).where(
-            is_live, missions.c.stuck.is_(None)
+            is_open, missions.c.stuck.is_(None)
         )
     )
     needed: dict[MissionId, list[BookedPad]] = {}
@@ -53,7 +60,7 @@ async def _needed_pads(survey: Survey) -> dict[MissionId, set[BookedPad]]:
         select(mission_steps.c.mission_id, mission_steps.c.step, mission_steps.c.ended_ms)
         .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
         .where(
-            is_live,
+            is_open,
             missions.c.stuck.is_(None),
             mission_steps.c.status.in_(("PLANNED", "ENDED")),
             mission_steps.c.kind == "RECHARGE",
@@ -62,7 +69,27 @@ async def _needed_pads(survey: Survey) -> dict[MissionId, set[BookedPad]]:
     for row in charging:
         gap_ms = gaps_ms[row.mission_id]
         needed[row.mission_id] += _session(json.loads(row.step), gap_ms, ended_ms=row.ended_ms)
-    return {mission_id: set(merged(pads)) for mission_id, pads in needed.items()}
+    queued = await _queued_pads(survey)
+    return {
+        mission_id: set(without(merged(pads), queued.get(mission_id, ())))
+        for mission_id, pads in needed.items()
+    }
+
+
+async def _queued_pads(survey: Survey) -> dict[MissionId, list[BookedPad]]:
+    """By mission: the pads that other missions of its drone hold, which wait in the calendar."""
+    waiting = missions.alias("waiting")
+    rows = await survey.rows(
+        select(missions.c.mission_id, pad_reservations)
+        .join(waiting, waiting.c.drone_id == missions.c.drone_id)
+        .join(pad_reservations, pad_reservations.c.mission_id == waiting.c.mission_id)
+        .where(is_live, waiting.c.state == "QUEUED")
+    )
+    queued: dict[MissionId, list[BookedPad]] = {}
+    for mission_id, *columns in rows:
+        station_id, pad, start_ms, end_ms, *_ = columns
+        queued.setdefault(mission_id, []).append(BookedPad(station_id, pad, start_ms, end_ms))
+    return queued
 
 
 def _proposed_pads(text: str | None) -> list[BookedPad]:
@@ -146,20 +173,20 @@ PADS: Final = (
         "I1 a planned recharge uses a pad of its station",
         select(mission_steps.c.mission_id)
         .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
-        .where(is_live, _planned_pad),
+        .where(is_open, _planned_pad),
         "The station has no such pad, so the drone cannot charge there. " + _REPLAN,
     ),
     Rule(
-        "I3 a reservation has a live mission",
+        "I3 a reservation has a mission that is not over",
         select(pad_reservations.c.mission_id)
         .join(missions, missions.c.mission_id == pad_reservations.c.mission_id)
-        .where(~is_live),
+        .where(~is_open),
         "Nobody uses the pad, and nobody else can. Delete the rows of `pad_reservations` of this "
         "mission once its drone has left the pad.",
     ),
-    Rule("I3 a live mission holds the pads of its steps", _unreserved, _REPLAN),
+    Rule("I3 a mission holds the pads of its steps", _unreserved, _REPLAN),
     Rule(
-        "I3 a live mission holds no pad that it does not need",
+        "I3 a mission holds no pad that it does not need",
         _hoarded,
         "Other drones could use the pad. " + _REPLAN,
     ),

@@ -16,11 +16,14 @@ _RESTORE: Final = (
     "`seq`: restore the row from a backup, or cancel the mission and settle its delivery by hand."
 )
 
+#: The services that get reports.
+_RECEIVERS: Final = ("gateway", "registry")
+
 
 async def _waiting(survey: Survey) -> Mapping[tuple[str, str], list[int]]:
     """By service and mission: the numbers of the reports that wait in the outbox, in order."""
     waiting: dict[tuple[str, str], list[int]] = defaultdict(list)
-    query = select(outbox).where(outbox.c.channel != "mqtt").order_by(outbox.c.id)
+    query = select(outbox).where(outbox.c.channel.in_(_RECEIVERS)).order_by(outbox.c.id)
     async for row in survey.each(query):
         report = MissionReport.read(row.payload)
         number = report.seq if report.mission_id == row.stream else -1

@@ -10,6 +10,7 @@ from skyway.contracts.drone_report import Connection, DroneEvent, DroneState
 from skyway.contracts.instruction import Instruction
 from skyway.contracts.mission import Cancellation, Mission
 from skyway.delivery.request import DeliveryRequest
+from skyway.runtime.verification.outbox_rules import outbox_rules
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.storage_rules import storage_rules
 from skyway.runtime.verification.stored_forms import form_rule
@@ -28,6 +29,7 @@ from skyway_composition.tables import (
     missions,
     outbox,
 )
+from skyway_composition.verify.calendars import CALENDARS, read_stored_stays
 from skyway_composition.verify.closures import CLOSURES
 from skyway_composition.verify.custody import CUSTODY
 from skyway_composition.verify.links import LINKS
@@ -46,6 +48,7 @@ _FORMS: Final = form_rule(
         missions.c.trouble: Trouble.read,
         missions.c.proposal: Proposal.read,
         missions.c.aims: TypeAdapter(tuple[Aim, ...]).validate_json,
+        missions.c.stays: read_stored_stays,
         mission_steps.c.step: read_step,
         mission_steps.c.event: DroneEvent.read,
         cut_steps.c.event: DroneEvent.read,
@@ -61,9 +64,19 @@ _FORMS: Final = form_rule(
 
 #: The most important rules first: those of storage say whether the others can be believed.
 RULES: Final[tuple[Rule, ...]] = (
-    *storage_rules(metadata, triggers=("pad_taken_on_insert", "pad_taken_on_update")),
+    *storage_rules(
+        metadata,
+        triggers=(
+            "pad_taken_on_insert",
+            "pad_taken_on_update",
+            "drone_time_taken_on_insert",
+            "drone_time_taken_on_update",
+        ),
+    ),
+    *outbox_rules(outbox, channels=("gateway", "mqtt", "registry")),
     _FORMS,
     *MISSIONS,
+    *CALENDARS,
     *STEPS,
     *CUSTODY,
     *PADS,

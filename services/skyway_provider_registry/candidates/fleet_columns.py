@@ -25,6 +25,8 @@ _DRONE: Final = np.dtype(
         ("y", np.float64),
         ("z", np.float64),
         ("online_until_ms", np.int64),
+        ("free_ms", np.int64),
+        ("speed_mps", np.float64),
         ("is_busy", np.bool_),
         ("is_low", np.bool_),
     ]
@@ -140,6 +142,8 @@ class FleetColumns:
             drone.soc,
             *unit_vector(drone.position),
             drone.online_until_ms,
+            drone.free_ms,
+            drone.model.speed_empty_mps,
             drone.is_busy or station is None,
             drone.soc < drone.model.reserve_soc,
         )

@@ -62,6 +62,7 @@ class FleetView:
                 columns, rows = FleetColumns(columns.networks), await store.every_drone(connection)
             if any(row.drone_id not in columns for row in rows):
                 self._models = await drone_models.every(connection)
-        columns.put(store.cached_drone(row, self._models) for row in rows)
+        networks = columns.networks
+        columns.put(store.cached_drone(row, self._models, networks) for row in rows)
         self._fleet = Fleet(providers, columns)
         self._seen = now

@@ -11,7 +11,7 @@ from skyway.contracts.candidate import (
     MAX_CANDIDATES_PER_PROVIDER,
     CandidateQuery,
 )
-from skyway.geo import unit_vector
+from skyway.geo import EARTH_RADIUS_M, unit_vector
 from skyway_provider_registry.candidates.fleet_columns import Flags, FleetColumns, Rows
 
 #: This many nearest drones include enough drones of most providers.
@@ -20,7 +20,9 @@ _WORTH_RANKING: Final = 4 * MAX_CANDIDATES
 
 @dataclass(frozen=True, slots=True)
 class Ranked:
-    """Able drones in order: at the pickup, then the nearest, then the fullest; ties by id.
+    """Able drones in order: those that can be at the pickup first, then the fullest; ties by id.
+
+    The time to the pickup counts from now, with the missions that the drone has before.
 
     They include every drone that can become a candidate.
     """
@@ -31,35 +33,46 @@ class Ranked:
     weakness_kg: npt.NDArray[np.float64]
 
     @classmethod
-    def of(cls, query: CandidateQuery, columns: FleetColumns, able: Rows, split: Flags) -> "Ranked":
+    def of(
+        cls,
+        query: CandidateQuery,
+        columns: FleetColumns,
+        able: Rows,
+        split: Flags,
+        *,
+        now_ms: int,
+    ) -> "Ranked":
         """The ranked rows of `able`, without drones that are too far to become candidates."""
         is_away = columns.column("station")[able] != columns.station(query.pickup_station_id)
-        # The chord grows with the distance and is cheap to compute.
+        # The chord is a little shorter than the way along the ground, and is cheap to compute.
         x, y, z = unit_vector(query.pickup_position)
         chord = (
             (columns.column("x")[able] - x) ** 2
             + (columns.column("y")[able] - y) ** 2
             + (columns.column("z")[able] - z) ** 2
         )
-        near = _near_enough(chord, is_away, columns.column("provider")[able], split)
-        able, is_away, chord = able[near], is_away[near], chord[near]
+        flight_s = EARTH_RADIUS_M * np.sqrt(chord) / columns.column("speed_mps")[able]
+        wait_s = np.maximum(0, columns.column("free_ms")[able] - now_ms) / 1000
+        arrival_s = np.where(is_away, flight_s, 0.0) + wait_s
+        near = _near_enough(arrival_s, columns.column("provider")[able], split)
+        able, arrival_s = able[near], arrival_s[near]
         emptiness = -columns.column("soc")[able]
-        rows = able[np.lexsort((columns.order[able], emptiness, chord, is_away))]
+        rows = able[np.lexsort((columns.order[able], emptiness, is_away[near], arrival_s))]
         provider = columns.column("provider")[rows]
         weakness_kg = np.where(split[provider], -columns.column("payload_kg")[rows], 0.0)
         return cls(rows, provider, weakness_kg)
 
 
 def _near_enough(
-    chord: npt.NDArray[np.float64], is_away: Flags, provider: npt.NDArray[np.int32], split: Flags
+    arrival_s: npt.NDArray[np.float64], provider: npt.NDArray[np.int32], split: Flags
 ) -> Flags:
     """Which drones are ranked: not those with enough nearer drones of the same provider.
 
     Ranking thousands of drones would take longer than everything else.
     """
-    if len(chord) <= _WORTH_RANKING:
-        return np.ones(len(chord), np.bool_)
-    near = ~is_away | (chord <= np.partition(chord, _WORTH_RANKING)[_WORTH_RANKING])
+    if len(arrival_s) <= _WORTH_RANKING:
+        return np.ones(len(arrival_s), np.bool_)
+    near: Flags = arrival_s <= np.partition(arrival_s, _WORTH_RANKING)[_WORTH_RANKING]
     is_short = np.bincount(provider[near], minlength=len(split)) < MAX_CANDIDATES_PER_PROVIDER
     is_needed: Flags = near | (is_short | split)[provider]
     return is_needed

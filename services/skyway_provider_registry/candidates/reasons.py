@@ -10,6 +10,7 @@ from skyway.contracts.candidate import (
     Loading,
     ProviderReason,
     ProviderReasonCode,
+    Standby,
 )
 from skyway.contracts.shortlist import ProviderTerms
 from skyway.delivery.offer import Tariff
@@ -26,6 +27,7 @@ class CachedProvider:
     tariff: Tariff
     is_active: bool
     loading: Loading = "AUTOMATIC"
+    standby: Standby = "HOME"
 
     @cached_property
     def terms(self) -> ProviderTerms:
@@ -37,7 +39,9 @@ class CachedProvider:
 class CachedDrone:
     """A drone as selection sees it; `station_id` is None when it stands at no station.
 
+    A drone that has missions stands where it is free after them, from `free_ms` of fleet time on.
     It counts as online until `online_until_ms` of wall time; each message moves that moment.
+    Without a `standby` of its own it has its provider's.
     """
 
     drone_id: DroneId
@@ -49,6 +53,8 @@ class CachedDrone:
     position: Position
     soc: float
     is_busy: bool
+    standby: Standby | None = None
+    free_ms: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,7 +31,12 @@ def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -
         """The drones that could fly a request now, and why the other providers have none."""
         caller.must_be("service")
         fleet = await view.refreshed()
-        found = select(query, fleet, wall_now_ms=moment_to_ms(clock.wall_now()))
+        found = select(
+            query,
+            fleet,
+            wall_now_ms=moment_to_ms(clock.wall_now()),
+            now_ms=moment_to_ms(clock.now()),
+        )
         # Serialized here: the answer is valid, and FastAPI would validate each model again.
         return Response(found.model_dump_json(), media_type="application/json")
 

@@ -48,7 +48,7 @@ _NONE: Final = -1
 _PASSING: Final = [1 + _OBSTACLES.index(code) for code in ("BUSY", "LOW_CHARGE")]
 
 
-def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int) -> Candidates:
+def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int, now_ms: int) -> Candidates:
     """The drones to compare, nearest first, and a reason for each provider that has none."""
     columns = fleet.columns
     reasons = {
@@ -63,7 +63,8 @@ def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int) -> Candidat
     lifting = _lifting(query, columns, elsewhere)
     obstacles = _obstacles(query, columns, lifting.drones, elsewhere, wall_now_ms=wall_now_ms)
     able = np.flatnonzero((obstacles == 0) & admitted[columns.column("provider")])
-    chosen = in_turn(Ranked.of(query, columns, able, lifting.split), len(columns.providers))
+    ranked = Ranked.of(query, columns, able, lifting.split, now_ms=now_ms)
+    chosen = in_turn(ranked, len(columns.providers))
     candidates = [columns.drones[row] for row in chosen.tolist()]
     compared = {drone.provider_id for drone in candidates}
     found = _found_by_provider(columns, obstacles)
@@ -170,6 +171,7 @@ def _shortlist(
         socs=tuple(each.soc for each in drones),
         station_ids=tuple(each.station_id for each in drones if each.station_id is not None),
         home_station_ids=tuple(each.home_station_id for each in drones),
+        standbys=tuple(each.standby or providers[each.provider_id].standby for each in drones),
     )
 
 

@@ -6,6 +6,7 @@ from typing import Final
 from sqlalchemy import BigInteger, and_, bindparam, exists, literal_column, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.announced_networks import CachedNetworks
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneModelId, ProviderId
@@ -29,6 +30,17 @@ _own_mission_is_over = exists().where(
 )
 _is_busy = or_(_has_live_mission, presence.c.mission_id.is_not(None) & ~_own_mission_is_over)
 
+_waiting = mission_hints.c.mission_state == literal_column("'QUEUED'")
+#: The mission of the drone that ends last, of those that are not over.
+_last_mission = (
+    select(mission_hints.c.mission_id)
+    .where(mission_hints.c.drone_id == drones.c.drone_id, or_(mission_hints.c.is_live, _waiting))
+    .order_by(mission_hints.c.free_ms.desc().nulls_first(), mission_hints.c.mission_id.desc())
+    .limit(literal_column("1"))
+    .scalar_subquery()
+)
+_last: Final = mission_hints.alias("last_mission")
+
 _columns: Final = (
     drones.c.drone_id,
     drones.c.provider_id,
@@ -38,6 +50,7 @@ _columns: Final = (
     drones.c.home_latitude_deg,
     drones.c.initial_soc,
     drones.c.is_in_maintenance,
+    drones.c.standby,
     presence.c.connection_status,
     presence.c.last_seen_wall_ms,
     presence.c.activity,
@@ -46,8 +59,13 @@ _columns: Final = (
     presence.c.latitude_deg,
     presence.c.soc,
     _is_busy.label("is_busy"),
+    _last.c.free_ms,
+    _last.c.free_station_id,
+    _last.c.free_soc,
 )
-_drones_with_presence: Final = drones.join(presence, presence.c.drone_id == drones.c.drone_id)
+_drones_with_presence: Final = drones.join(
+    presence, presence.c.drone_id == drones.c.drone_id
+).outerjoin(_last, _last.c.mission_id == _last_mission)
 _EVERY_DRONE: Final = select(*_columns).select_from(_drones_with_presence)
 #: PostgreSQL expects few rows from a range with two ends. From an open range it expects a third of
 #: the table, and then it reads all mission hints.
@@ -74,6 +92,7 @@ async def cached_providers(connection: AsyncConnection) -> dict[ProviderId, Cach
             tariff=provider.tariff,
             is_active=provider.state == "ACTIVE",
             loading=provider.loading,
+            standby=provider.standby,
         )
         for provider in await providers.every(connection)
     }
@@ -94,19 +113,32 @@ async def changed_drones(connection: AsyncConnection, *, since: int) -> tuple[Ch
     return marks, [row for row in rows if row.drone_id is not None]
 
 
-def cached_drone(row: AnyRow, models: Mapping[DroneModelId, DroneModel]) -> CachedDrone:
-    """The drone of a row; before its first `state` it counts as offline and at no station."""
+def cached_drone(
+    row: AnyRow, models: Mapping[DroneModelId, DroneModel], networks: CachedNetworks
+) -> CachedDrone:
+    """The drone of a row; before its first `state` it counts as offline and at no station.
+
+    A drone with missions stands where it is free after them, if that was reported.
+    """
     has_reported = row.activity is not None
     is_there = has_reported and row.connection_status == "ONLINE" and not row.is_in_maintenance
     home = Position(row.home_longitude_deg, row.home_latitude_deg)
+    position = Position(row.longitude_deg, row.latitude_deg) if has_reported else home
+    station_id, soc = (row.station_id, row.soc) if has_reported else (None, row.initial_soc)
+    is_free_later = row.free_ms is not None and has_reported
+    if is_free_later:
+        station_id, soc = row.free_station_id, row.free_soc
+        position = networks.position_if_connected(station_id, to=()) or position
     return CachedDrone(
         drone_id=row.drone_id,
         provider_id=row.provider_id,
         model=models[row.model_id],
         home_station_id=row.home_station_id,
         online_until_ms=row.last_seen_wall_ms + _SILENCE_MS if is_there else 0,
-        station_id=row.station_id if has_reported else None,
-        position=Position(row.longitude_deg, row.latitude_deg) if has_reported else home,
-        soc=row.soc if has_reported else row.initial_soc,
-        is_busy=bool(row.is_busy),
+        station_id=station_id,
+        position=position,
+        soc=soc,
+        is_busy=bool(row.is_busy) and not is_free_later,
+        free_ms=row.free_ms if is_free_later else 0,
+        standby=row.standby,
     )

@@ -1,17 +1,78 @@
-"""A drone as its provider registers it, changes it and sees it."""
+"""A drone as its provider registers it, changes it and sees it, and its state for the provider."""
 
+from datetime import datetime
 from typing import Annotated, Literal, TypeVar
 
 from pydantic import AwareDatetime, Field, field_validator
 
+from skyway.contracts.candidate import Standby
 from skyway.contracts.drone_health import ActiveFailsafe, DroneHealth, Fault
 from skyway.contracts.message import Soc
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, DroneModelId, MissionId, ProviderId, StationId
 from skyway.json_model import JsonModel
-from skyway_provider_registry.fleets.drone_states import DroneStateName
-from skyway_provider_registry.presence.drone_presence import Activity
+from skyway_provider_registry.presence.drone_presence import Activity, Presence
+
+DroneStateName = Literal[
+    "REGISTERED",
+    "AVAILABLE",
+    "RESERVED",
+    "ON_MISSION",
+    "RECHARGING",
+    "OFFLINE",
+    "MAINTENANCE",
+    "GROUNDED",
+]
+
+
+def state_of(presence: Presence, *, is_in_maintenance: bool, wall_now: datetime) -> DroneStateName:
+    """The state of a drone with this presence."""
+    return state_named(
+        is_in_maintenance=is_in_maintenance,
+        has_connected=presence.connection is not None,
+        is_online=presence.is_online(wall_now),
+        activity=None if presence.state is None else presence.state.activity,
+        has_mission=presence.mission_id is not None,
+        mission_state=presence.mission_state,
+        names_mission=presence.names_mission,
+    )
+
+
+def state_named(
+    *,
+    is_in_maintenance: bool,
+    has_connected: bool,
+    is_online: bool,
+    activity: str | None,
+    has_mission: bool,
+    mission_state: str | None,
+    names_mission: bool,
+) -> DroneStateName:
+    """The state of a drone; a cause that keeps it from flying comes before its activity.
+
+    A drone is ON_MISSION from the first step of its mission to the mission's end. Composition
+    reports to the registry only that a mission was accepted and that it ended. So the drone's own
+    `state` message shows the beginning: it names the mission (`names_mission`) and is not IDLE.
+    """
+    if is_in_maintenance:
+        return "MAINTENANCE"
+    if not has_connected:
+        return "REGISTERED"
+    if not is_online:
+        return "OFFLINE"
+    if activity is None:
+        return "REGISTERED"
+    if activity == "DOWN":
+        return "GROUNDED"
+    is_before_start = mission_state in ("BOOKED", "ACCEPTED")
+    has_begun = not is_before_start or (names_mission and activity != "IDLE")
+    if has_mission and has_begun:
+        return "ON_MISSION"
+    if activity == "RECHARGING":
+        return "RECHARGING"
+    return "RESERVED" if has_mission else "AVAILABLE"
+
 
 T = TypeVar("T")
 
@@ -48,10 +109,17 @@ class NewDrone(JsonModel):
     soc: Annotated[
         Soc, Field(description="state of charge until the drone's first state message, 0 to 1")
     ] = 1.0
+    standby: Annotated[
+        Standby | None,
+        Field(description="HOME, STAY or PARKING when it is idle; null means as its provider"),
+    ] = None
 
 
 class DroneChange(JsonModel):
-    """Changes of a drone: fields that are left out stay; null removes a name or registration."""
+    """Changes of a drone: fields that are left out stay.
+
+    Null removes a name, a registration, and the drone's own standby.
+    """
 
     name: Annotated[DroneName | None, Field(description="new name; null removes it")] = None
     registration: Annotated[
@@ -63,6 +131,10 @@ class DroneChange(JsonModel):
     state: Annotated[
         Literal["MAINTENANCE", "AVAILABLE"] | None,
         Field(description="MAINTENANCE takes the drone out of service, AVAILABLE puts it back"),
+    ] = None
+    standby: Annotated[
+        Standby | None,
+        Field(description="HOME, STAY or PARKING when it is idle; null means as its provider"),
     ] = None
 
     @field_validator("home_station_id", "state")
@@ -93,6 +165,9 @@ class Drone(JsonModel):
     ]
     name: Annotated[str | None, Field(description="name for people")]
     registration: Annotated[str | None, Field(description="the aircraft's registration mark")]
+    standby: Annotated[
+        Standby | None, Field(description="what it does when idle; null means as its provider")
+    ]
     state: Annotated[
         DroneStateName,
         Field(

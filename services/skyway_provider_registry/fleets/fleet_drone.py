@@ -4,17 +4,26 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+from skyway.contracts.candidate import Standby
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
-from skyway_provider_registry.fleets.drone import Drone, MqttAccount, RegisteredDrone
-from skyway_provider_registry.fleets.drone_states import DroneStateName, state_of
+from skyway_provider_registry.fleets.drone import (
+    Drone,
+    DroneStateName,
+    MqttAccount,
+    RegisteredDrone,
+    state_of,
+)
 from skyway_provider_registry.presence.drone_presence import Presence, condition_of
 
 
 @dataclass(frozen=True, slots=True)
 class FleetDrone:
-    """A registered drone; `initial_soc` is its charge until its first `state` message."""
+    """A registered drone; `initial_soc` is its charge until its first `state` message.
+
+    Without a `standby` of its own it has its provider's.
+    """
 
     drone_id: DroneId
     provider_id: ProviderId
@@ -23,6 +32,7 @@ class FleetDrone:
     home_position: Position
     name: str | None
     registration: str | None
+    standby: Standby | None
     initial_soc: float
     is_in_maintenance: bool
     created_at: datetime
@@ -57,6 +67,7 @@ class FleetDrone:
             "home_position": self.home_position,
             "name": self.name,
             "registration": self.registration,
+            "standby": self.standby,
             "state": self.state(wall_now),
             "soc": soc,
             "station_id": reported.station_id if reported else None,

@@ -1,13 +1,15 @@
 """Registration: checks new drones, prepares their ids, accounts and answer, and stores them."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Protocol
 
-from skyway.contracts.station_check import StationCheck
+from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneId, DroneModelId, ProviderId, StationId
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway_provider_registry.change_store import next_change
@@ -24,6 +26,28 @@ from skyway_provider_registry.fleets.drone import NewDrone, RegisteredDrone
 from skyway_provider_registry.fleets.fleet_drone import FleetDrone
 from skyway_provider_registry.presence import sighting_store as sightings
 from skyway_provider_registry.presence.drone_presence import NEVER_SEEN
+
+
+class StationLookup(Protocol):
+    """Answers which stations exist, and their positions."""
+
+    async def check(self, station_ids: Iterable[StationId]) -> StationCheck:
+        """The positions of the existing stations among these, and the unknown station ids."""
+        ...
+
+
+class CompositionStations:
+    """`StationLookup` that asks composition."""
+
+    def __init__(self, composition: ServiceClient) -> None:
+        self._composition = composition
+
+    async def check(self, station_ids: Iterable[StationId]) -> StationCheck:
+        """The positions of the existing stations among these, and the unknown station ids."""
+        query = StationCheckQuery(station_ids=tuple(dict.fromkeys(station_ids)))
+        return await self._composition.call(
+            "POST", "/internal/station-checks", body=query, answer=StationCheck
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +81,7 @@ def prepare(
             home_position=stations.positions[new_drone.home_station_id],
             name=new_drone.name,
             registration=new_drone.registration,
+            standby=new_drone.standby,
             initial_soc=new_drone.soc,
             is_in_maintenance=False,
             created_at=now,

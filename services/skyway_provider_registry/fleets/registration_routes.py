@@ -25,10 +25,10 @@ from skyway_provider_registry.fleets.drone import (
     RegisteredDrone,
     RegisteredDrones,
 )
-from skyway_provider_registry.fleets.home_stations import StationLookup
 from skyway_provider_registry.fleets.registration import (
     PreparedDrones,
     RegistrationFault,
+    StationLookup,
     faults_of,
     prepare,
     store_drones,

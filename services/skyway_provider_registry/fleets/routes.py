@@ -1,6 +1,6 @@
-"""Fleets over REST: providers see, change and remove their own drones."""
+"""Fleets over REST: providers see, count, change and remove their own drones."""
 
-from typing import Annotated
+from typing import Annotated, Final
 
 from fastapi import Depends, Query, Response
 
@@ -13,12 +13,18 @@ from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
+from skyway.units import moment_to_ms
 from skyway_provider_registry.enrolment import account_store as accounts
 from skyway_provider_registry.enrolment.password_file import PasswordFile
-from skyway_provider_registry.fleets import store
+from skyway_provider_registry.fleets import statistics_store, store
 from skyway_provider_registry.fleets.drone import Drone, DroneChange
-from skyway_provider_registry.fleets.home_stations import StationLookup
+from skyway_provider_registry.fleets.registration import StationLookup
+from skyway_provider_registry.fleets.statistics_store import FleetStatistics, totals
+from skyway_provider_registry.presence.drone_presence import SILENCE
 from skyway_provider_registry.providers import store as providers
+
+#: The changes that are columns of the same name and value.
+_PLAIN_FIELDS: Final = frozenset(("name", "registration", "standby"))
 
 
 def fleet_routes(
@@ -72,7 +78,7 @@ def fleet_routes(
         caller: Annotated[Caller, Depends(gate)],
         requested: DroneChange,
     ) -> Drone:
-        """Change a drone's name, registration or home, or take it out of service and back."""
+        """Change a drone's own data, or take it out of service and back."""
         caller.must_be("operator", "provider")
         values = await _columns(requested, stations)
         async with db.write() as tx:
@@ -107,7 +113,7 @@ def fleet_routes(
 async def _columns(requested: DroneChange, stations: StationLookup) -> dict[str, object]:
     """The columns to set; a new home station is looked up before the write."""
     given = requested.model_fields_set
-    values: dict[str, object] = {f: getattr(requested, f) for f in given & {"name", "registration"}}
+    values: dict[str, object] = {f: getattr(requested, f) for f in given & _PLAIN_FIELDS}
     if requested.state is not None:
         values["is_in_maintenance"] = requested.state == "MAINTENANCE"
     if requested.home_station_id is not None:
@@ -121,3 +127,22 @@ async def _columns(requested: DroneChange, stations: StationLookup) -> dict[str,
         values["home_longitude_deg"] = position.longitude_deg
         values["home_latitude_deg"] = position.latitude_deg
     return values
+
+
+def fleet_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
+    """GET /v1/stats/fleets."""
+    router = ServiceRouter(tags=("statistics",))
+
+    @router.get("/v1/stats/fleets")
+    async def get_fleet_statistics(caller: Annotated[Caller, Depends(gate)]) -> FleetStatistics:
+        """Count the drones in each state, and measure how late their messages arrive."""
+        caller.must_be("provider", "operator")
+        provider_id = ProviderId(caller.subject_id) if caller.role == "provider" else None
+        since_ms = moment_to_ms(clock.wall_now() - SILENCE)
+        async with db.read() as connection:
+            rows = await statistics_store.groups(
+                connection, provider_id, received_since_wall_ms=since_ms
+            )
+        return totals(rows, at=clock.now(), rate=clock.rate)
+
+    return router

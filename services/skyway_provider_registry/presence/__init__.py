@@ -1,5 +1,5 @@
 """Presence: the last messages of each drone, and the mission it is on.
 
-`follow` receives the messages of drones, `newest` picks the newest ones and `sighting_store` stores
-them. `mission_reports` stores composition's reports. `drone_presence` is the result.
+`follow` receives the messages of drones, `sighting_store` picks the newest ones and stores them.
+`mission_hint_store` keeps composition's reports. `drone_presence` is the result.
 """

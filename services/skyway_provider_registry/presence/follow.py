@@ -14,8 +14,7 @@ from skyway.runtime.metrics import count
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE
 from skyway.runtime.sql.database import Database
-from skyway_provider_registry.presence.newest import newest
-from skyway_provider_registry.presence.sighting_store import ReceptionTime, record
+from skyway_provider_registry.presence.sighting_store import ReceptionTime, newest, record
 from skyway_provider_registry.presence.store import owners
 
 #: The topics of presence; the ids of each are {p}, {d}.

@@ -4,16 +4,18 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Final
 
-from sqlalchemy import BigInteger, Insert, Text, bindparam, delete, select
+from sqlalchemy import BigInteger, Insert, Text, bindparam, delete, or_, select
 from sqlalchemy.dialects import postgresql
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
-from skyway.contracts.mission_reports import MissionReport
+from skyway.contracts.mission_reports import FreeFrom, MissionReport
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.presence.store import TOUCH
 from skyway_provider_registry.tables import drones, mission_hints
+
+_FREE_COLUMNS: Final = ("free_ms", "free_station_id", "free_soc")
 
 #: Wall ms for which an ended mission is kept, so that a late copy of a report does not revive it.
 _REMEMBERED_MS: Final = 24 * 3600 * 1000
@@ -22,7 +24,8 @@ _REMEMBERED_MS: Final = 24 * 3600 * 1000
 async def store_reports(tx: Tx, reports: Sequence[MissionReport], *, wall_at: datetime) -> None:
     """Store reports that are new, of drones of the named provider.
 
-    Only the first report of each mission state is stored: later ones would change nothing.
+    Of each mission state only the first report is stored, and those that say when the drone is
+    free: others would change nothing.
     """
     change, wall_ms = await next_change(tx), moment_to_ms(wall_at)
     rows = [
@@ -34,6 +37,7 @@ async def store_reports(tx: Tx, reports: Sequence[MissionReport], *, wall_at: da
             "mission_state": report.mission_state,
             "is_live": report.mission_state in LIVE_MISSION_STATES,
             "reported_wall_ms": wall_ms,
+            **_free(report.free_from),
         }
         for report in reports
     ]
@@ -45,9 +49,17 @@ async def store_reports(tx: Tx, reports: Sequence[MissionReport], *, wall_at: da
         await tx.execute(_DELETE_OLD, ended)
 
 
+def _free(free_from: FreeFrom | None) -> dict[str, object]:
+    """The columns that say when and where the drone can begin another mission."""
+    if free_from is None:
+        return dict.fromkeys(_FREE_COLUMNS)
+    values = (moment_to_ms(free_from.at), free_from.station_id, free_from.soc)
+    return dict(zip(_FREE_COLUMNS, values, strict=True))
+
+
 def _store_report() -> Insert:
     """An insert of a report that is new and whose drone belongs to the named provider."""
-    names = ("seq", "mission_state", "is_live", "reported_wall_ms")
+    names = ("seq", "mission_state", "is_live", "reported_wall_ms", *_FREE_COLUMNS)
     values = [
         bindparam(name, type_=mission_hints.c[name].type).label(name)
         for name in ("mission_id", *names)
@@ -58,8 +70,9 @@ def _store_report() -> Insert:
     )
     # This also works with SQLite: both dialects write ON CONFLICT in the same way.
     new = postgresql.insert(mission_hints).from_select(["drone_id", "mission_id", *names], own)
-    is_new = (mission_hints.c.seq < new.excluded.seq) & (
-        mission_hints.c.mission_state != new.excluded.mission_state
+    is_new = (mission_hints.c.seq < new.excluded.seq) & or_(
+        mission_hints.c.mission_state != new.excluded.mission_state,
+        new.excluded.free_ms.is_not(None),
     )
     changed = {name: new.excluded[name] for name in names}
     return new.on_conflict_do_update(index_elements=["mission_id"], set_=changed, where=is_new)

@@ -1,5 +1,6 @@
 """Composition's mission reports: a hint at who is busy."""
 
+from collections.abc import Sequence
 from typing import Annotated
 
 from fastapi import Depends, Response
@@ -10,15 +11,21 @@ from skyway.contracts.mission_reports import (
     MissionReport,
     MissionReports,
 )
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway_provider_registry.presence.mission_reports import ReportKeeper
+from skyway.runtime.sql.database import Database
+from skyway_provider_registry.presence.mission_hint_store import store_reports
 
 
-def presence_routes(*, keeper: ReportKeeper, gate: ServiceGate) -> ServiceRouter:
+def presence_routes(*, db: Database, clock: FleetClock, gate: ServiceGate) -> ServiceRouter:
     """POST /internal/mission-reports and /internal/mission-reports/many."""
     router = ServiceRouter(tags=("internal",))
+
+    async def store(reports: Sequence[MissionReport]) -> None:
+        async with db.write() as tx:
+            await store_reports(tx, reports, wall_at=clock.wall_now())
 
     @router.post(MISSION_REPORTS, status_code=204)
     async def receive_mission_report(
@@ -27,7 +34,7 @@ def presence_routes(*, keeper: ReportKeeper, gate: ServiceGate) -> ServiceRouter
     ) -> Response:
         """Note that a drone is busy or free; repeated reports are ignored."""
         caller.must_be("service")
-        await keeper.keep([report])
+        await store([report])
         return Response(status_code=204)
 
     @router.post(MANY_MISSION_REPORTS, status_code=204)
@@ -37,7 +44,7 @@ def presence_routes(*, keeper: ReportKeeper, gate: ServiceGate) -> ServiceRouter
     ) -> Response:
         """Note of several drones that they are busy or free."""
         caller.must_be("service")
-        await keeper.keep([each.report for each in reports.reports])
+        await store([each.report for each in reports.reports])
         return Response(status_code=204)
 
     return router

@@ -4,7 +4,7 @@ from typing import Annotated, Final, Literal, TypeVar
 
 from pydantic import AwareDatetime, Field, field_validator
 
-from skyway.contracts.candidate import Loading
+from skyway.contracts.candidate import Loading, Standby
 from skyway.delivery.offer import Tariff
 from skyway.ids import ProviderId
 from skyway.json_model import JsonModel
@@ -28,6 +28,10 @@ Terms = Annotated[str, Field(max_length=10_000, description="terms of delivery, 
 _LOADING: Final = (
     "AUTOMATIC: drones load without a person; CONFIRMED: a person weighs and confirms the packages"
 )
+_STANDBY: Final = (
+    "what an idle drone does: HOME: it flies home; STAY: it stays where it delivered; PARKING: it "
+    "goes to the best parking station of the network. A drone may have its own setting"
+)
 
 
 class NewProvider(JsonModel):
@@ -37,6 +41,7 @@ class NewProvider(JsonModel):
     tariff: Annotated[Tariff, Field(description="how the provider computes its prices")]
     terms: Annotated[Terms | None, Field(description="terms of delivery, as text")] = None
     loading: Annotated[Loading, Field(description=_LOADING)] = "AUTOMATIC"
+    standby: Annotated[Standby, Field(description=_STANDBY)] = "HOME"
 
 
 class ProviderChange(JsonModel):
@@ -50,8 +55,9 @@ class ProviderChange(JsonModel):
         Field(description="only operators change it; SUSPENDED drones get no new missions"),
     ] = None
     loading: Annotated[Loading | None, Field(description=_LOADING)] = None
+    standby: Annotated[Standby | None, Field(description=_STANDBY)] = None
 
-    @field_validator("name", "tariff", "state", "loading")
+    @field_validator("name", "tariff", "state", "loading", "standby")
     @classmethod
     def _stays(cls, value: T | None) -> T:
         if value is None:
@@ -78,6 +84,7 @@ class Provider(JsonModel):
         ProviderState, Field(description="the drones of a SUSPENDED provider get no new missions")
     ]
     loading: Annotated[Loading, Field(description=_LOADING)]
+    standby: Annotated[Standby, Field(description=_STANDBY)]
     created_at: Annotated[
         AwareDatetime, Field(description="moment of its registration, fleet time")
     ]

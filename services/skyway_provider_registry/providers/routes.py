@@ -46,6 +46,7 @@ def provider_routes(
             terms=requested.terms,
             state="ACTIVE",
             loading=requested.loading,
+            standby=requested.standby,
             # What is answered now is what is read later: the table keeps milliseconds.
             created_at=ms_to_moment(moment_to_ms(clock.now())),
         )
@@ -97,7 +98,7 @@ def provider_routes(
     async def update_provider(
         provider_id: ProviderId, caller: Annotated[Caller, Depends(gate)], requested: ProviderChange
     ) -> Provider:
-        """Change a provider's name, tariff, terms or loading; only operators change `state`."""
+        """Change a provider's own data; only operators change `state`."""
         caller.must_be("operator", "provider")
         if requested.state is not None and caller.role != "operator":
             raise AccessDenied("only an operator changes a provider's state")

@@ -40,6 +40,7 @@ async def add(tx: Tx, provider: Provider) -> None:
         "terms": provider.terms,
         "state": provider.state,
         "loading": provider.loading,
+        "standby": provider.standby,
         "created_ms": moment_to_ms(provider.created_at),
     }
     await tx.execute(providers.insert().values(row))
@@ -133,5 +134,6 @@ def _provider(row: AnyRow) -> Provider:
         terms=row.terms,
         state=row.state,
         loading=row.loading,
+        standby=row.standby,
         created_at=ms_to_moment(row.created_ms),
     )

@@ -9,7 +9,7 @@ from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_provider_registry.telemetry import thinning_store
+from skyway_provider_registry.telemetry import store
 
 #: Wall seconds between two transactions, so that other writers get a turn.
 PAUSE_S: Final = 0.1
@@ -42,11 +42,11 @@ class Thinning:
     async def step(self) -> bool:
         """Step of a loop: thin the telemetry of the next drone; False at the end of a round."""
         async with self._db.read() as connection:
-            drone_id = await thinning_store.next_drone(connection, after=self._done)
+            drone_id = await store.next_drone(connection, after=self._done)
             if drone_id is None:
                 self._done = ""
                 return False
-            is_registered = await thinning_store.is_registered(connection, drone_id)
+            is_registered = await store.is_registered(connection, drone_id)
         has_more = True
         while has_more:
             if is_registered:
@@ -62,13 +62,11 @@ class Thinning:
         samples_ms = moment_to_ms(wall_now - self._keeping.samples_for)
         minutes_ms = moment_to_ms(wall_now - self._keeping.minutes_for)
         async with self._db.write() as tx:
-            has_samples = await thinning_store.thin(tx, drone_id, received_before_ms=samples_ms)
-            has_minutes = await thinning_store.delete_minutes(
-                tx, drone_id, received_before_ms=minutes_ms
-            )
+            has_samples = await store.thin(tx, drone_id, received_before_ms=samples_ms)
+            has_minutes = await store.delete_minutes(tx, drone_id, received_before_ms=minutes_ms)
         return has_samples or has_minutes
 
     async def _delete(self, drone_id: DroneId) -> bool:
         """Delete the telemetry of a removed drone."""
         async with self._db.write() as tx:
-            return await thinning_store.delete_all(tx, drone_id)
+            return await store.delete_all(tx, drone_id)

@@ -5,10 +5,10 @@ from typing import Final
 
 from sqlalchemy import select
 
-from skyway.contracts.service_facts import AnyFacts, DroneFacts, HintFacts
+from skyway.contracts.service_facts import AnyFacts, DroneFacts, HintFacts, ProviderFacts
 from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.survey import Survey
-from skyway_provider_registry.tables import drones, mission_hints
+from skyway_provider_registry.tables import drones, mission_hints, providers
 
 
 async def _hints(survey: Survey) -> AsyncIterator[AnyFacts]:
@@ -26,4 +26,9 @@ async def _drones(survey: Survey) -> AsyncIterator[AnyFacts]:
         yield DroneFacts(drone_id=row.drone_id, provider_id=row.provider_id)
 
 
-FACTS: Final[dict[str, FactReader]] = {"hints": _hints, "drones": _drones}
+async def _providers(survey: Survey) -> AsyncIterator[AnyFacts]:
+    async for row in survey.each(select(providers.c.provider_id)):
+        yield ProviderFacts(provider_id=row.provider_id)
+
+
+FACTS: Final[dict[str, FactReader]] = {"hints": _hints, "drones": _drones, "providers": _providers}

@@ -27,6 +27,18 @@ HINTS: Final = (
         _SETTLES,
     ),
     Rule(
+        "a hint says when, where and with what charge its drone is free, or nothing",
+        select(mission_hints.c.mission_id).where(
+            or_(
+                mission_hints.c.free_ms.is_(None) != mission_hints.c.free_station_id.is_(None),
+                mission_hints.c.free_ms.is_(None) != mission_hints.c.free_soc.is_(None),
+                ~mission_hints.c.free_soc.between(0, 1),
+            )
+        ),
+        "Set `free_ms`, `free_station_id` and `free_soc` to NULL: the drone counts as busy until "
+        "the mission's next report, or its end.",
+    ),
+    Rule(
         "the change numbers are not behind the changes",
         select(literal("changes")).where(
             or_(

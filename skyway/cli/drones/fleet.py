@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Iterable
+from enum import StrEnum
 from itertools import cycle, islice
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -30,6 +31,15 @@ from skyway.cli.drones.agent_process import (
 )
 from skyway.cli.gateway import call_gateway, fail
 
+
+class StandbyName(StrEnum):
+    """`skyway.contracts.candidate.Standby`, which would make the start of every command slow."""
+
+    HOME = "HOME"
+    STAY = "STAY"
+    PARKING = "PARKING"
+
+
 _OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
 
 #: Items of one page of the gateway's lists.
@@ -53,6 +63,13 @@ def fleet_command(
     ] = None,
     provider_id: Annotated[
         str | None, typer.Option(help="With --drones: their provider; without it a new one.")
+    ] = None,
+    standby: Annotated[
+        StandbyName | None,
+        typer.Option(
+            help="With --drones: where they go when they are idle. Without it, their provider's"
+            " choice counts.",
+        ),
     ] = None,
     scenario: ScenarioOption = None,
     seed: SeedOption = None,
@@ -91,6 +108,7 @@ def fleet_command(
     homes = home or _all_stations(folder)
     new_drones = [
         {"model_id": model_id, "home_station_id": station}
+        | ({} if standby is None else {"standby": standby.value})
         for station in islice(cycle(homes), drones)
     ]
     hosted = _register(folder, provider_id, new_drones)

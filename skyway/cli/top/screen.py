@@ -29,6 +29,7 @@ _ORDERS: Final = {
     ),
     "missions": ("BOOKED", "ACCEPTED", "ACTIVE"),
     "deliveries, 24 h": (
+        "SCHEDULED",
         "REQUESTED",
         "PLANNED",
         "DISPATCHED",

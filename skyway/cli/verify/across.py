@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
 
 from skyway.cli.verify.looks import Looks, ServiceLook
-from skyway.contracts.service_facts import DeliveryFacts, DroneFacts, HintFacts
+from skyway.contracts.service_facts import DeliveryFacts, DroneFacts, HintFacts, ProviderFacts
 from skyway.runtime.verification.fact_files import side_by_side
 from skyway.runtime.verification.rule import BrokenRule
 
-FactsT = TypeVar("FactsT", DeliveryFacts, HintFacts, DroneFacts)
+FactsT = TypeVar("FactsT", DeliveryFacts, HintFacts, DroneFacts, ProviderFacts)
 Service = Literal["gateway", "composition", "registry"]
 
 
@@ -42,7 +42,12 @@ class CrossRule(Generic[FactsT]):
 
 
 #: A rule about facts of any kind.
-AnyCrossRule = CrossRule[DeliveryFacts] | CrossRule[HintFacts] | CrossRule[DroneFacts]
+AnyCrossRule = (
+    CrossRule[DeliveryFacts]
+    | CrossRule[HintFacts]
+    | CrossRule[DroneFacts]
+    | CrossRule[ProviderFacts]
+)
 
 
 def broken_across(rules: Sequence[AnyCrossRule], look: Looks, later: Looks) -> list[BrokenRule]:

@@ -1,4 +1,4 @@
-"""The rules of drones across composition and the registry."""
+"""The rules of drones across composition and registry, and of providers across the gateway."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -6,7 +6,7 @@ from typing import Final
 
 from skyway.cli.verify.across import CrossRule
 from skyway.cli.verify.looks import ServiceLook
-from skyway.contracts.service_facts import DroneFacts, HintFacts
+from skyway.contracts.service_facts import DroneFacts, HintFacts, ProviderFacts
 
 _of_hints = partial(CrossRule[HintFacts], facts=ServiceLook.hints)
 
@@ -44,7 +44,23 @@ def _invented_hints(registry: HintFacts | None, composition: HintFacts | None) -
         yield registry.mission_id
 
 
+def _unknown_provider(
+    gateway: ProviderFacts | None, registry: ProviderFacts | None
+) -> Iterator[str]:
+    if gateway is not None and registry is None:
+        yield gateway.provider_id
+
+
 DRONE_RULES: Final = (
+    CrossRule(
+        name="a provider that has a key is registered",
+        first="gateway",
+        second="registry",
+        facts=ServiceLook.providers,
+        finder=_unknown_provider,
+        advice="The provider's calls find nothing. Restore its row of `providers` from a backup of "
+        "the registry, or delete its keys (DELETE /v1/keys/{id}).",
+    ),
     CrossRule(
         name="the drone of a live mission is registered",
         first="composition",

@@ -12,7 +12,7 @@ from typing import Final, TypeVar
 
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.system.children import PACKAGES
-from skyway.contracts.service_facts import DeliveryFacts, DroneFacts, HintFacts
+from skyway.contracts.service_facts import DeliveryFacts, DroneFacts, HintFacts, ProviderFacts
 from skyway.errors import SkywayError
 from skyway.json_model import WireModel
 from skyway.runtime.exit_codes import ExitCode
@@ -53,6 +53,10 @@ class ServiceLook:
     def drones(self) -> Iterator[DroneFacts]:
         """The facts about drones, by id."""
         return self._facts("drones", DroneFacts)
+
+    def providers(self) -> Iterator[ProviderFacts]:
+        """The facts about providers, by id."""
+        return self._facts("providers", ProviderFacts)
 
     def _facts(self, kind: str, model: type[FactsT]) -> Iterator[FactsT]:
         with (self.folder / f"{kind}.jsonl").open() as lines:

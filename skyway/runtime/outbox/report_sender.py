@@ -13,6 +13,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.metrics import count
 from skyway.runtime.outbox.stream_sender import Retry, StreamSender, retry_later, unhurried_pace
+from skyway.runtime.pace import Pace
 from skyway.runtime.sql.database import Database
 
 log = logging.getLogger(__name__)
@@ -42,6 +43,8 @@ class ReportSender:
     found in one look travel in one request, to the path that `together` names. If that request
     fails, each of its reports is repeated alone: a report that is refused or slow holds up no
     other.
+
+    `paces` says how often to look for the reports to a service; the default is `unhurried_pace`.
     """
 
     def __init__(
@@ -51,12 +54,14 @@ class ReportSender:
         clock: FleetClock,
         *,
         together: Mapping[str, str] | None = None,
+        paces: Mapping[str, Pace] | None = None,
     ) -> None:
         self._clients = clients
         self._together = together or {}
         self._batches: dict[tuple[str, str], _ReportBatch] = {}
+        pace_of = {service: unhurried_pace() for service in clients} | dict(paces or {})
         self._senders = [
-            StreamSender(db, service, self._post, clock=clock, pace=unhurried_pace())
+            StreamSender(db, service, self._post, clock=clock, pace=pace_of[service])
             for service in clients
         ]
 

@@ -44,6 +44,7 @@ _SOON_S: Final = 0.05
 #: The same under load, after `_EARLY_LOOKS` looks that were that soon.
 _QUICK_S: Final = 0.1
 _UNHURRIED_S: Final = 0.2
+_HINTS_S: Final = 0.5
 _EARLY_LOOKS: Final = 10
 
 
@@ -55,6 +56,11 @@ def quick_pace() -> Pace:
 def unhurried_pace() -> Pace:
     """How often to look for all other rows: seldom under load, quickly when little is going on."""
     return Pace(_UNHURRIED_S, burst=_EARLY_LOOKS, least_s=_SOON_S)
+
+
+def hint_pace() -> Pace:
+    """How often to look for rows that are only hints: many of them leave together under load."""
+    return Pace(_HINTS_S, burst=_EARLY_LOOKS, least_s=_SOON_S)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from sqlalchemy import (
     Table,
     Text,
     bindparam,
+    or_,
     select,
     tuple_,
 )
@@ -25,6 +26,10 @@ from sqlalchemy.sql.dml import ReturningUpdate
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
+
+#: A claim that lasts longer than this is damaged, or of a machine whose clock was wrong, and does
+#: not count. The longest lease is 20 s, and clocks may differ. Milliseconds of wall time.
+LONGEST_CLAIM_MS: Final = 600_000
 
 #: The values that free a claim.
 FREE: Final = {"claimed_by": None, "claimed_until_ms": 0}
@@ -41,6 +46,12 @@ def claim_columns() -> tuple[Column[str], Column[int]]:
         Column("claimed_by", Text),
         Column("claimed_until_ms", BigInteger, nullable=False, server_default="0"),
     )
+
+
+def is_free(table: Table) -> ColumnElement[bool]:
+    """Whether no claim of a row counts at `NOW_MS`."""
+    until_ms = table.c.claimed_until_ms
+    return or_(until_ms <= NOW_MS, until_ms > NOW_MS + LONGEST_CLAIM_MS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +77,7 @@ class Claiming:
         key = [*table.primary_key]
         due = (
             select(*key)
-            .where(where, table.c.claimed_until_ms <= NOW_MS)
+            .where(where, is_free(table))
             .order_by(*order_by)
             .limit(bindparam("most", type_=Integer))
             .with_for_update(skip_locked=True)

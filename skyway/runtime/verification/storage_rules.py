@@ -20,11 +20,9 @@ from sqlalchemy import (
     union_all,
 )
 
+from skyway.runtime.sql.claims import LONGEST_CLAIM_MS
 from skyway.runtime.verification.rule import Finder, Rule, Subjects
 from skyway.runtime.verification.survey import Survey
-
-#: No claim lasts longer than this, wall ms: the longest lease is 20 s, and clocks may differ.
-_LONGEST_CLAIM_MS: Final = 600_000
 
 #: The most faults of pages that SQLite lists.
 _MOST_FAULTS: Final = 100
@@ -61,8 +59,9 @@ def storage_rules(metadata: MetaData, *, triggers: Iterable[str] = ()) -> tuple[
         Rule(
             "no claim lasts longer than ten minutes",
             _long_claims(tables),
-            "The row is not worked on until its claim ends. Free it: set `claimed_by` to NULL and "
-            "`claimed_until_ms` to 0 in this row. Check the clocks of all machines.",
+            "Such a claim does not count, so the row is worked on all the same. Set `claimed_by` "
+            "to NULL and `claimed_until_ms` to 0 in this row, and check the clocks of all "
+            "machines.",
         ),
     )
 
@@ -101,7 +100,7 @@ def _missing_parts(tables: Iterable[Table], triggers: frozenset[str]) -> Finder:
 def _orphans_of(tables: Iterable[Table]) -> Finder:
     """Rows whose foreign keys lead nowhere, also where the database did not check them."""
     keys = [(table, key) for table in tables for key in table.foreign_key_constraints]
-    return _union(sorted((_orphans(table, key) for table, key in keys), key=str))
+    return union_of(sorted((_orphans(table, key) for table, key in keys), key=str))
 
 
 def _orphans(table: Table, key: ForeignKeyConstraint) -> Subjects:
@@ -128,7 +127,7 @@ def _joined(columns: Iterable[ColumnElement[Any]]) -> ColumnElement[str]:
 
 def _wrong_types(tables: Iterable[Table]) -> Finder:
     """Other values in text columns. SQLite stores any type anywhere; PostgreSQL does not."""
-    query = _union(
+    query = union_of(
         select(literal(f"{table.name}.{column.name} ") + _key(table)).where(
             func.typeof(column).not_in(("text", "null"))
         )
@@ -147,7 +146,7 @@ def _key(table: Table) -> ColumnElement[str]:
     return _joined(table.primary_key)
 
 
-def _union(queries: Iterable[Subjects]) -> Subjects:
+def union_of(queries: Iterable[Subjects]) -> Subjects:
     """All subjects of several queries as one query."""
     every = union_all(*queries).subquery()
     return select(every)
@@ -157,7 +156,7 @@ def _long_claims(tables: Iterable[Table]) -> Finder:
     claimed = [table for table in tables if "claimed_until_ms" in table.c]
 
     async def find(survey: Survey) -> set[str]:
-        latest_ms = survey.wall_ms + _LONGEST_CLAIM_MS
+        latest_ms = survey.wall_ms + LONGEST_CLAIM_MS
         return {
             row[0]
             for table in claimed

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from skyway_composition.planning.contest import Contest
 from skyway_composition.planning.lower_bounds import LowerBounds
 
-from skyway.contracts.candidate import Candidate
+from skyway.contracts.candidate import Candidate, Standby
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import OfferValues, Tariff, rank_offers
 from skyway.delivery.request import Weights
@@ -52,7 +52,7 @@ def weights() -> st.SearchStrategy[Weights]:
     )
 
 
-def make_candidate(values: OfferValues, *, station_id: str) -> Candidate:
+def make_candidate(values: OfferValues, *, station_id: str, standby: Standby = "HOME") -> Candidate:
     return Candidate(
         provider_id=values.provider_id,
         drone_id=values.drone_id,
@@ -61,6 +61,7 @@ def make_candidate(values: OfferValues, *, station_id: str) -> Candidate:
         station_id=StationId(station_id),
         home_station_id=StationId("a"),
         tariff=Tariff(),
+        standby=standby,
     )
 
 
@@ -78,7 +79,9 @@ def contested(
         make_candidate(least, station_id=f"s{number}") for number, (least, _) in enumerate(among)
     )
     columns = zip(*((each.time_s, each.price, each.energy_j) for each, _ in among), strict=True)
-    contest = Contest(shortlist, LowerBounds(*(np.array(each, np.float64) for each in columns)), by)
+    contest = Contest(
+        shortlist, LowerBounds(*(np.array(each, np.float64) for each in columns)), by, after={}
+    )
     found: list[OfferValues] = []
     composed = 0
     while rows := contest.next_to_compose(found):
@@ -131,6 +134,22 @@ def test_a_candidate_is_composed_even_when_no_candidate_has_a_way() -> None:
     )
 
     assert (found, composed) == ([], 3)
+
+
+def test_only_drones_with_the_same_standby_share_a_plan() -> None:
+    drones = [
+        OfferValues(10.0, 100, 5.0, ProviderId("prv_1"), DroneId(f"drn_{number}"))
+        for number in range(3)
+    ]
+    standbys: list[Standby] = ["STAY", "PARKING", "STAY"]
+    shortlist = Shortlist.of(
+        make_candidate(values, station_id="a", standby=standby)
+        for values, standby in zip(drones, standbys, strict=True)
+    )
+    equal = LowerBounds(np.full(3, 10.0), np.full(3, 100.0), np.full(3, 5.0))
+    contest = Contest(shortlist, equal, Weights(time=1), after={})
+
+    assert contest.next_to_compose([]) == [0, 2]
 
 
 @given(entrants(), weights())

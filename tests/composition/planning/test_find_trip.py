@@ -1,4 +1,4 @@
-"""The way home after the last delivery, and the alternative when home is out of reach."""
+"""A drone's standby after its last delivery: home, where it stands, or a parking station."""
 
 from typing import Any
 
@@ -61,3 +61,92 @@ async def test_a_drone_that_cannot_stay_flies_to_the_nearest_pad(
 
     assert isinstance(trip, Trip)
     assert trip.home_plan.deliveries[0].station_id in ("a", "c")
+
+
+def row_with_parking(make: Any, *stations: str, pads: dict[str, int] | None = None) -> Any:
+    network = make.network(pads=pads)
+    for feature in network["features"]:
+        if feature["properties"].get("station_id") in stations:
+            feature["properties"]["parking"] = True
+    return network
+
+
+async def close_pads(composition: Any, station_id: str) -> None:
+    """Both pads of a station are out of order for good."""
+    for pad in (0, 1):
+        path = f"/v1/stations/{station_id}/pads/{pad}/outages"
+        answer = await composition("operator:op", "POST", path)
+        assert answer.is_success, answer.text
+
+
+async def test_a_drone_that_stays_charges_where_it_delivered(composition: Any, make: Any) -> None:
+    candidate = make.candidate(model=FAR_FLYER, standby="STAY")
+
+    trip = await trip_of(composition, make.request("c"), candidate)
+
+    assert isinstance(trip, Trip)
+    assert [step.kind for step in trip.home_plan.steps] == ["PICK_UP", "DELIVER"]
+    assert trip.home_recharge is not None
+    assert trip.home_recharge.station_id == "c"
+    assert trip.home_recharge.soc_end == FAR_FLYER.top_soc
+
+
+async def test_a_drone_stays_at_the_nearest_pad_when_there_is_none_where_it_delivered(
+    composition: Any, make: Any
+) -> None:
+    await composition.publish(make.network(pads={"b": 0, "a": 0}))
+
+    candidate = make.candidate(model=FAR_FLYER, standby="STAY")
+    trip = await trip_of(composition, make.request("b"), candidate)
+
+    assert isinstance(trip, Trip)
+    assert trip.home_recharge is not None
+    assert trip.home_recharge.station_id == "c"
+
+
+async def test_a_drone_that_stays_goes_where_it_can_charge(composition: Any, make: Any) -> None:
+    await close_pads(composition, "b")
+
+    candidate = make.candidate(model=FAR_FLYER, standby="STAY")
+    trip = await trip_of(composition, make.request("b"), candidate)
+
+    assert isinstance(trip, Trip)
+    assert trip.home_recharge is not None
+    assert trip.home_recharge.station_id in ("a", "c")
+
+
+async def test_a_drone_parks_where_it_is_charged_first(composition: Any, make: Any) -> None:
+    await composition.publish(row_with_parking(make, "a", "d"))
+
+    candidate = make.candidate(model=FAR_FLYER, standby="PARKING")
+    trip = await trip_of(composition, make.request("c"), candidate)
+
+    assert isinstance(trip, Trip)
+    assert trip.home_recharge is not None
+    assert trip.home_recharge.station_id == "d"
+
+
+async def test_a_drone_parks_farther_away_when_the_pads_of_the_nearest_are_out_of_order(
+    composition: Any, make: Any
+) -> None:
+    await composition.publish(row_with_parking(make, "a", "d"))
+    await close_pads(composition, "d")
+
+    candidate = make.candidate(model=FAR_FLYER, standby="PARKING")
+    trip = await trip_of(composition, make.request("c"), candidate)
+
+    assert isinstance(trip, Trip)
+    assert trip.home_recharge is not None
+    assert trip.home_recharge.station_id == "a"
+
+
+async def test_a_drone_stays_in_a_network_without_parking_stations(
+    composition: Any, make: Any
+) -> None:
+    candidate = make.candidate(model=FAR_FLYER, standby="PARKING")
+
+    trip = await trip_of(composition, make.request("c"), candidate)
+
+    assert isinstance(trip, Trip)
+    assert trip.home_recharge is not None
+    assert trip.home_recharge.station_id == "c"

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.lower_bounds import LowerBounds
@@ -92,7 +93,7 @@ async def test_no_offer_is_below_its_lower_bounds(
     for request in (make.request("b"), make.request("c", "e"), make.request("e", "a", "c")):
         offers, _ = await offers_of(composition, request, candidate)
 
-        least = LowerBounds.of(skyway, request, Shortlist.of([candidate]))
+        least = LowerBounds.of(skyway, request, Shortlist.of([candidate]), waits_s=np.zeros(1))
         values = offers.ranked[0].values
         assert least.time_s[0] <= values.time_s + 1e-6
         assert least.price[0] <= values.price
@@ -115,7 +116,9 @@ async def test_the_lowest_price_is_the_tariff_for_the_shortest_way(
     ]
     request = make.request("e")
 
-    least = LowerBounds.of(skyway, request, Shortlist.of(candidates))
+    least = LowerBounds.of(
+        skyway, request, Shortlist.of(candidates), waits_s=np.zeros(len(candidates))
+    )
 
     length, charging, *others = least.price.tolist()
     assert length > 0 < charging
@@ -128,6 +131,25 @@ async def test_the_lowest_price_is_the_tariff_for_the_shortest_way(
         )
         for each in candidates[2:]
     ]
+
+
+async def test_priority_multiplies_the_lowest_price_and_the_price(
+    composition: Any, make: Any
+) -> None:
+    skyway = await composition.parts.networks.current("row")
+    tariff = {"base": 501, "per_km": 20, "priority_factor": 2}
+    drone = make.candidate(1, tariff=tariff)
+    least, prices = [], []
+    for priority in ("STANDARD", "PRIORITY"):
+        request = make.request("e", qos={"priority": priority})
+        offers, _ = await offers_of(composition, request, drone)
+        least.append(
+            LowerBounds.of(skyway, request, Shortlist.of([drone]), waits_s=np.zeros(1)).price[0]
+        )
+        prices.append(offers.ranked[0].price.amount)
+
+    assert least[1] == 2 * least[0]
+    assert prices[1] == 2 * prices[0]
 
 
 async def test_a_segment_shorter_than_the_great_circle_lowers_the_time_bound(

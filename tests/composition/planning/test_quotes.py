@@ -102,17 +102,25 @@ async def test_a_quote_reserves_nothing(composition: Any, make: Any, drones: Any
 async def test_a_provider_that_cannot_serve_is_named_with_its_numbers(
     composition: Any, make: Any, drones: Any
 ) -> None:
-    busy = make.candidate(3, provider_id="prv_3")
-    await composition.book(busy, delivery_id="dlv_other")
     request = make.request("c", qos={"max_price": 850, "providers": {"denied": ["prv_9"]}})
 
-    answer = await quote(composition, request, *drones, busy)
+    answer = await quote(composition, request, *drones)
 
     reasons = {str(each.provider_id): each for each in answer.infeasible}
     assert [offer.provider_id for offer in answer.offers] == ["prv_2"]
     assert reasons["prv_1"].code == "TOO_EXPENSIVE"
     assert reasons["prv_1"].data["max_price"] == 850
-    assert reasons["prv_3"].code == "BUSY"
+
+
+async def test_a_drone_with_a_mission_offers_a_time_after_it(composition: Any, make: Any) -> None:
+    drone = make.candidate()
+    (free,) = (await quote(composition, make.request("c"), drone)).offers
+    await composition.book(drone, delivery_id="dlv_other")
+
+    (later,) = (await quote(composition, make.request("c"), drone)).offers
+
+    assert later.delivery_time_s > 2 * free.delivery_time_s
+    assert later.pickup_at > free.pickup_at
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_gateway.audit.entry import LONGEST_BODY, body_text, path_text
+from skyway_gateway.audit.store import LONGEST_BODY, body_text, path_text
 from skyway_gateway.audit.trail import AuditTrail
 
 from skyway.runtime.clock import AnchoredClock
@@ -88,6 +88,27 @@ async def test_the_log_is_paged_and_filtered(gateway_on_both: Gateway) -> None:
     cursor = first.json()["next_cursor"]
     [last] = await entries(gateway, f"?limit=2&cursor={cursor}")
     assert last["path"].startswith("/v1/stations/")
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "UPDATE audit SET status = 403",
+        "UPDATE audit SET subject_id = 'somebody_else'",
+        "UPDATE audit SET body = NULL",
+        "DELETE FROM audit",
+    ],
+)
+async def test_an_entry_that_was_changed_later_is_found(gateway: Gateway, damage: str) -> None:
+    gateway.is_damaged = True
+    await close_station(gateway)
+    assert await gateway.verified() == []
+    await gateway.execute(damage)
+
+    found = await gateway.verified()
+
+    rule = "the audit log has every entry as it was written"
+    assert any(each.startswith(rule) for each in found)
 
 
 async def test_only_operators_read_the_log(gateway: Gateway) -> None:

@@ -14,8 +14,11 @@ from hypothesis.stateful import (
     rule,
     run_state_machine_as_test,
 )
-from skyway_gateway.deliveries.lifecycle.booking_effects import after_booking, after_giving_up
-from skyway_gateway.deliveries.lifecycle.cancellation_effects import after_cancellation
+from skyway_gateway.deliveries.lifecycle.booking_effects import (
+    after_booking,
+    after_cancellation,
+    after_giving_up,
+)
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus, may_follow
 from skyway_gateway.deliveries.lifecycle.lateness import when_overdue
 from skyway_gateway.deliveries.lifecycle.progress import Progress
@@ -78,7 +81,7 @@ class Life(RuleBasedStateMachine):
     @rule(cuts=st.lists(st.integers(1, 3), min_size=1, max_size=3))
     def book(self, cuts: list[int]) -> None:
         """Trips with the drawn numbers of packages; packages after the last cut are left over."""
-        waiting = [package.package_id for package in self.delivery.waiting]
+        waiting = [package.package_id for package in self.delivery.waiting_packages]
         flights = []
         for trip, size in enumerate(cuts, start=1):
             group, waiting = waiting[:size], waiting[size:]

@@ -1,5 +1,6 @@
 """The registry's limit is cached for a moment, except before a refusal."""
 
+import asyncio
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -10,21 +11,32 @@ from skyway.contracts.shortlist import Candidates
 from skyway.delivery.request import ProviderChoice
 from skyway.ids import DroneModelId, ProviderId
 from skyway.runtime.clock import ManualClock
+from skyway.runtime.errors import ServiceUnavailable
 
 ANYBODY = ProviderChoice()
 PINNED = ProviderChoice(pinned=ProviderId("prv_1"))
 
 
 class Registry:
-    """Counts the questions."""
+    """Counts the questions; it answers once `is_there` is set, or never when it `is_away`."""
 
     def __init__(self, max_payload_kg: float | None) -> None:
         self.max_payload_kg = max_payload_kg
         self.unknown: tuple[ProviderId, ...] = ()
         self.asked: list[ProviderChoice] = []
+        self.is_away = False
+        self.is_there = asyncio.Event()
+        self.is_there.set()
 
     async def payload_limit(self, query: PayloadLimitQuery) -> PayloadLimit:
         self.asked.append(query.providers)
+        if self.is_away:
+            raise ServiceUnavailable("registry", "it is away in this test")
+        await self.is_there.wait()
+        return self.limit
+
+    @property
+    def limit(self) -> PayloadLimit:
         return PayloadLimit(
             max_payload_kg=self.max_payload_kg,
             drone_model_id=DroneModelId("lifter"),
@@ -45,7 +57,7 @@ async def test_the_same_choice_is_asked_once_in_two_seconds(clock: ManualClock) 
     limits = CachedPayloadLimits(registry, clock)
 
     for _ in range(3):
-        assert (await limits.limit_for(1.0, ANYBODY)).max_payload_kg == 5.0
+        assert await limits.limit_for(1.0, ANYBODY) == registry.limit
     await limits.limit_for(1.0, PINNED)
     assert registry.asked == [ANYBODY, PINNED]
     clock.advance(timedelta(seconds=2))
@@ -60,7 +72,7 @@ async def test_a_package_above_the_cached_limit_asks_the_registry_again(clock: M
     await limits.limit_for(1.0, ANYBODY)
     registry.max_payload_kg = 9.0
 
-    assert (await limits.limit_for(6.0, ANYBODY)).max_payload_kg == 9.0
+    assert await limits.limit_for(6.0, ANYBODY) == registry.limit
 
 
 @pytest.mark.parametrize("reason", ["unknown provider", "no fleet", "too heavy"])
@@ -74,3 +86,35 @@ async def test_a_refusal_is_not_cached(clock: ManualClock, reason: str) -> None:
     await limits.limit_for(mass_kg, ANYBODY)
 
     assert len(registry.asked) == 2
+
+
+async def test_there_is_no_limit_while_the_registry_is_away(clock: ManualClock) -> None:
+    registry = Registry(5.0)
+    limits = CachedPayloadLimits(registry, clock)
+    registry.is_away = True
+
+    assert await limits.limit_for(9.0, ANYBODY) is None
+    registry.is_away = False
+    await limits.limit_for(9.0, ANYBODY)
+
+    assert await limits.limit_for(9.0, ANYBODY) == registry.limit
+
+
+async def test_only_the_first_request_waits_for_a_registry_that_stands_still(
+    clock: ManualClock,
+) -> None:
+    registry = Registry(5.0)
+    limits = CachedPayloadLimits(registry, clock)
+    registry.is_there.clear()
+    loop = asyncio.get_running_loop()
+
+    assert await limits.limit_for(9.0, ANYBODY) is None
+    asked_at_s = loop.time()
+    for _ in range(20):
+        assert await limits.limit_for(9.0, ANYBODY) is None
+    assert loop.time() - asked_at_s < 1.0
+    registry.is_there.set()
+
+    async with asyncio.timeout(5.0):
+        while await limits.limit_for(9.0, ANYBODY) is None:  # noqa: ASYNC110 - a task ends it
+            await asyncio.sleep(0)

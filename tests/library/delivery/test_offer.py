@@ -1,5 +1,8 @@
+import pytest
+from pydantic import ValidationError
+
 from skyway.delivery.offer import OfferValues, Tariff, price_of, rank_offers
-from skyway.delivery.request import Weights
+from skyway.delivery.request import Priority, Weights
 from skyway.ids import DroneId, ProviderId
 
 
@@ -21,6 +24,29 @@ def test_a_price_is_never_below_the_minimum() -> None:
     tariff = Tariff(base=1, minimum=700)
 
     assert price_of(tariff, distance_m=0, payload_kg=0, recharging_s=0).amount == 700
+
+
+@pytest.mark.parametrize(("priority", "amount"), [("STANDARD", 705), ("PRIORITY", 846)])
+def test_only_priority_multiplies_the_price(priority: Priority, amount: int) -> None:
+    tariff = Tariff(base=500, per_km=20, priority_factor=1.2)
+
+    price = price_of(tariff, distance_m=10_250, payload_kg=1, recharging_s=0, priority=priority)
+
+    assert price.amount == amount
+
+
+def test_priority_multiplies_the_minimum_too() -> None:
+    tariff = Tariff(minimum=700, priority_factor=2)
+
+    priced = price_of(tariff, distance_m=0, payload_kg=0, recharging_s=0, priority="PRIORITY")
+
+    assert priced.amount == 1400
+
+
+@pytest.mark.parametrize("factor", [0.99, 0, -1, 10.5, float("nan"), float("inf"), True, "2"])
+def test_a_factor_outside_one_to_ten_is_refused(factor: object) -> None:
+    with pytest.raises(ValidationError, match="priority_factor"):
+        Tariff.model_validate({"priority_factor": factor})
 
 
 def test_each_objective_picks_its_own_best_offer() -> None:

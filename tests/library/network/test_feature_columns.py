@@ -69,7 +69,9 @@ def damaged_features(draw: st.DrawFn) -> list[Any]:
         elif damage == "repeat" and isinstance(holder, list):
             holder.append(copy.deepcopy(holder[last]))
         elif isinstance(holder, dict):
-            holder[draw(st.sampled_from(["roof", "name", "one_way", "pads"]))] = draw(ODD_VALUES)
+            holder[draw(st.sampled_from(["roof", "name", "one_way", "pads", "parking"]))] = draw(
+                ODD_VALUES
+            )
         if not members(features):
             break
     return features

@@ -74,6 +74,28 @@ def test_a_station_without_pads_property_has_four_pads() -> None:
     assert read_network(make_document(A)).stations[StationId("a")].pads == 4
 
 
+def test_a_parking_station_is_read_and_written_as_such() -> None:
+    network = read_network(make_document(A, make_station("p", parking=True)))
+
+    written = write_network(network)
+
+    assert [each.is_parking for each in network.stations.values()] == [False, True]
+    assert network.stations[StationId("p")].is_parking
+    assert [each["properties"].get("parking") for each in written["features"]] == [None, True]
+    assert read_network(written) == network
+    assert read_network(make_document(A, make_station("p"))) != network
+
+
+def test_a_parking_station_without_pads_is_refused() -> None:
+    with pytest.raises(InvalidNetwork) as refusal:
+        read_network(make_document(A, make_station("p", parking=True, pads=0)))
+
+    field = "features.1.properties.parking"
+    assert str(refusal.value) == (
+        f"{field}: a parking station needs at least 1 pad: this station has 0"
+    )
+
+
 def test_a_line_means_both_directions_unless_it_is_one_way() -> None:
     network = read_network(make_document(A, B, make_segment(A, B)))
 
@@ -157,6 +179,8 @@ LINE, RINGS = "features.2.geometry.coordinates", "features.3.geometry.coordinate
         (f"{STATION}.pads", 1.5, "1.5 is not a whole number"),
         (f"{STATION}.pads", True, "true is not a number"),
         (f"{STATION}.pads", None, "null is not a number"),
+        (f"{STATION}.parking", "yes", "'yes' is neither true nor false"),
+        (f"{STATION}.parking", None, "null is neither true nor false"),
         (f"{STATION}.name", 7, "7 is not a string"),
         (f"{SEGMENT}.from", "c", "no station is called 'c'"),
         (f"{SEGMENT}.to", ..., "is missing"),
@@ -225,11 +249,13 @@ def networks(draw: st.DrawFn) -> Network:
         StationId(name): Station(
             StationId(name),
             draw(POSITIONS),
-            draw(st.integers(0, 9)),
+            pads,
             draw(st.none() | st.text()),
             draw(EXTRAS),
+            is_parking=pads > 0 and draw(st.booleans()),
         )
         for name in ids
+        for pads in [draw(st.integers(0, 9))]
     }
     ends = [(a, b) for a in stations for b in stations if a != b]
     chosen = draw(st.lists(st.sampled_from(ends), unique=True)) if ends else []

@@ -23,7 +23,10 @@ NAMES = st.none() | st.text()
 def networks(draw: st.DrawFn) -> Network:
     ids = [StationId(f"s{number}") for number in range(draw(st.integers(0, 4)))]
     extras = draw(st.sampled_from([st.just({}), EXTRAS]))
-    stations = {i: Station(i, draw(POSITIONS), 4, draw(NAMES), draw(extras)) for i in ids}
+    stations = {
+        i: Station(i, draw(POSITIONS), 4, draw(NAMES), draw(extras), draw(st.booleans()))
+        for i in ids
+    }
     ends = [(a, b) for a in ids for b in ids if a != b]
     chosen = draw(st.lists(st.sampled_from(ends), unique=True)) if ends else []
     lengths = st.sampled_from([0.0, 5.5, 1e6, 1e-7])

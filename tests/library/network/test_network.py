@@ -35,6 +35,15 @@ def test_segments_that_contradict_the_stations_are_refused(
     assert str(refusal.value) == message
 
 
+def test_a_parking_station_without_pads_is_refused() -> None:
+    bare = Station(B, Position(0.1, 0.0), pads=0, is_parking=True)
+
+    with pytest.raises(InvalidNetwork) as refusal:
+        Network({**STATIONS, B: bare}, ())
+
+    assert str(refusal.value) == "stations.1: a parking station needs at least 1 pad"
+
+
 def test_two_zones_with_the_same_id_are_refused() -> None:
     zone = Zone(ZoneId("z"), ((Position(0, 0), Position(1, 0), Position(0, 1), Position(0, 0)),))
 

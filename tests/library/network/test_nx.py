@@ -47,6 +47,16 @@ def test_nodes_become_stations_with_their_attributes() -> None:
     ]
 
 
+def test_a_parking_station_is_read_and_written_as_an_attribute() -> None:
+    graph = make_graph(networkx.Graph())
+    graph.add_node("p", pos=(0.2, 0.0), parking=True)
+
+    network = from_networkx(graph)
+
+    assert [each.is_parking for each in network.stations.values()] == [False, False, True]
+    assert from_networkx(to_networkx(network)) == network
+
+
 def test_a_random_geometric_graph_of_networkx_is_a_network() -> None:
     graph = networkx.random_geometric_graph(20, 0.3, seed=1)
 
@@ -82,6 +92,12 @@ def test_a_graph_is_the_same_network_with_and_without_lengths(kind: Any) -> None
         ([("a", {})], [], "nodes.a.pos: is missing"),
         ([("a", {"pos": (0, 91)})], [], "nodes.a.pos.1: 91 is above 90"),
         ([("a", {"pos": (0, 0), "pads": -1})], [], "nodes.a.pads: -1 is below 0"),
+        ([("a", {"pos": (0, 0), "parking": 1})], [], "nodes.a.parking: 1 is neither"),
+        (
+            [("a", {"pos": (0, 0), "pads": 0, "parking": True})],
+            [],
+            "nodes.a.parking: a parking station needs at least 1 pad",
+        ),
         ([("a b", {"pos": (0, 0)})], [], "nodes.a b: 'a b' is not an identifier"),
         ([((0, 1), {"pos": (0, 0)})], [], "nodes.(0, 1): the id of a station is"),
         ([(1, {"pos": (0, 0)}), ("1", {"pos": (0, 0)})], [], "a second station called '1'"),

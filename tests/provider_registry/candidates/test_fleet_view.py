@@ -139,6 +139,20 @@ async def test_a_changed_provider_is_seen_by_the_other_replicas(api: Any, view: 
     assert (provider.is_active, provider.loading, provider.tariff.base) == (False, "CONFIRMED", 7)
 
 
+async def test_a_changed_standby_is_seen_by_the_other_replicas(api: Any, view: FleetView) -> None:
+    provider_id = await api.provider()
+    drone = await api.drone(provider_id)
+    await view.refreshed()
+
+    await api("operator:op", "PATCH", f"/v1/providers/{provider_id}", {"standby": "STAY"})
+    path = f"/v1/providers/{provider_id}/drones/{drone['drone_id']}"
+    await api("operator:op", "PATCH", path, {"standby": "PARKING"})
+
+    fleet = await view.refreshed()
+    assert [provider.standby for provider in fleet.providers.values()] == ["STAY"]
+    assert [each.standby for each in fleet.columns.drones] == ["PARKING"]
+
+
 async def test_a_model_that_was_added_later_is_found(api: Any, view: FleetView) -> None:
     provider_id = await api.provider()
     await view.refreshed()

@@ -80,7 +80,7 @@ def select(columns: FleetColumns, *, pickup: str = "a-s1", **members: object) ->
     )
     name = ProviderId("p")
     providers = {name: CachedProvider(provider_id=name, tariff=Tariff(), is_active=True)}
-    return select_from(query, Fleet(providers, columns), wall_now_ms=NOW_MS)
+    return select_from(query, Fleet(providers, columns), wall_now_ms=NOW_MS, now_ms=NOW_MS)
 
 
 def chosen(found: Candidates) -> Sequence[str]:

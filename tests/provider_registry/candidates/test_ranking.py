@@ -65,7 +65,9 @@ def ranked_one_by_one(drones: list[CachedDrone]) -> list[DroneId]:
 
     def rank(drone: CachedDrone) -> tuple[object, ...]:
         away = drone.position.longitude_deg - PICKUP.longitude_deg
-        return (drone.station_id != "pickup", away, -drone.soc, drone.drone_id)
+        is_away = drone.station_id != "pickup"
+        arrival = away / drone.model.speed_empty_mps if is_away else 0.0
+        return (arrival, is_away, -drone.soc, drone.drone_id)
 
     able = sorted((drone for drone in drones if not drone.is_busy), key=rank)
     fleets: dict[ProviderId, list[int]] = defaultdict(list)
@@ -89,6 +91,6 @@ def test_large_fleets_have_the_same_candidates_as_ranking_every_drone(seed: int)
     providers = {drone.provider_id for drone in drones}
     cached = {name: CachedProvider(name, Tariff(), is_active=True) for name in providers}
 
-    found = select(QUERY, Fleet(cached, columns), wall_now_ms=0)
+    found = select(QUERY, Fleet(cached, columns), wall_now_ms=0, now_ms=0)
 
     assert list(found.shortlist.drone_ids) == ranked_one_by_one(drones)

@@ -74,6 +74,20 @@ async def ask(api: Any, **members: object) -> Candidates:
     return Candidates.model_validate_json(answer.content)
 
 
+async def test_a_candidate_has_its_own_standby_or_its_providers(api: Any, ready: Ready) -> None:
+    provider_id = await api.provider(standby="STAY")
+    first, second = await ready(provider_id), await ready(provider_id)
+    path = f"/v1/providers/{provider_id}/drones/{second['drone_id']}"
+    await api(f"provider:{provider_id}", "PATCH", path, {"standby": "PARKING"})
+
+    found = await ask(api)
+
+    assert {each.drone_id: each.standby for each in found.shortlist.candidates} == {
+        first["drone_id"]: "STAY",
+        second["drone_id"]: "PARKING",
+    }
+
+
 async def test_a_drone_that_stands_online_is_a_candidate(api: Any, ready: Ready) -> None:
     provider_id = await api.provider()
     drone = await ready(provider_id)

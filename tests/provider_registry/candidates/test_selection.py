@@ -28,7 +28,7 @@ def select(
     columns = FleetColumns(CachedNetworks())
     columns.put(drones)
     fleet = Fleet({provider.provider_id: provider for provider in providers}, columns)
-    return select_from(query, fleet, wall_now_ms=NOW_MS)
+    return select_from(query, fleet, wall_now_ms=NOW_MS, now_ms=NOW_MS)
 
 
 def make_query(**members: object) -> CandidateQuery:
@@ -312,7 +312,9 @@ def test_new_data_of_a_drone_replaces_the_old() -> None:
     columns.put([make_drone("d7", soc=0.4)])
     fleet = Fleet({ProviderId("p"): make_provider("p")}, columns)
 
-    (candidate,) = select_from(make_query(), fleet, wall_now_ms=NOW_MS).shortlist.candidates
+    (candidate,) = select_from(
+        make_query(), fleet, wall_now_ms=NOW_MS, now_ms=NOW_MS
+    ).shortlist.candidates
 
     assert (candidate.drone_id, candidate.soc) == ("d7", 0.4)
 

@@ -101,6 +101,19 @@ async def test_name_registration_and_home_can_be_changed(api: Any, mine: str) ->
     assert read.json()["home_position"] == [-98.03334, 29.59217]
 
 
+async def test_a_drone_has_its_own_standby_until_it_is_removed(api: Any, mine: str) -> None:
+    drone = await api.drone(mine, standby="STAY")
+    path = f"/v1/providers/{mine}/drones/{drone['drone_id']}"
+
+    changed = await api(f"provider:{mine}", "PATCH", path, {"standby": "PARKING"})
+    renamed = await api(f"provider:{mine}", "PATCH", path, {"name": "Heron"})
+    removed = await api(f"provider:{mine}", "PATCH", path, {"standby": None})
+
+    answers = (changed, renamed, removed)
+    assert drone["standby"] == "STAY"
+    assert [each.json()["standby"] for each in answers] == ["PARKING", "PARKING", None]
+
+
 async def test_maintenance_begins_and_ends(api: Any, mine: str) -> None:
     drone_id = (await api.drone(mine))["drone_id"]
     path = f"/v1/providers/{mine}/drones/{drone_id}"
@@ -115,6 +128,7 @@ async def test_maintenance_begins_and_ends(api: Any, mine: str) -> None:
     ("change", "field"),
     [
         ({"state": "ON_MISSION"}, "state"),
+        ({"standby": "ROAM"}, "standby"),
         ({"state": None}, "state"),
         ({"home_station_id": "atlantis"}, "home_station_id"),
         ({"home_station_id": None}, "home_station_id"),

@@ -4,6 +4,9 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.fleets import store
+from skyway_provider_registry.tables import drones, providers
+from sqlalchemy import Table, update
+from sqlalchemy.exc import IntegrityError
 
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.errors import NotFound
@@ -68,3 +71,14 @@ async def test_a_drone_is_found_under_its_own_provider_only(
     with pytest.raises(NotFound):
         async with db.write() as tx:
             await store.change(tx, OPERATOR, **elsewhere, values={})
+
+
+@pytest.mark.parametrize("table", [drones, providers])
+async def test_the_database_stores_no_unknown_standby(
+    db: Database, ids: dict[str, Any], table: Table
+) -> None:
+    assert ids
+
+    with pytest.raises(IntegrityError):
+        async with db.write() as tx:
+            await tx.execute(update(table).values(standby="ROAM"))

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from skyway_provider_registry.fleets.drone_states import state_of
+from skyway_provider_registry.fleets.drone import state_of
 from skyway_provider_registry.presence.drone_presence import (
     NEVER_SEEN,
     SILENCE,

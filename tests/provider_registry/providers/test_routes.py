@@ -24,9 +24,11 @@ async def test_a_registered_provider_reads_like_the_answer(api: Any) -> None:
     assert read.json() == made.json()
     assert made.json() == {
         **body,
+        "tariff": {**TARIFF, "priority_factor": 1.5},
         "provider_id": "prv_000001",
         "state": "ACTIVE",
         "loading": "AUTOMATIC",
+        "standby": "HOME",
         "created_at": "2026-03-01T12:00:00Z",
     }
 
@@ -41,6 +43,34 @@ async def test_a_provider_says_who_confirms_what_is_loaded_and_changes_it(api: A
 
     assert made.json()["loading"] == "CONFIRMED"
     assert changed.json()["loading"] == "AUTOMATIC"
+
+
+async def test_a_provider_chooses_where_its_idle_drones_go(api: Any) -> None:
+    body = {"name": "x", "tariff": {}, "standby": "STAY"}
+    made = await api("operator:op", "POST", "/v1/providers", body)
+    provider_id = made.json()["provider_id"]
+    path = f"/v1/providers/{provider_id}"
+
+    changed = await api(f"provider:{provider_id}", "PATCH", path, {"standby": "PARKING"})
+
+    assert made.json()["standby"] == "STAY"
+    assert changed.json()["standby"] == "PARKING"
+
+
+@pytest.mark.parametrize("standby", ["ROAM", None, 1])
+async def test_an_unknown_standby_is_refused_with_its_field_and_the_choices(
+    api: Any, standby: object
+) -> None:
+    provider_id = await api.provider()
+
+    answer = await api(
+        f"provider:{provider_id}", "PATCH", f"/v1/providers/{provider_id}", {"standby": standby}
+    )
+
+    (problem,) = answer.json()["errors"]
+    assert (answer.status_code, problem["field"]) == (422, "standby")
+    if standby is not None:
+        assert all(choice in problem["detail"] for choice in ("HOME", "STAY", "PARKING"))
 
 
 @pytest.mark.parametrize("caller", ["provider:prv_1", "customer:c", "drone:drn_1", None])
@@ -69,6 +99,7 @@ async def test_an_unknown_service_is_refused(api: Any) -> None:
         ({"terms": "x" * 10_001}, "terms"),
         ({"colour": "red"}, "colour"),
         ({"loading": "NOBODY"}, "loading"),
+        ({"standby": "ROAM"}, "standby"),
         ({"state": "ACTIVE"}, "state"),
     ],
 )

@@ -23,6 +23,7 @@ from skyway.runtime.loops import MissingParts
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import tracing
+from skyway.units import ms_to_moment
 from skyway_gateway.clients import CANCELLATIONS_PATH, Composition, Registry
 from skyway_gateway.deliveries.booking.booking_round import (
     booking_request,
@@ -40,10 +41,13 @@ from skyway_gateway.deliveries.booking.queue_store import (
     note_reasons,
     try_later,
 )
+from skyway_gateway.deliveries.booking.waiting_store import line_up, wait_longer
+from skyway_gateway.deliveries.booking.wake_waiting import Waker, next_try_at
 from skyway_gateway.deliveries.lifecycle.booking_effects import (
     after_booking,
     after_giving_up,
     cancelled_meanwhile,
+    give_up_at,
 )
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.progress import Progress
@@ -57,7 +61,7 @@ from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 
 log = logging.getLogger(__name__)
 
-#: Wall seconds until the next round for a delivery that could not be booked: least and most.
+#: Wall seconds until the next round after one that could not ask: least and most.
 _RETRY_S: Final = (0.5, 3.0)
 
 
@@ -74,6 +78,7 @@ class Booker:
     clock: FleetClock
     mint: Mint
     claimant: str
+    waker: Waker
     chance: random.Random = field(default_factory=random.SystemRandom)
     missing: MissingParts = field(default_factory=lambda: MissingParts("booking"))
 
@@ -101,7 +106,9 @@ class Booker:
                 if not self.missing.note(trouble):
                     about = {"delivery_id": queued.delivery.delivery_id, "reason": str(trouble)}
                     log.warning("booking postponed", extra=about)
-                await self._try_later(queued.delivery, reasons=None)
+                await self._try_later(
+                    queued.delivery, reasons=None, was_asked=isinstance(trouble, RemoteProblem)
+                )
 
     async def book(self, queued: QueuedDelivery) -> None:
         """One round: the waiting packages are planned, wait for another round, or are given up."""
@@ -109,31 +116,53 @@ class Booker:
         if delivery.cancel_reason is not None:  # the process that cancelled it died meanwhile
             await self.finish_cancelling(delivery)
             return
-        if has_too_many_refusals(delivery):
+        if has_too_many_refusals(delivery.refusals):
             await self._give_up(queued.stored, (), detail="too many drones refused to fly it")
             return
-        if self.clock.now() >= queued.give_up_at:
-            detail = not_in_time(queued.give_up_at, delivery.reasons)
-            await self._give_up(queued.stored, delivery.reasons, detail=detail)
+        if not queued.is_waiting and self.waker.has_waiting(queued.network_id):
+            await self._line_up(queued)
+            return
+        is_over = self.clock.now() >= queued.give_up_at
+        if is_over and delivery.request.qos.deadline_at is not None:
+            await self._give_up_late(queued, delivery.reasons)
             return
         candidates = await self.registry.candidates(candidate_query(queued))
         # Ask even without candidates: an earlier round may have booked this attempt and died.
         requested = booking_request(delivery, candidates.shortlist)
         booking = await self.composition.book(delivery.delivery_id, requested)
-        await self._decide(queued.stored, booking, candidates)
+        await self._decide(queued, booking, candidates, is_last=is_over)
 
     async def _decide(
-        self, stored: StoredDelivery, booking: Booking, candidates: Candidates
+        self, queued: QueuedDelivery, booking: Booking, candidates: Candidates, *, is_last: bool
     ) -> None:
-        delivery = stored.delivery
+        stored, delivery = queued.stored, queued.delivery
         if booking.outcome == "BOOKED":
             await self._plan(stored, booking.missions)
         elif booking.outcome == "CLOSED":  # an earlier round gave it up, and died
             await self._give_up(stored, delivery.reasons, detail="no provider can fly it")
         elif infeasible := why_infeasible(delivery.offer, booking, candidates):
             await self._give_up(stored, infeasible.reasons, detail=infeasible.detail)
+        elif is_last:
+            await self._give_up_late(queued, reasons_of_round(booking, candidates))
         else:
-            await self._try_later(delivery, reasons=reasons_of_round(booking, candidates))
+            await self._wait(queued, reasons_of_round(booking, candidates))
+
+    async def _line_up(self, queued: QueuedDelivery) -> None:
+        """Let a new request wait until those that wait already have been tried again.
+
+        A drone may have become free a moment ago: it belongs to who asked first.
+        """
+        async with self.db.write() as tx:
+            await line_up(tx, queued, now=self.clock.now())
+        self.waker.note_change(queued.network_id)
+
+    async def _wait(self, queued: QueuedDelivery, reasons: Sequence[ProviderReason]) -> None:
+        """Leave it in the queue until something changes; the customer sees the reasons."""
+        wall_now = self.clock.wall_now()
+        later = next_try_at(woken_at=ms_to_moment(queued.woken_wall_ms), now=wall_now)
+        async with self.db.write() as tx:
+            await wait_longer(tx, queued, now=self.clock.now(), next_try_at=later, reasons=reasons)
+        self.waker.note_waiting(queued.network_id)
 
     async def _plan(self, stored: StoredDelivery, missions: Sequence[Mission]) -> None:
         """Write the booked missions, unless another replica has written them already."""
@@ -160,6 +189,12 @@ class Booker:
             )
             path = CANCELLATIONS_PATH.format(delivery_id=delivery.delivery_id)
             tx.report("composition", path, asked, stream=delivery.delivery_id)
+
+    async def _give_up_late(
+        self, queued: QueuedDelivery, reasons: Sequence[ProviderReason]
+    ) -> None:
+        detail = not_in_time(queued.give_up_at, reasons)
+        await self._give_up(queued.stored, reasons, detail=detail)
 
     async def _give_up(
         self, stored: StoredDelivery, reasons: Sequence[ProviderReason], *, detail: str
@@ -193,13 +228,27 @@ class Booker:
         await self.writer.write(delivery.delivery_id, change=give_up)
 
     async def _try_later(
-        self, delivery: Delivery, *, reasons: Sequence[ProviderReason] | None
+        self,
+        delivery: Delivery,
+        *,
+        reasons: Sequence[ProviderReason] | None,
+        was_asked: bool = True,
     ) -> None:
-        """Leave it in the queue; the customer sees the reasons of this round."""
+        """Leave it in the queue; the customer sees the reasons of this round.
+
+        If registry or composition could not be asked, the waiting time starts again.
+        """
         wait_s = self.chance.uniform(*_RETRY_S)
         next_try_at = self.clock.wall_now() + timedelta(seconds=wait_s)
+        give_up = None if was_asked else give_up_at(delivery.request, self.clock)
         async with self.db.write() as tx:
-            await try_later(tx, delivery.delivery_id, next_try_at=next_try_at, reasons=reasons)
+            await try_later(
+                tx,
+                delivery.delivery_id,
+                next_try_at=next_try_at,
+                reasons=reasons,
+                give_up_at=give_up,
+            )
 
 
 def _are_live(delivery: Delivery, missions: Sequence[Mission]) -> bool:

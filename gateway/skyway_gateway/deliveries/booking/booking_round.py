@@ -7,15 +7,21 @@ from typing import Final
 
 from skyway.contracts.candidate import CandidateQuery, ProviderReason, ProviderReasonCode
 from skyway.contracts.mission import Booking, BookMissions, OfferLimits
+from skyway.contracts.mission_reports import CALENDAR_CODES
 from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.delivery.offer import Price
 from skyway.delivery.request import DeliveryRequest, ProviderChoice
+from skyway.ids import DroneId
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Refusal
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery
 from skyway_gateway.quotes.check_request import NO_PROVIDER
 
 #: The delivery is given up after this many refusals by drones (docs/reference/booking.md).
 MOST_REFUSALS: Final = 5
+
+#: The delivery is given up after this many attempts that lost their place in a drone's calendar,
+#: so that no delivery is booked for ever without being flown. Our own choice.
+MOST_LOST_PLACES: Final = 20
 
 #: Reasons that hold for all drones of a provider.
 _ANY_DRONE: Final = ("OTHER_CURRENCY",)
@@ -27,14 +33,14 @@ def candidate_query(queued: QueuedDelivery) -> CandidateQuery:
     choice = delivery.request.qos.providers
     if delivery.offer is not None:
         choice = ProviderChoice(pinned=delivery.offer.provider_id)
-    masses_kg = [package.mass_kg for package in delivery.waiting]
+    masses_kg = [package.mass_kg for package in delivery.waiting_packages]
     return CandidateQuery(
         pickup_station_id=delivery.request.pickup.station_id,
         pickup_position=queued.pickup_position,
         payload_kg=sum(masses_kg),
         heaviest_kg=max(masses_kg, default=0.0),
         providers=choice,
-        excluded_drone_ids=tuple(refusal.drone_id for refusal in delivery.refusals),
+        excluded_drone_ids=drones_that_refused(delivery.refusals),
     )
 
 
@@ -45,12 +51,13 @@ def booking_request(delivery: Delivery, shortlist: Shortlist) -> BookMissions:
         request=_request(delivery),
         shortlist=shortlist,
         offer=_limits(delivery),
+        asked_at=delivery.created_at,
     )
 
 
 def _request(delivery: Delivery) -> DeliveryRequest:
     """The request with only the packages that wait, and the remaining price limit."""
-    waiting = {package.package_id for package in delivery.waiting}
+    waiting = {package.package_id for package in delivery.waiting_packages}
     request = delivery.request
     packages = tuple(one for one in request.packages if one.package_id in waiting)
     qos = request.qos
@@ -84,9 +91,22 @@ class Infeasible:
     detail: str
 
 
-def has_too_many_refusals(delivery: Delivery) -> bool:
+def drones_that_refused(refusals: Iterable[Refusal]) -> tuple[DroneId, ...]:
+    """The drones that are not asked again; a changed calendar is no refusal by its drone."""
+    return tuple(each.drone_id for each in refusals if _is_by_drone(each))
+
+
+def has_too_many_refusals(refusals: Iterable[Refusal]) -> bool:
     """Whether no further drone is asked; the trips of one attempt count as one refusal."""
-    return len({refusal.attempt for refusal in delivery.refusals}) >= MOST_REFUSALS
+    refusals = tuple(refusals)
+    refused = {each.attempt for each in refusals if _is_by_drone(each)}
+    lost = {each.attempt for each in refusals} - refused
+    return len(refused) >= MOST_REFUSALS or len(lost) >= MOST_LOST_PLACES
+
+
+def _is_by_drone(refusal: Refusal) -> bool:
+    """Whether the drone itself has refused, or did not answer; else its calendar has changed."""
+    return refusal.code not in CALENDAR_CODES
 
 
 def why_infeasible(

@@ -4,7 +4,8 @@ from collections.abc import Collection, Sequence
 from datetime import datetime
 from typing import Final
 
-from sqlalchemy import BigInteger, Text, and_, bindparam, update
+from sqlalchemy import BigInteger, Text, and_, bindparam, or_, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.ids import DeliveryId
@@ -33,14 +34,28 @@ _LEASE_S: Final = 3.0
 _CLAIMING: Final = Claiming.of(
     deliveries,
     where=and_(deliveries.c.is_queued, deliveries.c.next_try_wall_ms <= NOW_MS),
-    order_by=[deliveries.c.next_try_wall_ms, deliveries.c.delivery_id],
+    # New requests and woken ones are due at 0: they are tried in the order of class and asking.
+    order_by=[
+        deliveries.c.next_try_wall_ms,
+        deliveries.c.queue_rank,
+        deliveries.c.created_ms,
+        deliveries.c.delivery_id,
+    ],
 )
-_HOLDING: Final = (
-    update(deliveries)
+#: Rows are locked in the order of their ids, as `waiting_store.wake_first` does.
+_ours = (
+    select(deliveries.c.delivery_id)
     .where(
         in_list(deliveries.c.delivery_id, "held"),
         deliveries.c.claimed_by == bindparam("claimant", type_=Text),
     )
+    .order_by(deliveries.c.delivery_id)
+    .with_for_update()
+    .cte("ours")
+)
+_HOLDING: Final = (
+    update(deliveries)
+    .where(deliveries.c.delivery_id.in_(select(_ours.c.delivery_id)))
     .values(claimed_until_ms=bindparam("until_ms", type_=BigInteger))
 )
 
@@ -74,6 +89,23 @@ async def hold(
     await db.write_alone(_HOLDING, values)
 
 
+async def scheduled_until(
+    connection: AsyncConnection, until: datetime, *, limit: int
+) -> Sequence[DeliveryId]:
+    """SCHEDULED deliveries with a pickup until this fleet moment, or which are being cancelled."""
+    is_due = or_(
+        deliveries.c.earliest_pickup_ms <= moment_to_ms(until),
+        deliveries.c.cancel_reason.is_not(None),
+    )
+    found = await connection.execute(
+        select(deliveries.c.delivery_id)
+        .where(deliveries.c.state == "SCHEDULED", is_due)
+        .order_by(deliveries.c.earliest_pickup_ms, deliveries.c.delivery_id)
+        .limit(limit)
+    )
+    return [DeliveryId(delivery_id) for delivery_id in found.scalars()]
+
+
 async def free_claims(tx: Tx) -> None:
     """Free all claims. Only for SQLite, where all earlier claimants are dead at the start."""
     await tx.execute(update(deliveries).where(deliveries.c.is_queued).values(FREE))
@@ -85,9 +117,15 @@ async def try_later(
     *,
     next_try_at: datetime,
     reasons: Sequence[ProviderReason] | None,
+    give_up_at: datetime | None = None,
 ) -> None:
-    """Leave a delivery in the queue until a moment of wall time; None keeps its reasons."""
+    """Leave a delivery in the queue until a moment of wall time; None keeps what is stored.
+
+    `give_up_at` replaces the moment of fleet time at which booking gives up.
+    """
     values: dict[str, object] = {"next_try_wall_ms": moment_to_ms(next_try_at), **FREE}
+    if give_up_at is not None:
+        values["give_up_ms"] = moment_to_ms(give_up_at)
     if reasons is not None:
         values |= {"reasons": reasons_text(reasons), **NEXT_VERSION}
     this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)

@@ -1,12 +1,12 @@
-"""What changes when missions are booked for a delivery, and when and how booking gives up."""
+"""What changes when missions are booked, when booking gives up, and when packages are cancelled."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from datetime import datetime
 from typing import Final
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event import DeliveryEventType
-from skyway.contracts.mission import Mission
+from skyway.contracts.mission import Cancellation, Mission
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import PackageId
 from skyway.runtime.clock import FleetClock, fleet_margin
@@ -18,12 +18,15 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     PackageStatus,
 )
 from skyway_gateway.deliveries.lifecycle.progress import (
+    CANCELLED_CODE,
     Progress,
+    can_turn_back,
     changed,
     settled,
     with_cancelled,
     with_flags,
     with_packages,
+    with_returning,
 )
 from skyway_gateway.notifications.record_events import Happening
 
@@ -75,7 +78,7 @@ def after_booking(delivery: Delivery, missions: Sequence[Mission], *, at: dateti
             planned,
             state="PLANNED" if is_first else delivery.state,
             flags=Flags() if is_first else delivery.flags,
-            attempt=delivery.attempt + bool(planned.waiting),
+            attempt=delivery.attempt + bool(planned.waiting_packages),
             price=event_data.price_of(planned.missions),
             provider_id=planned.missions[0].provider_id,
         )
@@ -117,3 +120,43 @@ def _flown(mission: Mission) -> FlownMission:
     return FlownMission.model_validate(
         {**dict(mission), "state": "BOOKED", "booked_start_at": mission.start_at}
     )
+
+
+def is_cancelled(package: PackageStatus) -> bool:
+    """Whether the package is cancelled, or on its way back because of a cancellation."""
+    is_too_late = package.state in ("DELIVERED", "STRANDED")
+    return package.code == CANCELLED_CODE and not is_too_late
+
+
+def can_be_cancelled(package: PackageStatus) -> bool:
+    """Whether the package can still be kept from its recipient."""
+    return can_turn_back(package) and not is_cancelled(package)
+
+
+def after_cancellation(
+    delivery: Delivery,
+    requested: Collection[PackageId],
+    done: Cancellation,
+    *,
+    reason: str,
+    at: datetime,
+) -> Progress:
+    """The delivery after the requested packages were cancelled, as far as that was possible.
+
+    `done` is what composition has stopped. Later mission reports repeat it and change nothing.
+    """
+
+    def stays(package: PackageStatus) -> bool:
+        is_loose = package.is_waiting or package.package_id in done.released
+        return package.package_id in requested and package.state == "CREATED" and is_loose
+
+    without = with_cancelled(
+        changed(delivery, updated_at=max(at, delivery.updated_at)),
+        where=stays,
+        code=CANCELLED_CODE,
+        detail=reason,
+        at=at,
+    )
+    returning = with_returning(without.delivery, done.returning, code=CANCELLED_CODE, detail=reason)
+    progress = Progress(with_flags(returning), without.happenings)
+    return settled(progress, at=at, code=CANCELLED_CODE, detail=reason)

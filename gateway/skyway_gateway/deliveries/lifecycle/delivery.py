@@ -23,8 +23,10 @@ from skyway.ids import (
     SubjectId,
 )
 from skyway.json_model import JsonModel, WireModel
+from skyway_gateway.deliveries.lifecycle.waiting import Waiting
 
 DeliveryState = Literal[
+    "SCHEDULED",
     "REQUESTED",
     "PLANNED",
     "DISPATCHED",
@@ -70,6 +72,8 @@ ON_BOARD_STATES: Final[frozenset[PackageState]] = frozenset({"LOADED", "IN_TRANS
 #: Which states may follow each state. A report may skip states, such as LOADING when the drone
 #: loads within one report. A request is REJECTED when none of its packages is ever booked.
 _NEXT: Final[Mapping[DeliveryState, frozenset[DeliveryState]]] = {
+    # A delivery is SCHEDULED while its pickup lies beyond the booking horizon.
+    "SCHEDULED": frozenset({"REQUESTED", "CANCELLED", "FAILED"}),
     "REQUESTED": frozenset({"PLANNED", "REJECTED", "CANCELLED", "FAILED"}),
     "PLANNED": _ENDS | {"REQUESTED", "DISPATCHED", "LOADING", "IN_PROGRESS"},
     # A delivery goes back when a drone refuses the mission that was furthest along.
@@ -257,6 +261,9 @@ class Delivery(JsonModel):
         str | None,
         Field(description="Why the whole delivery is being cancelled; null when it is not."),
     ] = None
+    waiting: Annotated[
+        Waiting | None, Field(description="Its place while no drone is free; null otherwise.")
+    ] = None
 
     @property
     def is_over(self) -> bool:
@@ -264,14 +271,14 @@ class Delivery(JsonModel):
         return self.state in TERMINAL_STATES
 
     @property
-    def waiting(self) -> tuple[PackageStatus, ...]:
+    def waiting_packages(self) -> tuple[PackageStatus, ...]:
         """The packages that wait for a mission."""
         return tuple(package for package in self.packages if package.is_waiting)
 
     @property
     def is_queued(self) -> bool:
-        """Whether booking must look at it."""
-        return not self.is_over and bool(self.waiting)
+        """Whether booking must look at it; not while its pickup is beyond the horizon."""
+        return not self.is_over and self.state != "SCHEDULED" and bool(self.waiting_packages)
 
     @property
     def live_missions(self) -> tuple[FlownMission, ...]:

@@ -24,6 +24,14 @@ def requested(delivery: Delivery) -> Data:
     }
 
 
+def scheduled(earliest_pickup_at: datetime, *, books_from_at: datetime) -> Data:
+    """Data of `delivery.scheduled`: the pickup, and from when a drone is looked for."""
+    return {
+        "earliest_pickup_at": utc_text(earliest_pickup_at),
+        "books_from_at": utc_text(books_from_at),
+    }
+
+
 def planned(delivery: Delivery, missions: Sequence[Mission], *, attempt: int) -> Data:
     """Data of `delivery.planned`: drone, price, pickup time, ETAs, and packages that still wait."""
     first, *_ = missions
@@ -40,7 +48,7 @@ def planned(delivery: Delivery, missions: Sequence[Mission], *, attempt: int) ->
             for mission in missions
             for eta in mission.packages
         ],
-        "waiting_package_ids": [package.package_id for package in delivery.waiting],
+        "waiting_package_ids": [package.package_id for package in delivery.waiting_packages],
     }
 
 

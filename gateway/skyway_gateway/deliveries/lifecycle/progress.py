@@ -97,7 +97,7 @@ def can_turn_back(package: PackageStatus) -> bool:
 
 def is_replanning(delivery: Delivery) -> bool:
     """Whether a plan of this delivery no longer holds and no new plan exists yet."""
-    is_refused = bool(delivery.refusals) and bool(delivery.waiting)
+    is_refused = bool(delivery.refusals) and bool(delivery.waiting_packages)
     return is_refused or any(mission.is_replanning for mission in delivery.live_missions)
 
 

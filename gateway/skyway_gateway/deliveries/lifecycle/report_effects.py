@@ -67,7 +67,8 @@ def _mission_after(before: FlownMission, report: MissionReport) -> FlownMission:
     return FlownMission.model_validate(
         {
             **dict(report.mission or before),
-            "state": report.mission_state,
+            # Whether a mission was sent already does not concern the customer.
+            "state": "BOOKED" if report.mission_state == "QUEUED" else report.mission_state,
             "is_replanning": is_replanning,
             "booked_start_at": before.begins_at,
         }
@@ -184,7 +185,7 @@ def _refused(delivery: Delivery, mission: FlownMission, report: MissionReport) -
         changed(
             without,
             state=_state_without(without),
-            attempt=delivery.attempt + (is_asked and bool(without.waiting)),
+            attempt=delivery.attempt + (is_asked and bool(without.waiting_packages)),
             refusals=(*delivery.refusals, refusal),
         ),
         cancelled.happenings,
@@ -202,6 +203,7 @@ def _state_without(delivery: Delivery) -> DeliveryState:
 
 
 _BY_KIND: Final[Mapping[str, Callable[[Delivery, FlownMission, MissionReport], Progress]]] = {
+    "QUEUED": _no_change,
     "ACCEPTED": _accepted,
     "REFUSED": _refused,
     "LOADING": _loading,
@@ -210,6 +212,7 @@ _BY_KIND: Final[Mapping[str, Callable[[Delivery, FlownMission, MissionReport], P
     "DELIVERED": delivered,
     "REPLANNING": _no_change,
     "REPLANNED": _replanned,
+    "RETIMED": _no_change,
     "RETURNING": _returning,
     "RETURNED": returned,
     "RELEASED": _released,

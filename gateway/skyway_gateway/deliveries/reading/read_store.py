@@ -11,10 +11,11 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.ids import ProviderId
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
-from skyway.units import moment_to_ms
+from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.store import owned
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, DeliveryState
-from skyway_gateway.deliveries.reading.earnings import DayEarnings, EarningsQuery
+from skyway_gateway.deliveries.lifecycle.waiting import Waiting
+from skyway_gateway.deliveries.reading.views import DayEarnings, EarningsQuery
 from skyway_gateway.deliveries.records.delivery_store import with_parts
 from skyway_gateway.tables import deliveries, missions
 
@@ -53,6 +54,33 @@ async def page_of_provider(
         delivery.model_copy(
             update={"missions": tuple(m for m in delivery.missions if m.provider_id == provider_id)}
         )
+        for delivery in found
+    ]
+
+
+_place = func.row_number().over(
+    partition_by=(deliveries.c.network_id, deliveries.c.queue_rank),
+    order_by=(deliveries.c.created_ms, deliveries.c.delivery_id),
+)
+_PLACES: Final = (
+    select(deliveries.c.delivery_id, deliveries.c.waits_since_ms, _place.label("place"))
+    .where(deliveries.c.waits_since_ms.is_not(None))
+    .subquery()
+)
+
+
+async def with_places(connection: AsyncConnection, found: Sequence[Delivery]) -> Sequence[Delivery]:
+    """The deliveries; those that wait for a drone show their place."""
+    queued = [delivery.delivery_id for delivery in found if delivery.is_queued]
+    if not queued:
+        return found
+    statement = select(_PLACES).where(_PLACES.c.delivery_id.in_(queued))
+    waiting = {
+        row.delivery_id: Waiting(place=row.place, since_at=ms_to_moment(row.waits_since_ms))
+        for row in await connection.execute(statement)
+    }
+    return [
+        delivery.model_copy(update={"waiting": waiting.get(delivery.delivery_id)})
         for delivery in found
     ]
 

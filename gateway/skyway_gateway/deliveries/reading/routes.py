@@ -14,20 +14,22 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
-from skyway_gateway.access.recognise_keys import KeyGate
+from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
     DeliveryState,
 )
 from skyway_gateway.deliveries.reading import read_store
-from skyway_gateway.deliveries.reading.earnings import Earnings, EarningsQuery, earnings_of
 from skyway_gateway.deliveries.reading.read_store import DeliveryFilter
 from skyway_gateway.deliveries.reading.tracking import FeatureCollection, feature_collection
 from skyway_gateway.deliveries.reading.views import (
     DeliveryPlan,
     DeliveryProof,
+    Earnings,
+    EarningsQuery,
     ProviderDelivery,
+    earnings_of,
     for_provider,
     proof_of,
 )
@@ -73,7 +75,8 @@ def _add_lists(router: ServiceRouter, db: Database, gate: KeyGate) -> None:
         caller.must_be("customer", "operator")
         filters = DeliveryFilter(query.state, query.reference)
         async with db.read() as connection:
-            found = await read_store.page_of(connection, caller, query, filters)
+            page = await read_store.page_of(connection, caller, query, filters)
+            found = await read_store.with_places(connection, page)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.delivery_id,))
 
     @router.get("/v1/providers/{provider_id}/deliveries")
@@ -109,7 +112,9 @@ def _add_details(
         """
         caller.must_be("customer", "operator")
         async with db.read() as connection:
-            return await delivery_store.one_of(connection, caller, delivery_id)
+            delivery = await delivery_store.one_of(connection, caller, delivery_id)
+            [found] = await read_store.with_places(connection, [delivery])
+        return found
 
     @router.get("/v1/deliveries/{delivery_id}/plan")
     async def get_delivery_plan(

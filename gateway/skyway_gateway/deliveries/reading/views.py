@@ -1,11 +1,13 @@
-"""Other views of a delivery: its plan, its proof, and what a provider sees of it."""
+"""Other views of deliveries: plan, proof, what a provider sees of them and what it earned."""
 
+from datetime import date
 from typing import Annotated
 
 from pydantic import Field
 
 from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.message import FleetMoment, Soc
+from skyway.delivery.offer import Currency
 from skyway.delivery.request import Place
 from skyway.geo import Position
 from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, ProviderId, StationId
@@ -122,4 +124,63 @@ def for_provider(delivery: Delivery) -> ProviderDelivery:
         packages=delivery.packages,
         created_at=delivery.created_at,
         updated_at=delivery.updated_at,
+    )
+
+
+class EarningsQuery(JsonModel):
+    """Which missions count: those that ended in [from, to); without limits, all."""
+
+    from_at: Annotated[
+        FleetMoment | None,
+        Field(alias="from", description="Only missions that ended at this moment or later."),
+    ] = None
+    to_at: Annotated[
+        FleetMoment | None,
+        Field(alias="to", description="Only missions that ended before this moment."),
+    ] = None
+
+
+class DayEarnings(JsonModel):
+    """The earnings of one day in UTC, fleet time."""
+
+    day: Annotated[date, Field(description="The day in UTC, fleet time.")]
+    currency: Currency
+    deliveries: Annotated[
+        int, Field(description="Deliveries with a mission that was completed on this day.")
+    ]
+    missions: Annotated[int, Field(description="Missions that were completed on this day.")]
+    amount: Annotated[int, Field(description="What they brought, in minor units of the currency.")]
+
+
+class Earnings(JsonModel):
+    """A provider's earnings: the sums in the currency of the latest mission, and each day.
+
+    Days in an earlier currency are listed, but not part of the sums.
+    """
+
+    provider_id: Annotated[ProviderId, Field(description="The provider.")]
+    currency: Annotated[
+        Currency | None,
+        Field(description="The currency of the latest mission; null without missions."),
+    ]
+    deliveries: Annotated[int, Field(description="Deliveries on all days, in this currency.")]
+    missions: Annotated[int, Field(description="Missions on all days, in this currency.")]
+    amount: Annotated[int, Field(description="What they brought, in minor units of the currency.")]
+    by_day: Annotated[
+        tuple[DayEarnings, ...],
+        Field(description="Each day with completed missions, the first day first."),
+    ]
+
+
+def earnings_of(provider_id: ProviderId, days: tuple[DayEarnings, ...]) -> Earnings:
+    """The earnings with the sums over these days, which are sorted by time."""
+    currency = days[-1].currency if days else None
+    summed = [day for day in days if day.currency == currency]
+    return Earnings(
+        provider_id=provider_id,
+        currency=currency,
+        deliveries=sum(day.deliveries for day in summed),
+        missions=sum(day.missions for day in summed),
+        amount=sum(day.amount for day in summed),
+        by_day=days,
     )

@@ -10,7 +10,7 @@ from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.mission import OfferLimits
 from skyway.contracts.mission_reports import MissionReport
-from skyway.delivery.request import DeliveryRequest, Place
+from skyway.delivery.request import PRIORITY_RANKS, DeliveryRequest, Place
 from skyway.geo import Position
 from skyway.runtime.sql.connection import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
@@ -44,10 +44,14 @@ def new_delivery(queued: QueuedDelivery) -> Values:
         "pickup_position": _POSITION.dump_json(queued.pickup_position).decode(),
         "created_ms": moment_to_ms(delivery.created_at),
         "give_up_ms": moment_to_ms(queued.give_up_at),
+        "earliest_pickup_ms": _ms(delivery.request.earliest_pickup_at),
         "offer": delivery.offer and delivery.offer.model_dump_json(),
         "traceparent": queued.traceparent,
         "has_idempotency_key": queued.has_idempotency_key,
         "next_try_wall_ms": 0,
+        "network_id": queued.network_id,
+        "queue_rank": PRIORITY_RANKS[delivery.request.qos.priority],
+        "woken_wall_ms": queued.woken_wall_ms,
         **changing(queued.stored),
     }
 
@@ -115,6 +119,9 @@ def queued_of(row: AnyRow, stored: StoredDelivery) -> QueuedDelivery:
         give_up_at=ms_to_moment(row.give_up_ms),
         traceparent=row.traceparent,
         has_idempotency_key=row.has_idempotency_key,
+        network_id=row.network_id,
+        is_waiting=row.waits_since_ms is not None,
+        woken_wall_ms=row.woken_wall_ms,
     )
 
 

@@ -39,6 +39,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     SETTLED_PACKAGE_STATES,
     UNDER_WAY_STATES,
     Delivery,
+    DeliveryState,
     FlownMission,
     PackageStatus,
     may_follow,
@@ -69,6 +70,8 @@ from skyway_gateway.tables import custody, deliveries, missions, packages
 _LOCKED: Final = (
     select(deliveries).where(deliveries.c.delivery_id == bindparam("this")).with_for_update()
 )
+#: A delivery in these states was never booked, unless it has a second attempt.
+_UNBOOKED: Final[frozenset[DeliveryState]] = frozenset({"SCHEDULED", "REQUESTED"})
 #: Each visible change of a delivery that `save` does not write counts as a version.
 NEXT_VERSION: Final = {"version": deliveries.c.version + 1}
 _PACKAGES: Final = (
@@ -141,7 +144,7 @@ async def with_parts(connection: AsyncConnection, found: Sequence[AnyRow]) -> Se
         packed[row.delivery_id].append(package_of(row))
     flown: dict[str, list[FlownMission]] = defaultdict(list)
     # A delivery that was never booked has no missions to look for.
-    booked = [row.delivery_id for row in found if row.state != "REQUESTED" or row.attempt > 1]
+    booked = [row.delivery_id for row in found if row.state not in _UNBOOKED or row.attempt > 1]
     for row in await connection.execute(_MISSIONS, {"ids": booked}) if booked else ():
         flown[row.delivery_id].append(mission_of(row))
     return [delivery_of(row, packed[row.delivery_id], flown[row.delivery_id]) for row in found]
@@ -231,7 +234,7 @@ def save(
     values = changing(after)
     if (old.attempt, old.is_queued) != (new.attempt, new.is_queued):
         # What has to be booked has changed: look at it immediately.
-        values |= {"next_try_wall_ms": 0, **FREE}
+        values |= {"next_try_wall_ms": 0, "waits_since_ms": None, **FREE}
     if give_up_at is not None:
         values["give_up_ms"] = moment_to_ms(give_up_at)
     expected = {

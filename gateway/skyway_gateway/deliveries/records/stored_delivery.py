@@ -11,7 +11,7 @@ from datetime import datetime
 from typing import Final
 
 from skyway.geo import Position
-from skyway.ids import DeliveryId
+from skyway.ids import DeliveryId, NetworkId
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.notifications.event_store import NumberedEvent, hash_after
 
@@ -90,6 +90,12 @@ class QueuedDelivery:
     give_up_at: datetime
     traceparent: str | None
     has_idempotency_key: bool = False
+    #: The network of its pickup; None when the gateway does not know it.
+    network_id: NetworkId | None = None
+    #: Whether it has found no drone yet, or stands behind requests that have found none.
+    is_waiting: bool = False
+    #: When something last changed that may help it, wall time in ms since 1970.
+    woken_wall_ms: int = 0
 
     @property
     def delivery(self) -> Delivery:

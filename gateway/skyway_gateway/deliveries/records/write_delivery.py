@@ -42,11 +42,16 @@ class DeliveryWriter:
                 self.save(tx, now, progress)
 
     def add(
-        self, tx: Tx, accepted: QueuedDelivery, first: Happening, *, claim: Mapping[str, object]
+        self,
+        tx: Tx,
+        accepted: QueuedDelivery,
+        first: Sequence[Happening],
+        *,
+        claim: Mapping[str, object],
     ) -> QueuedDelivery:
-        """Add a delivery that was just accepted, with its first event; returns what is stored."""
+        """Add a delivery that was just accepted, with its first events; returns what is stored."""
         delivery = accepted.delivery
-        events = self.events.number([first], after=0, delivery_id=delivery.delivery_id)
+        events = self.events.number(first, after=0, delivery_id=delivery.delivery_id)
         queued = replace(accepted, stored=accepted.stored.then(delivery, events))
         delivery_store.add(tx, queued, claim=claim)
         self._record(tx, queued.stored, events)

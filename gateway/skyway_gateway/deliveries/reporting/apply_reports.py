@@ -1,10 +1,13 @@
 """Applies mission reports to deliveries: each once, in the order of its mission."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Final
 
 from skyway.contracts.mission import LIVE_MISSION_STATES, CancelMissions
 from skyway.contracts.mission_reports import MissionReport, TracedReport
+from skyway.ids import StationId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
@@ -18,6 +21,9 @@ from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.stored_delivery import Outdated, StoredDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 
+#: Reports after which a drone or pads may be free again.
+_FREEING: Final = ("REFUSED", "RELEASED", "ENDED")
+
 
 @dataclass(frozen=True, slots=True)
 class ReportApplier:
@@ -27,6 +33,8 @@ class ReportApplier:
     writer: DeliveryWriter
     clock: FleetClock
     queued: Wake
+    #: Called with a pickup when a drone of its network may be free again.
+    freed: Callable[[StationId], None]
 
     async def apply(self, report: MissionReport) -> None:
         """Apply a report; a report that was applied before changes nothing.
@@ -91,6 +99,9 @@ class ReportApplier:
             # The waiting time starts again: the refused booking has used some of it.
             give_up = give_up_at(stored.delivery.request, self.clock)
             tx.after_commit(self.queued.set)
+        if report.kind in _FREEING:
+            pickup = stored.delivery.request.pickup.station_id
+            tx.after_commit(partial(self.freed, pickup))
         self.writer.save(tx, stored, progress, report=report, give_up_at=give_up)
 
 

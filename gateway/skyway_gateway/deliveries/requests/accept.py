@@ -4,7 +4,7 @@ The row is the queue: once it is written, booking finds it, even if this process
 """
 
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from functools import partial
 from typing import Annotated
 
@@ -16,6 +16,7 @@ from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.mission import OfferLimits
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import SkywayError
+from skyway.geo import Position
 from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
@@ -25,6 +26,8 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.claims import FREE
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import current_traceparent
+from skyway.units import moment_to_ms
+from skyway_gateway.deliveries.booking.horizon import books_from
 from skyway_gateway.deliveries.booking.queue_store import held_by
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.lifecycle import event_data
@@ -52,6 +55,7 @@ def new_delivery(
     request: DeliveryRequest,
     offer: OfferLimits | None,
     reasons: tuple[ProviderReason, ...] = (),
+    is_scheduled: bool = False,
     at: datetime,
 ) -> Delivery:
     """The delivery of a request that was just accepted: its packages are at the pickup."""
@@ -59,7 +63,7 @@ def new_delivery(
     return Delivery(
         delivery_id=delivery_id,
         customer_id=customer_id,
-        state="REQUESTED",
+        state="SCHEDULED" if is_scheduled else "REQUESTED",
         activity=None,
         flags=Flags(),
         reference=request.reference,
@@ -96,6 +100,7 @@ class Acceptance:
     clock: FleetClock
     mint: Mint
     booking: BookingLoop
+    horizon: timedelta
 
     async def accept(
         self,
@@ -116,7 +121,7 @@ class Acceptance:
         Conflict
             QUOTE_TAKEN, QUOTE_EXPIRED: the offer can no longer be accepted.
         ServiceUnavailable
-            The registry or composition does not answer now.
+            Composition does not answer now, and never said whether the stations exist.
         """
         try:
             checked: CheckedRequest | SkywayError = await self._check(caller, requested)
@@ -174,26 +179,47 @@ class Acceptance:
             offer = chosen.limits
         if isinstance(checked, SkywayError):
             raise checked
-        request, customer_id = checked.request, SubjectId(caller.subject_id)
         delivery = new_delivery(
             delivery_id,
-            customer_id=customer_id,
-            request=request,
+            customer_id=SubjectId(caller.subject_id),
+            request=checked.request,
             offer=offer,
             reasons=checked.reasons,
+            is_scheduled=self._books_later(checked.request, now) is not None,
             at=now,
         )
-        give_up = give_up_at(request, self.clock)
-        event = Happening(DeliveryEventType.REQUESTED, now, event_data.requested(delivery))
+        self._add(tx, delivery, checked.pickup_position, has_key=has_key)
+        return delivery
+
+    def _add(self, tx: Tx, delivery: Delivery, pickup: Position, *, has_key: bool) -> None:
+        """Add the delivery with its first events, and begin to book it after the commit."""
         accepted = QueuedDelivery(
             StoredDelivery(delivery),
-            checked.pickup_position,
-            give_up,
+            pickup,
+            give_up_at(delivery.request, self.clock),
             traceparent=current_traceparent(),
             has_idempotency_key=has_key,
+            network_id=self.checks.networks.network_of(delivery.request.pickup.station_id),
+            woken_wall_ms=moment_to_ms(self.clock.wall_now()),
         )
-        is_ours = self.booking.is_free
+        is_ours = delivery.is_queued and self.booking.is_free
         claim = held_by(self.booking.claimant, self.clock) if is_ours else FREE
-        queued = self.writer.add(tx, accepted, event, claim=claim)
-        tx.after_commit(partial(self.booking.begin, queued) if is_ours else self.booking.queued.set)
-        return delivery
+        queued = self.writer.add(tx, accepted, self._first_events(delivery), claim=claim)
+        if is_ours:
+            tx.after_commit(partial(self.booking.begin, queued))
+        elif delivery.is_queued:
+            tx.after_commit(self.booking.queued.set)
+
+    def _first_events(self, delivery: Delivery) -> list[Happening]:
+        request, at = delivery.request, delivery.created_at
+        first = [Happening(DeliveryEventType.REQUESTED, at, event_data.requested(delivery))]
+        later_at = self._books_later(request, at)
+        if later_at is not None and request.earliest_pickup_at is not None:
+            data = event_data.scheduled(request.earliest_pickup_at, books_from_at=later_at)
+            first.append(Happening(DeliveryEventType.SCHEDULED, at, data))
+        return first
+
+    def _books_later(self, request: DeliveryRequest, now: datetime) -> datetime | None:
+        """From when a drone may be booked, if the pickup is beyond the horizon; else None."""
+        books_from_at = books_from(request, self.horizon)
+        return None if books_from_at is None or books_from_at <= now else books_from_at

@@ -21,7 +21,7 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway_gateway.clients import Composition
-from skyway_gateway.deliveries.lifecycle.cancellation_effects import (
+from skyway_gateway.deliveries.lifecycle.booking_effects import (
     after_cancellation,
     can_be_cancelled,
     is_cancelled,

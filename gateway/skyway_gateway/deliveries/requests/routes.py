@@ -12,7 +12,7 @@ from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.problem_answers import NOT_FOUND, conflicts
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway_gateway.access.recognise_keys import KeyGate
+from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.requests.accept import Acceptance, OfferChoice
 from skyway_gateway.deliveries.requests.cancel import Canceller, CancelRequest

@@ -9,7 +9,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.notifications.webhooks import replay_store, webhook_store
-from skyway_gateway.notifications.webhooks.replay_request import MOST_EVENTS, Replay, ReplayRequest
+from skyway_gateway.notifications.webhooks.replay_store import MOST_EVENTS, Replay, ReplayRequest
 
 
 async def replay(

@@ -10,7 +10,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.ids import EventId, WebhookId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.paging import PageQuery
-from skyway.runtime.sql.claims import FREE, claim
+from skyway.runtime.sql.claims import FREE, claim, is_free
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment
@@ -26,11 +26,12 @@ async def due_endpoints(connection: AsyncConnection, *, at: datetime) -> Sequenc
     is_due = exists().where(
         notifications.c.webhook_id == webhooks.c.webhook_id,
         _is_due(at),
-        notifications.c.claimed_until_ms <= moment_to_ms(at),
+        is_free(notifications),
     )
     statement = select(webhooks).where(webhooks.c.state == "ACTIVE", is_due)
     return [
-        Endpoint(row.webhook_id, row.url, row.secret) for row in await connection.execute(statement)
+        Endpoint(row.webhook_id, row.url, row.secret)
+        for row in await connection.execute(statement, {"now_ms": moment_to_ms(at)})
     ]
 
 

@@ -179,10 +179,24 @@ def new_webhook_secret() -> str:
     return _SECRET_PREFIX + base64.b64encode(secrets.token_bytes(_SECRET_BYTES)).decode()
 
 
+def signing_key(secret: str) -> bytes:
+    """The bytes of a signing secret.
+
+    Raises
+    ------
+    ValueError
+        It is not a secret that `new_webhook_secret` makes.
+    """
+    key = base64.b64decode(secret.removeprefix(_SECRET_PREFIX), validate=True)
+    if len(key) != _SECRET_BYTES or not secret.startswith(_SECRET_PREFIX):
+        raise ValueError(f"a signing secret has {_SECRET_BYTES} bytes, not {len(key)}")
+    return key
+
+
 def signed_headers(secret: str, *, webhook_id: str, at: datetime, body: bytes) -> dict[str, str]:
     """The three headers that prove the sender, the message and its age to a receiver."""
     timestamp = str(int(at.timestamp()))
-    key = base64.b64decode(secret.removeprefix(_SECRET_PREFIX))
+    key = signing_key(secret)
     signed = f"{webhook_id}.{timestamp}.".encode() + body
     signature = base64.b64encode(hmac.digest(key, signed, hashlib.sha256)).decode()
     return {

@@ -8,8 +8,8 @@ so a repeated request returns what was booked before.
 """
 
 import logging
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from skyway.contracts.candidate import ProviderReason
@@ -18,16 +18,24 @@ from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DeliveryId, DroneId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
+from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions.booking.engage import WorldChanged, claim, engage
 from skyway_composition.missions.booking.outcome import all_taken, pickup_unknown, without_offer
-from skyway_composition.missions.booking.store import busy_among, first_look, missions_of
+from skyway_composition.missions.booking.store import (
+    FirstLook,
+    first_look,
+    last_missions,
+    missions_of,
+)
+from skyway_composition.missions.booking.turns import AskingOrder, Turn, Turns
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.store import add_delivery, close_delivery, lock_delivery
 from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.availability import Availability, LastMission
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.offer import Limits, Offer
 from skyway_composition.planning.plan_offers import plan_offers
@@ -55,32 +63,45 @@ class _Round:
     delivery_exists: bool
     requested: BookMissions
     shortlist: Shortlist
-    finder: TripFinder
+    world: World
+    begins_ms: int
     limits: Limits
 
 
 @dataclass(frozen=True, slots=True)
 class Bookings:
-    """Books missions for deliveries."""
+    """Books missions for deliveries; wakes `calendars` when one is QUEUED behind another."""
 
     db: Database
     networks: PreparedNetworks
     solver: SolverPool
     clock: FleetClock
     mint: Mint
+    calendars: Wake
+    turns: Turns = field(default_factory=Turns)
 
     async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
-        """The missions of this attempt: booked before, or booked now from the best offer."""
+        """The missions of this attempt: booked before, or booked now from the best offer.
+
+        Bookings of one network are committed one at a time, first asked, first booked.
+        """
+        seen = await self._look(delivery_id, requested)
+        if seen.booked:
+            return Booking(outcome="BOOKED", missions=seen.booked)
+        if seen.around is None:
+            return pickup_unknown(requested)
+        order = AskingOrder.of(delivery_id, requested, self.clock.now())
+        with self.turns.line_up(seen.around.network_id, order) as turn:
+            return await self._book_in_rounds(delivery_id, requested, seen, turn)
+
+    async def _book_in_rounds(
+        self, delivery_id: DeliveryId, requested: BookMissions, seen: FirstLook, turn: Turn
+    ) -> Booking:
+        """Book in one of several rounds; the first round plans with what was `seen`."""
         reasons: tuple[ProviderReason, ...] = ()
         for round_number in range(_MOST_ROUNDS):
-            async with self.db.read() as connection:
-                seen = await first_look(
-                    connection,
-                    delivery_id,
-                    attempt=requested.attempt,
-                    drone_ids=requested.shortlist.drone_ids,
-                    pickup=requested.request.pickup.station_id,
-                )
+            if round_number:
+                seen = await self._look(delivery_id, requested)
             if seen.booked:
                 return Booking(outcome="BOOKED", missions=seen.booked)
             if seen.around is None:
@@ -90,15 +111,25 @@ class Bookings:
             this_round = self._round(
                 delivery_id, requested, world, round_number, delivery_exists=seen.delivery_exists
             )
-            booking, reasons = await self._book_in(this_round, seen.busy)
+            booking, reasons = await self._book_in(this_round, seen.engaged, turn)
             if booking is not None:
                 return booking
         return all_taken(requested, reasons)
 
-    async def busy_among(self, drone_ids: Collection[DroneId]) -> frozenset[DroneId]:
-        """Which of these drones have a mission, or may still fly one."""
+    async def _look(self, delivery_id: DeliveryId, requested: BookMissions) -> FirstLook:
         async with self.db.read() as connection:
-            return await busy_among(connection, drone_ids)
+            return await first_look(
+                connection,
+                delivery_id,
+                attempt=requested.attempt,
+                drone_ids=requested.shortlist.drone_ids,
+                pickup=requested.request.pickup.station_id,
+            )
+
+    async def last_missions(self, drone_ids: Collection[DroneId]) -> tuple[LastMission, ...]:
+        """The missions of these drones that are not over, or that the drones may still fly."""
+        async with self.db.read() as connection:
+            return await last_missions(connection, drone_ids)
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
         """Close this delivery, so that nothing is booked for it, unless it has missions."""
@@ -136,29 +167,39 @@ class Bookings:
                 if offer is None
                 else requested.shortlist.of_provider(offer.provider_id)
             ),
-            finder=TripFinder(self.solver, world, begins_ms, limits.latest_ms),
+            world=world,
+            begins_ms=begins_ms,
             limits=limits,
         )
 
     async def _book_in(
-        self, this_round: _Round, busy: frozenset[DroneId]
+        self, this_round: _Round, engaged: Sequence[LastMission], turn: Turn
     ) -> tuple[Booking | None, tuple[ProviderReason, ...]]:
         """The booking of the best offer that is still free; None when a new round is needed."""
-        drone_ids = this_round.shortlist.drone_ids
+        drone_ids, limits = this_round.shortlist.drone_ids, this_round.limits
+        world, begins_ms = this_round.world, this_round.begins_ms
+        finder = TripFinder(self.solver, world, begins_ms, limits.latest_ms)
         while True:
+            available = Availability.of(engaged, begins_ms=begins_ms, clock=self.clock)
+            # The finder keeps the trips that it has composed.
+            finder = replace(finder, after=available.after)
             offers = await plan_offers(
-                this_round.finder,
+                finder,
                 this_round.requested.request,
-                shortlist=this_round.shortlist,
-                busy=busy,
-                limits=this_round.limits,
+                shortlist=available.placed(this_round.shortlist),
+                busy=available.busy,
+                limits=limits,
             )
             if not offers.ranked:
                 return without_offer(this_round.requested, offers.reasons), offers.reasons
             best = offers.ranked[0]
+            await turn.comes()
             try:
                 async with self.db.write() as tx:
-                    return await self._book_offer(tx, this_round, best), offers.reasons
+                    booking = await self._book_offer(
+                        tx, this_round, best, available=available, engaged=engaged
+                    )
+                    return booking, offers.reasons
             except RowRefused as taken:
                 delivery_id = this_round.delivery_id
                 log.info("offer taken", extra={"delivery_id": delivery_id, "by": taken.constraint})
@@ -166,15 +207,23 @@ class Bookings:
                 if taken.constraint != _DRONE_TAKEN:
                     # Every other offer was planned around the same pads.
                     return None, offers.reasons
-                now_busy = await self.busy_among(drone_ids)
-                if not now_busy - busy:
+                now_engaged = await self.last_missions(drone_ids)
+                if set(now_engaged) == set(engaged):
                     return None, offers.reasons
-                busy |= now_busy
+                engaged = now_engaged
             except WorldChanged:
                 _count_conflict("outdated")
                 return None, offers.reasons
 
-    async def _book_offer(self, tx: Tx, this_round: _Round, offer: Offer) -> Booking:
+    async def _book_offer(
+        self,
+        tx: Tx,
+        this_round: _Round,
+        offer: Offer,
+        *,
+        available: Availability,
+        engaged: Sequence[LastMission],
+    ) -> Booking:
         """Reserve the drones and pads and send the missions, in one transaction.
 
         A delivery with a row is locked first. A delivery without a row is added at the end, with
@@ -190,15 +239,17 @@ class Bookings:
         else:
             # If another request books or closes it first, the database refuses this row.
             add_delivery(tx, delivery_id)
-        if this_round.finder.start_ms < moment_to_ms(self.clock.now()):
+        if this_round.begins_ms < moment_to_ms(self.clock.now()):
             raise WorldChanged
         # I11: the version is checked inside the transaction and cannot change before its end.
-        world = this_round.finder.world
-        places = await claim(tx, offer, world)
+        world = this_round.world
+        places = await claim(tx, offer, world, available=available, engaged=engaged)
+        if len(places) < len(offer.parts):
+            tx.after_commit(self.calendars.set)
         missions = await engage(
             tx,
             offer,
-            world.skyway,
+            world,
             places=places,
             delivery_id=delivery_id,
             attempt=requested.attempt,

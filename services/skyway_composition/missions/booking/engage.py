@@ -15,17 +15,21 @@ from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import InstructionPlace
-from skyway_composition.links.store import claim_next_place
-from skyway_composition.missions.booking.store import claim_in_one_statement
+from skyway_composition.links.store import claim_next_place, lock_link
+from skyway_composition.missions.booking.store import claim_in_one_statement, last_missions
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody import Custodian, Held
 from skyway_composition.missions.mission.custody_store import begin_custody, held_packages
+from skyway_composition.missions.mission.end_standby import end_standby_before
 from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps, new_mission
 from skyway_composition.missions.mission.instruct import mission_draft
-from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.notify import free_from, report_in
+from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
+from skyway_composition.missions.mission.release_pads import restore_pads
 from skyway_composition.missions.mission.step_store import add_steps
 from skyway_composition.networks.prepared import PreparedNetwork
-from skyway_composition.pads.store import lock_stations, reserve
+from skyway_composition.pads.store import give_way, lock_stations, reserve
+from skyway_composition.planning.availability import Availability, LastMission
 from skyway_composition.planning.offer import Offer, Part
 from skyway_composition.planning.world import World, still_holds
 
@@ -33,7 +37,7 @@ from skyway_composition.planning.world import World, still_holds
 async def engage(
     tx: Tx,
     offer: Offer,
-    skyway: PreparedNetwork,
+    world: World,
     *,
     places: Mapping[DroneId, InstructionPlace],
     delivery_id: DeliveryId,
@@ -43,10 +47,11 @@ async def engage(
 ) -> tuple[Mission, ...]:
     """Add the missions of a claimed offer, and send them as instructions at these places.
 
-    The rows are added when the transaction ends. It then fails with `RowRefused` if another mission
-    has one of the drones or pads.
+    A mission without a place is QUEUED behind the drone's other missions, and not sent. The rows
+    are added when the transaction ends. It then fails with `RowRefused` if another mission has one
+    of the drones or pads.
     """
-    courier = Courier(clock, mint)
+    skyway, courier = world.skyway, Courier(clock, mint)
     expires_at = courier.expiry()
     records = [
         new_mission(
@@ -60,8 +65,26 @@ async def engage(
             price=part.price,
             skyway=skyway,
             expires_at=expires_at,
+            planned_in=(
+                None
+                if part.candidate.drone_id in places
+                else PlannedIn(skyway.version, world.conditions_version)
+            ),
         )
         for number, part in enumerate(offer.parts, 1)
+    ]
+    records = [
+        record
+        if record.drone_id in places
+        else report_in(
+            tx,
+            mint,
+            record,
+            "QUEUED",
+            at=clock.now(),
+            free_from=free_from(record),
+        )
+        for record in records
     ]
     for record in records:
         store.add(tx, record)
@@ -73,6 +96,8 @@ async def engage(
     await _begin_custody(tx, records)
     for record, part in zip(records, offer.parts, strict=True):
         steps = _add_steps(tx, record, part, skyway)
+        if record.drone_id not in places:
+            continue
         courier.post_last(
             tx,
             places[record.drone_id],
@@ -113,20 +138,31 @@ class WorldChanged(Exception):
     """The world has changed since the offers were planned; plan again."""
 
 
-async def claim(tx: Tx, offer: Offer, world: World) -> dict[DroneId, InstructionPlace]:
-    """Lock what an offer needs; returns for each drone the place of its next instruction.
+async def claim(
+    tx: Tx,
+    offer: Offer,
+    world: World,
+    *,
+    available: Availability,
+    engaged: Sequence[LastMission],
+) -> dict[DroneId, InstructionPlace]:
+    """Lock what an offer needs; returns the place of each drone's next instruction.
+
+    A drone that begins after another mission gets no instruction yet, and is left out.
 
     The locks on the network, the drones and the stations last until the transaction ends.
 
     Raises
     ------
-    Outdated
-        A network was published, or a closure made or lifted, since the world was read (I11).
+    WorldChanged
+        A network was published, or a closure made or lifted, since the world was read (I11), or
+        the calendar of a drone has changed since `engaged` was read.
     """
     drones = sorted((part.candidate for part in offer.parts), key=lambda each: each.drone_id)
     booked = [pad for part in offer.parts for pad in part.trip.booked_pads]
-    if tx.dialect == "postgresql" and len(drones) == 1:
-        first = drones[0]
+    first = drones[0]
+    is_sent_now = first.drone_id not in available.after
+    if tx.dialect == "postgresql" and len(drones) == 1 and is_sent_now:
         place = await claim_in_one_statement(
             tx,
             world.present,
@@ -138,9 +174,39 @@ async def claim(tx: Tx, offer: Offer, world: World) -> dict[DroneId, Instruction
             return {first.drone_id: place}
     if not await still_holds(tx, world):
         raise WorldChanged
-    places = {
-        each.drone_id: await claim_next_place(tx, each.drone_id, each.provider_id)
-        for each in drones
-    }
+    places = {}
+    for each in drones:
+        if each.drone_id in available.after:
+            await lock_link(tx, each.drone_id, each.provider_id)
+        else:
+            places[each.drone_id] = await claim_next_place(tx, each.drone_id, each.provider_id)
     await lock_stations(tx, booked)
+    await _claim_successions(tx, offer, available=available, engaged=engaged)
     return places
+
+
+async def _claim_successions(
+    tx: Tx, offer: Offer, *, available: Availability, engaged: Sequence[LastMission]
+) -> None:
+    """Check the calendars of locked drones that begin after other missions, and make room there."""
+    following = [
+        (part, available.after[part.candidate.drone_id])
+        for part in offer.parts
+        if part.candidate.drone_id in available.after
+    ]
+    drone_ids = {part.candidate.drone_id for part, _ in following}
+    if not drone_ids:
+        return
+    now = await last_missions(tx.connection, drone_ids)
+    if set(now) != {each for each in engaged if each.drone_id in drone_ids}:
+        raise WorldChanged
+    for part, succession in following:
+        await end_standby_before(
+            tx, succession.mission_id, part.trip.start_ms - available.hand_over_ms
+        )
+        # The live mission may need pads of the standby that has just ended, but not those of the
+        # new mission: it is the same drone.
+        live = await restore_pads(tx, part.candidate.drone_id)
+        before = {succession.mission_id} | (set() if live is None else {live.mission_id})
+        for mission_id in sorted(before):
+            await give_way(tx, mission_id, part.trip.booked_pads)

@@ -1,7 +1,7 @@
 """All SQL of booking: one read of all it needs to know, and one claim of what an offer needs."""
 
 from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -23,19 +23,29 @@ from sqlalchemy import (
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import Mission
-from skyway.ids import DeliveryId, DroneId, ProviderId, StationId
+from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
+from skyway.scheduling.stays import read_stays
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import COUNT_NEXT, OCCUPIED
 from skyway_composition.networks.store import Present
 from skyway_composition.pads.store import LOCK_STATIONS
-from skyway_composition.tables import deliveries, is_live, missions, networks, stations
+from skyway_composition.planning.availability import LastMission
+from skyway_composition.tables import deliveries, is_open, missions, networks, stations
 
-_ON_MISSION: Final = select(missions.c.drone_id).where(
-    in_list(missions.c.drone_id, "drone_ids"), is_live
+_ON_MISSION: Final = select(
+    missions.c.drone_id, missions.c.mission_id, missions.c.start_ms, missions.c.stays
+).where(in_list(missions.c.drone_id, "drone_ids"), is_open)
+# A drone may report a mission that is over here: then it has no mission to begin after.
+_ENGAGED: Final = union_all(
+    _ON_MISSION,
+    OCCUPIED.add_columns(
+        cast(null(), Text).label("mission_id"),
+        cast(null(), BigInteger).label("start_ms"),
+        cast(null(), Text).label("stays"),
+    ),
 )
-_BUSY: Final = union_all(_ON_MISSION, OCCUPIED)
 _IS_OF_ATTEMPT: Final = (
     missions.c.delivery_id == bindparam("delivery_id"),
     missions.c.attempt == bindparam("attempt"),
@@ -48,6 +58,8 @@ def _answer(
     text: ColumnElement[str],
     number: ColumnElement[int] | None = None,
     large: ColumnElement[int] | None = None,
+    mission_id: ColumnElement[str] | None = None,
+    stays: ColumnElement[str | None] | None = None,
 ) -> Select[*tuple[Any, ...]]:
     """A query whose rows have one common shape, so that several queries form one statement.
 
@@ -58,16 +70,24 @@ def _answer(
         text.label("text"),
         (cast(null(), Integer) if number is None else number).label("number"),
         (cast(null(), BigInteger) if large is None else large).label("large"),
+        (cast(null(), Text) if mission_id is None else mission_id).label("mission_id"),
+        (cast(null(), Text) if stays is None else stays).label("stays"),
     )
 
 
-_busy: Final = _BUSY.subquery("busy")
+_engaged: Final = _ENGAGED.subquery("engaged")
 _FIRST_LOOK: Final = union_all(
     _answer("KNOWN", deliveries.c.delivery_id).where(
         deliveries.c.delivery_id == bindparam("delivery_id")
     ),
     _answer("BOOKED", missions.c.body, missions.c.trip).where(*_IS_OF_ATTEMPT),
-    _answer("BUSY", _busy.c.drone_id),
+    _answer(
+        "ENGAGED",
+        _engaged.c.drone_id,
+        large=_engaged.c.start_ms,
+        mission_id=_engaged.c.mission_id,
+        stays=_engaged.c.stays,
+    ),
     _answer("NETWORK", networks.c.network_id, networks.c.version, networks.c.conditions)
     .join(stations, stations.c.network_id == networks.c.network_id)
     .where(stations.c.station_id == bindparam("pickup")),
@@ -102,7 +122,7 @@ class FirstLook:
 
     delivery_exists: bool
     booked: tuple[Mission, ...]
-    busy: frozenset[DroneId]
+    engaged: tuple[LastMission, ...]
     around: Present | None
 
 
@@ -128,8 +148,11 @@ async def first_look(
     return FirstLook(
         delivery_exists=bool(answers["KNOWN"]),
         booked=tuple(Mission.read(body) for body, *_ in in_order),
-        busy=frozenset(drone_id for drone_id, *_ in answers["BUSY"]),
-        around=Present(*answers["NETWORK"][0]) if answers["NETWORK"] else None,
+        engaged=_last_missions(
+            (drone_id, mission_id, start_ms, stays)
+            for drone_id, _, start_ms, mission_id, stays in answers["ENGAGED"]
+        ),
+        around=Present(*answers["NETWORK"][0][:3]) if answers["NETWORK"] else None,
     )
 
 
@@ -142,15 +165,30 @@ async def missions_of(
     return tuple(Mission.read(body) for body in found.scalars())
 
 
-async def busy_among(
+async def last_missions(
     connection: AsyncConnection, drone_ids: Collection[DroneId]
-) -> frozenset[DroneId]:
-    """Which of these drones are busy: they have a mission, or report that they still fly one.
+) -> tuple[LastMission, ...]:
+    """The missions of these drones that are not over, or that the drones report to fly still.
 
     A drone that has landed away from every station is busy until people have fetched it.
     """
-    found = await connection.execute(_BUSY, {"drone_ids": [*drone_ids]})
-    return frozenset(found.scalars())
+    found = await connection.execute(_ENGAGED, {"drone_ids": [*drone_ids]})
+    return _last_missions((*row,) for row in found)
+
+
+def _last_missions(
+    rows: Iterable[tuple[Any, ...]],  # drone, mission, start and stays, with any types
+) -> tuple[LastMission, ...]:
+    return tuple(
+        LastMission(
+            drone_id=DroneId(drone_id),
+            mission_id=None if mission_id is None else MissionId(mission_id),
+            # A mission that is over here comes before every mission that is not.
+            start_ms=-1 if start_ms is None else start_ms,
+            stays=() if stays is None else read_stays(stays),
+        )
+        for drone_id, mission_id, start_ms, stays in rows
+    )
 
 
 async def claim_in_one_statement(

@@ -13,11 +13,12 @@ from skyway.units import moment_to_ms
 from skyway_composition.missions.interventions.stop_packages import return_cancelled_packages
 from skyway_composition.missions.mission.custody import Custodian, Held, may_pass
 from skyway_composition.missions.mission.custody_store import add_custody, held_packages
-from skyway_composition.missions.mission.notify import report
+from skyway_composition.missions.mission.notify import free_from, report
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.step_record import flown_totals
 from skyway_composition.missions.mission.step_store import ended_events
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.store import plan_now
 
 
 def accept(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
@@ -25,7 +26,7 @@ def accept(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
     if record.mission.state != "BOOKED":
         return record
     record = moved(record, "ACCEPTED")
-    return report(work, record, "ACCEPTED", at=work.clock.now())
+    return report(work, record, "ACCEPTED", at=work.clock.now(), free_from=free_from(record))
 
 
 def begin(work: MissionUnitOfWork, record: MissionRecord, *, at: datetime) -> MissionRecord:
@@ -51,6 +52,9 @@ async def record_loading(
     passed = await _pass_on(work, record, package_ids, to=drone, event=event)
     if passed:
         record = _report(work, record, "LOADED", event, passed)
+    if passed and record.needs_plan:
+        # Planning may wait until the drone has cancelled the mission, which is too late now.
+        await plan_now(work.tx, record.mission_id)
     cancelled = [each for each in step.packages if each.package_id in taken - requested]
     return await return_cancelled_packages(work, record, cancelled) if cancelled else record
 

@@ -57,7 +57,10 @@ class Subscriber(Protocol):
 
 
 class Follower:
-    """Handles messages of drones; wakes `stuck` when a mission needs a new revision."""
+    """Handles messages of drones.
+
+    Wakes `stuck` when a mission needs a new revision, and `calendars` when a drone is free.
+    """
 
     def __init__(
         self,
@@ -67,12 +70,14 @@ class Follower:
         clock: FleetClock,
         mint: Mint,
         stuck: Wake,
+        calendars: Wake,
         listening: Listening,
     ) -> None:
         self._db = db
         self._clock = clock
         self._mint = mint
         self._stuck = stuck
+        self._calendars = calendars
         self._listening = listening
         self._cached_links = CachedLinks(clock)
         self._batches = mqtt.batches(ACKS, EVENTS, STATE, CONNECTION)
@@ -144,6 +149,8 @@ class Follower:
             await work.save_staged()
             if any(record.needs_plan for record in work.missions.values()):
                 tx.after_commit(self._stuck.set)
+            if writers.keys() - work.missions.keys():
+                tx.after_commit(self._calendars.set)
         self._cached_links.keep(work.links.values())
 
     async def _without_repeated(self, batch: Sequence[Received[Any]]) -> Sequence[Received[Any]]:

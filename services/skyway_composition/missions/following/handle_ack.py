@@ -16,9 +16,14 @@ from skyway_composition.missions.following.advance import accept
 from skyway_composition.missions.following.handle_failure import open_stream, wait_for_revision
 from skyway_composition.missions.mission.doubt import without_doubt
 from skyway_composition.missions.mission.end import cancel, refuse
-from skyway_composition.missions.mission.instruct import call_off, handle_refused_hold
+from skyway_composition.missions.mission.instruct import (
+    call_off,
+    handle_refused_hold,
+    is_being_called_off,
+)
 from skyway_composition.missions.mission.record import MissionRecord, Proposal
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.call_off import handle_answer_to_cancel
 from skyway_composition.missions.replanning.failsafes import handle_failsafe_refusal
 from skyway_composition.missions.replanning.propose import accept_proposal, drop_proposal
 from skyway_composition.missions.replanning.store import plan_now, retry_stuck
@@ -60,6 +65,8 @@ async def handle_ack(work: MissionUnitOfWork, link: DroneLink, ack: Ack) -> None
         await _handle_refusal(work, work.links[link.drone_id], sent, ack)
     elif sent.kind == "HOLD" and ack.status == "REJECTED" and record is not None:
         await handle_refused_hold(work, record, sent, code=ack.code or RefusalCode.MALFORMED)
+    elif sent.kind == "CANCEL" and record is not None and record.mission_id == sent.mission_id:
+        await handle_answer_to_cancel(work, record, ack)
 
 
 async def _handle_answer_to_proposal(
@@ -109,7 +116,10 @@ async def _handle_acceptance(
     if record is not None and record.mission_id == sent.mission_id:
         work.stage(accept(work, without_doubt(work, record)))
         # Planning for later troubles has waited for this answer.
-        if record.needs_plan:
+        is_waited_for = record.needs_plan and await is_being_called_off(
+            work, link.drone_id, record.mission_id
+        )
+        if record.needs_plan and not is_waited_for:
             await plan_now(work.tx, record.mission_id)
         return
     if sent.mission_id is None or sent.mission_revision is None:

@@ -18,7 +18,7 @@ from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.following.advance import begin, record_loading
 from skyway_composition.missions.mission.doubt import put_in_doubt
 from skyway_composition.missions.mission.end import end_after_forced_landing
-from skyway_composition.missions.mission.instruct import send_again
+from skyway_composition.missions.mission.instruct import send_mission
 from skyway_composition.missions.mission.notify import raise_alarm, report
 from skyway_composition.missions.mission.record import MissionRecord, Stuck
 from skyway_composition.missions.mission.step_store import end_step, steps_of
@@ -123,7 +123,7 @@ async def open_stream(work: MissionUnitOfWork, link: DroneLink, state: DroneStat
     if await _may_have_passed_packages(work, record, until_at=state.at):
         await doubt_lost_journal(work, record, state)
     elif record.mission.state == "BOOKED":
-        await send_again(work, record)
+        await send_mission(work, record)
     else:
         if record.proposal is not None:
             record = await drop_proposal(work, record)

@@ -35,8 +35,11 @@ async def handle_state(work: MissionUnitOfWork, link: DroneLink, state: DroneSta
     """Handle a newer state; check whether the drone has lost its journal, or we its events."""
     if not link.is_newer_state(state):
         return
-    must_open_stream = link.needs_new_stream(state)
+    must_open_stream = link.needs_new_stream(state) or _has_forgotten_mission(work, link, state)
     may_have_lost_journal = link.may_have_lost_journal(state)
+    if link.has_new_journal(state) and state.stream == link.stream:
+        # It has answered an instruction of this stream since. Its events are numbered anew.
+        link = replace(link, last_event_seq=0)
     is_news = _is_news(link.state, state)
     link = replace(link, state=state)
     if state.stream == link.stream:
@@ -61,6 +64,20 @@ async def handle_state(work: MissionUnitOfWork, link: DroneLink, state: DroneSta
             await check_plan(work, record)
     elif state.mission_id is not None:
         await _call_off_if_over(work, link.drone_id, state.mission_id, state)
+
+
+def _has_forgotten_mission(work: MissionUnitOfWork, link: DroneLink, state: DroneState) -> bool:
+    """Whether the drone has lost its journal, and with it a mission that it had accepted.
+
+    Its answer to an instruction may come before this state, and then hides the older stream.
+    """
+    record = work.missions.get(link.drone_id)
+    return (
+        record is not None
+        and record.mission.state != "BOOKED"
+        and state.mission_id != record.mission_id
+        and link.has_new_journal(state)
+    )
 
 
 def _is_news(before: DroneState | None, state: DroneState) -> bool:

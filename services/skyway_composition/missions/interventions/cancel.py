@@ -15,6 +15,8 @@ from skyway_composition.missions.interventions import store
 from skyway_composition.missions.interventions.stop_packages import stop_packages
 from skyway_composition.missions.mission.custody import has_never_left
 from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.leave_queue import release_queued
+from skyway_composition.missions.mission.queued_store import queued_of_delivery
 from skyway_composition.missions.mission.store import lock_delivery
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
@@ -57,7 +59,16 @@ class Cancellations:
         self, tx: Tx, delivery_id: DeliveryId, requested: CancelMissions
     ) -> Cancellation:
         drone_ids = await store.drones_serving(tx.connection, delivery_id)
-        work = await MissionUnitOfWork.lock(drone_ids, tx=tx, clock=self.clock, mint=self.mint)
+        waiting = await queued_of_delivery(tx.connection, delivery_id)
+        work = await MissionUnitOfWork.lock(
+            [*drone_ids, *(each.drone_id for each in waiting)],
+            tx=tx,
+            clock=self.clock,
+            mint=self.mint,
+        )
+        # Read again: a mission may have been sent before its drone was locked.
+        drone_ids = await store.drones_serving(tx.connection, delivery_id)
+        queued = await queued_of_delivery(tx.connection, delivery_id)
         records = [
             work.missions[each]
             for each in drone_ids
@@ -65,7 +76,9 @@ class Cancellations:
             if each in work.missions and work.missions[each].mission.delivery_id == delivery_id
         ]
         held = await held_packages(tx.connection, delivery_id)
-        under_way = {each.package_id for one in records for each in one.request.packages}
+        planned = [*records, *queued]
+        under_way = {each.package_id for one in planned for each in one.request.packages}
+        under_way.update(each for one in planned for each in one.left_out)
         package_ids = requested.package_ids
         if package_ids is None:
             package_ids = tuple(sorted(under_way | held.keys()))
@@ -73,6 +86,11 @@ class Cancellations:
             await stop_packages(work, record, package_ids, code=CANCELLED, reason=requested.reason)
             for record in records
         ]
+        for record in queued:
+            released = await release_queued(
+                work, record, package_ids, code=CANCELLED, reason=requested.reason
+            )
+            stopped.append(Cancellation(released=released))
         # Packages without a live mission: never left the pickup (True), or too late (False).
         others: dict[bool, list[PackageId]] = {True: [], False: []}
         for each in package_ids:

@@ -55,7 +55,12 @@ def intervention_routes(
     @router.post(
         "/v1/missions/{mission_id}/loading",
         responses=conflicts(
-            "ALREADY_CONFIRMED", "HELD", "MISSION_OVER", "NOT_LOADING", "REPLANNING"
+            "ALREADY_CONFIRMED",
+            "HELD",
+            "MISSION_OVER",
+            "MISSION_QUEUED",
+            "NOT_LOADING",
+            "REPLANNING",
         ),
     )
     async def confirm_loading(
@@ -79,6 +84,7 @@ def intervention_routes(
             "BEING_LOADED",
             "HELD",
             "MISSION_OVER",
+            "MISSION_QUEUED",
             "NOTHING_ON_BOARD",
             "NOT_HELD",
             "NOT_IN_DOUBT",

@@ -13,10 +13,14 @@ from skyway_composition.missions.mission import end as ending
 from skyway_composition.missions.mission.custody import Custodian, has_never_left
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.notify import report
-from skyway_composition.missions.mission.pickup import can_stay_at_pickup
+from skyway_composition.missions.mission.pickup import (
+    can_stay_at_pickup,
+    surely_stays_at_pickup,
+)
 from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
 from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.call_off import request_call_off
 from skyway_composition.missions.replanning.propose import with_aims
 from skyway_composition.missions.replanning.remainder.aims import with_changed_aims
 from skyway_composition.missions.replanning.request_plan import request_plan
@@ -35,9 +39,10 @@ async def stop_packages(
 ) -> Cancellation:
     """Cancel these packages of a live mission, as far as possible.
 
-    Packages at the pickup stay there; a mission with no package left ends. Packages on board come
-    back, also those that are being loaded now. A drone that has not accepted the mission yet cannot
-    be instructed in time: its packages are too late to cancel.
+    Packages at the pickup are released immediately only if the drone surely does not load them. The
+    others count as returning until the drone has answered: then it leaves them, or brings them
+    back. A drone that loads soon and has not accepted the mission yet cannot be instructed in time:
+    its packages are too late to cancel.
     """
     held = await held_packages(work.tx.connection, record.mission.delivery_id)
     own = [each.package_id for each in record.packages(frozenset(package_ids))]
@@ -59,9 +64,15 @@ async def stop_packages(
         waiting = []
     if carried:
         record = await return_packages(work, record, carried, code=code, detail=reason)
+    returning = [*carried, *(each for each in record.left_out if each in package_ids)]
+    if waiting and not surely_stays_at_pickup(record, link=link):
+        await _ask_to_leave(work, record, waiting, code=code, reason=reason)
+        returning, waiting = [*returning, *waiting], []
     if waiting:
         await _release(work, record, waiting, code=code, reason=reason)
-    return Cancellation(released=tuple(waiting), returning=tuple(carried), too_late=tuple(too_late))
+    return Cancellation(
+        released=tuple(waiting), returning=tuple(returning), too_late=tuple(too_late)
+    )
 
 
 async def return_packages(
@@ -73,6 +84,19 @@ async def return_packages(
     detail: str,
 ) -> MissionRecord:
     """Have the drone return these packages to the pickup instead of delivering them."""
+    record = _turned_back(work, record, package_ids, code=code, detail=detail)
+    return await request_plan(work, record, Trouble(code=code, detail=detail))
+
+
+def _turned_back(
+    work: MissionUnitOfWork,
+    record: MissionRecord,
+    package_ids: Collection[PackageId],
+    *,
+    code: str,
+    detail: str,
+) -> MissionRecord:
+    """The record with the aim that these packages return to the pickup; new aims are reported."""
     returning = {aim.package_id for aim in record.aims if aim.kind == "RETURN"}
     pickup = record.request.pickup.station_id
     turned = [
@@ -80,10 +104,8 @@ async def return_packages(
         for each in package_ids
         if each not in returning
     ]
-    record = with_aims(
-        work, record, with_changed_aims(record.aims, turned), code=code, detail=detail
-    )
-    return await request_plan(work, record, Trouble(code=code, detail=detail))
+    aims = with_changed_aims(record.aims, turned)
+    return with_aims(work, record, aims, code=code, detail=detail)
 
 
 async def return_cancelled_packages(
@@ -107,6 +129,23 @@ async def return_cancelled_packages(
     return await return_packages(work, record, package_ids, code="CANCELLED", detail=detail)
 
 
+async def _ask_to_leave(
+    work: MissionUnitOfWork,
+    record: MissionRecord,
+    package_ids: Collection[PackageId],
+    *,
+    code: str,
+    reason: str,
+) -> None:
+    """Ask the drone to leave these packages; its answer decides whether they are released."""
+    record = _turned_back(work, record, package_ids, code=code, detail=reason)
+    if len(package_ids) < len(record.request.packages):
+        await _plan_without(work, record, package_ids, reason=reason)
+        return
+    record = await request_plan(work, record, Trouble(code=code, detail=reason))
+    await request_call_off(work, record, code=code, detail=reason)
+
+
 async def _release(
     work: MissionUnitOfWork,
     record: MissionRecord,
@@ -125,16 +164,27 @@ async def _release(
         code=code,
         detail=reason,
     )
-    left = tuple(each for each in record.request.packages if each.package_id not in package_ids)
-    if not left:
+    if len(package_ids) == len(record.request.packages):
         await ending.cancel(work, record, code=code, detail=reason)
         return
+    aims = tuple(aim for aim in record.aims if aim.package_id not in package_ids)
+    await _plan_without(work, replace(record, aims=aims), package_ids, reason=reason)
+
+
+async def _plan_without(
+    work: MissionUnitOfWork,
+    record: MissionRecord,
+    package_ids: Collection[PackageId],
+    *,
+    reason: str,
+) -> None:
+    """Take these packages out of the request, and have the others planned again."""
+    left = tuple(each for each in record.request.packages if each.package_id not in package_ids)
     etas = tuple(each for each in record.mission.packages if each.package_id not in package_ids)
     record = replace(
         record,
         request=record.request.model_copy(update={"packages": left}),
         mission=record.mission.model_copy(update={"packages": etas}),
-        aims=tuple(aim for aim in record.aims if aim.package_id not in package_ids),
     )
     await store.save_request(work.tx, record)
     detail = f"{len(package_ids)} packages were cancelled: {reason}"

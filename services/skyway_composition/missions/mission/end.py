@@ -12,6 +12,8 @@ from skyway_composition.missions.mission.custody_store import add_custody, held_
 from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.notify import raise_alarm, report
 from skyway_composition.missions.mission.record import MissionRecord, moved
+from skyway_composition.missions.mission.release_pads import restore_pads
+from skyway_composition.missions.mission.restore_standby import restore_standby
 from skyway_composition.missions.mission.step_record import flown_totals
 from skyway_composition.missions.mission.step_store import ended_events
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
@@ -22,8 +24,11 @@ async def refuse(
     work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str | None
 ) -> None:
     """End a mission that its drone has refused or did not answer."""
+    is_queued = record.mission.state == "QUEUED"
     record = replace(moved(record, "REFUSED"), stuck=None, trouble=None, proposal=None)
     await free(work.tx, record.mission_id)
+    if is_queued:
+        await restore_pads(work.tx, record.drone_id)
     record = report(
         work,
         record,
@@ -33,6 +38,8 @@ async def refuse(
         detail=detail,
     )
     await work.save(record)
+    if is_queued:
+        await restore_standby(work, record)
 
 
 async def complete(work: MissionUnitOfWork, record: MissionRecord, *, at: datetime) -> None:
@@ -44,7 +51,7 @@ async def cancel(work: MissionUnitOfWork, record: MissionRecord, *, code: str, d
     """End a mission that has nothing on board, and instruct its drone to cancel it.
 
     A drone that has started the mission refuses to cancel, flies it to its end, and stays busy
-    until then.
+    until then. `request_call_off` waits for the drone's answer instead.
     """
     await call_off(
         work,
@@ -53,6 +60,23 @@ async def cancel(work: MissionUnitOfWork, record: MissionRecord, *, code: str, d
         revision=record.mission.revision,
         reason=f"{code}: {detail}",
     )
+    await end_cancelled(work, record, code=code, detail=detail)
+
+
+async def cancel_queued(
+    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
+) -> None:
+    """End a QUEUED mission; its drone was never instructed."""
+    await free(work.tx, record.mission_id)
+    await restore_pads(work.tx, record.drone_id)
+    await end_cancelled(work, record, code=code, detail=detail)
+    await restore_standby(work, record)
+
+
+async def end_cancelled(
+    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
+) -> None:
+    """End a mission that has nothing on board, and that its drone will not fly."""
     await _end(
         work,
         record,

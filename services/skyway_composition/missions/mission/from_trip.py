@@ -1,7 +1,7 @@
 """From a planned trip to a mission, and to the steps that a drone can fly alone."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from itertools import zip_longest
 from typing import Self
@@ -23,8 +23,9 @@ from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, Recharge, Wait
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, MissionId, PackageId, StationId
 from skyway.network.network import Network, Segment
+from skyway.scheduling.slots import Slot
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.trip import PlacedStep, Trip
@@ -185,8 +186,9 @@ def new_mission(
     price: Price,
     skyway: PreparedNetwork,
     expires_at: datetime,
+    planned_in: PlannedIn | None = None,
 ) -> MissionRecord:
-    """The record of a new mission that flies this trip.
+    """The record of a new mission that flies this trip; QUEUED if `planned_in` is given.
 
     `request` has the packages of this trip only. The first instruction expires at `expires_at`.
     """
@@ -199,7 +201,7 @@ def new_mission(
         provider_id=candidate.provider_id,
         drone_id=candidate.drone_id,
         drone_model_id=candidate.model.model_id,
-        state="BOOKED",
+        state="BOOKED" if planned_in is None else "QUEUED",
         revision=1,
         start_at=start_at,
         released_at=ms_to_moment(trip.released_ms),
@@ -217,6 +219,20 @@ def new_mission(
         request=request,
         candidate=candidate,
         expires_ms=moment_to_ms(expires_at),
+        planned_in=planned_in,
+    )
+
+
+def replanned_in_queue(
+    record: MissionRecord, trip: Trip, slot: Slot, *, margins: Margins, planned_in: PlannedIn
+) -> MissionRecord:
+    """A QUEUED mission with another trip, which begins at this slot; the price stays."""
+    place = {"station_id": slot.station_id, "soc": slot.soc}
+    return replace(
+        record,
+        mission=next_revision(record.mission, trip, revision=1, margins=margins),
+        candidate=record.candidate.model_copy(update=place),
+        planned_in=planned_in,
     )
 
 

@@ -54,8 +54,7 @@ async def call_off(
     work: MissionUnitOfWork, drone_id: DroneId, *, mission_id: MissionId, revision: int, reason: str
 ) -> None:
     """Instruct the drone to cancel a mission, unless such an instruction is unanswered."""
-    sent = await open_instructions(work.tx, drone_id)
-    if any(each.kind == "CANCEL" and each.mission_id == mission_id for each in sent):
+    if await is_being_called_off(work, drone_id, mission_id):
         return
     draft = partial(
         CancelInstruction, mission_id=mission_id, mission_revision=revision, reason=reason
@@ -65,8 +64,16 @@ async def call_off(
     )
 
 
-async def send_again(work: MissionUnitOfWork, record: MissionRecord) -> None:
-    """Send an unanswered mission again, in the link's new stream."""
+async def is_being_called_off(
+    work: MissionUnitOfWork, drone_id: DroneId, mission_id: MissionId
+) -> bool:
+    """Whether the drone has not answered yet whether it cancels this mission."""
+    sent = await open_instructions(work.tx, drone_id)
+    return any(each.kind == "CANCEL" and each.mission_id == mission_id for each in sent)
+
+
+async def send_mission(work: MissionUnitOfWork, record: MissionRecord) -> None:
+    """Send the planned steps of a mission: for the first time, or again in a new stream."""
     all_steps = await steps_of(work.tx.connection, record.mission_id)
     steps = [each.step for each in all_steps if each.status == "PLANNED"]
     expires_at = work.courier.expiry()

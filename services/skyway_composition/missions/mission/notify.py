@@ -6,15 +6,17 @@ from datetime import datetime
 from typing import Any, Final
 
 from skyway.contracts.drone_health import AlarmLevel
-from skyway.contracts.mission_reports import MISSION_REPORTS, MissionReport
+from skyway.contracts.mission_reports import MISSION_REPORTS, FreeFrom, MissionReport
 from skyway.ids import StationId
-from skyway.units import moment_to_ms
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Tx
+from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.alarms import store
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
-#: The reports that make a drone busy or free; the registry needs no others.
-_OF_THE_DRONE: Final = ("ACCEPTED", "REFUSED", "ENDED")
+#: The reports that say when a drone is busy or free; the registry needs no others.
+_OF_THE_DRONE: Final = ("QUEUED", "ACCEPTED", "RETIMED", "REFUSED", "ENDED")
 
 
 def report(
@@ -29,10 +31,23 @@ def report(
 
     Reports of one mission are numbered, and arrive in order.
     """
+    return report_in(work.tx, work.mint, record, kind, at=at, **fields)
+
+
+def report_in(
+    tx: Tx,
+    mint: Mint,
+    record: MissionRecord,
+    kind: str,
+    *,
+    at: datetime,
+    **fields: Any,  # as for `report`
+) -> MissionRecord:
+    """Report as `report` does, in a transaction that has locked the mission or adds it."""
     mission = record.mission
     sent = MissionReport.model_validate(
         {
-            "report_id": work.mint("rpt"),
+            "report_id": mint("rpt"),
             "delivery_id": mission.delivery_id,
             "attempt": mission.attempt,
             "trip": mission.trip,
@@ -46,9 +61,9 @@ def report(
             **fields,
         }
     )
-    work.tx.report("gateway", MISSION_REPORTS, sent, stream=mission.mission_id)
+    tx.report("gateway", MISSION_REPORTS, sent, stream=mission.mission_id)
     if kind in _OF_THE_DRONE:
-        work.tx.report("registry", MISSION_REPORTS, sent, stream=mission.mission_id)
+        tx.report("registry", MISSION_REPORTS, sent, stream=mission.mission_id)
     return replace(record, report_seq=sent.seq)
 
 
@@ -76,3 +91,12 @@ async def raise_alarm(
         station_id=station_id,
         data=data,
     )
+
+
+def free_from(record: MissionRecord) -> FreeFrom | None:
+    """Where and when the mission's drone can begin another one; None if that is not known."""
+    first = next(iter(record.stays), None)
+    if first is None:
+        return None
+    at = ms_to_moment(first.from_ms)
+    return FreeFrom(at=at, station_id=first.station_id, soc=first.soc_from)

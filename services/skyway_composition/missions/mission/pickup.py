@@ -1,4 +1,4 @@
-"""Decides whether packages can still stay at the pickup, or may be loaded already."""
+"""Decides whether packages stay at the pickup, may still stay there, or may be loaded already."""
 
 from collections.abc import Sequence
 from datetime import timedelta
@@ -26,18 +26,15 @@ def can_stay_at_pickup(
     link: DroneLink,
     needs_plan: bool,
 ) -> bool:
-    """Whether an instruction surely reaches the drone before it loads the packages.
+    """Whether an instruction can be expected to reach the drone before it loads the packages.
 
-    An automatic PICK_UP that has begun cannot be stopped. A PICK_UP that waits for a loader can be
-    stopped until the loader has confirmed. A drone that waits for a revision starts nothing. A
-    drone out of reach loads when its time comes, and learns of the cancellation afterwards. A drone
-    with events that were not read here may have loaded already.
+    This is no proof: see `surely_stays_at_pickup`. An automatic PICK_UP that has begun cannot be
+    stopped. A drone out of reach loads when its time comes, and learns of the cancellation
+    afterwards.
     """
-    if record.is_being_loaded or record.mission.doubt is not None or link.has_unread_events:
-        return False
-    if record.mission.loading == "AWAITED" or record.stuck is not None:
+    if surely_stays_at_pickup(record, link=link):
         return True
-    if link.is_gone:
+    if _may_be_loaded(record, link) or link.is_gone:
         return False
     margin = _time_to_notify(clock, needs_plan=needs_plan)
     return all(
@@ -45,6 +42,24 @@ def can_stay_at_pickup(
         for each in steps
         if isinstance(each.step, PickUpStep) and each.status == "PLANNED"
     )
+
+
+def surely_stays_at_pickup(record: MissionRecord, *, link: DroneLink) -> bool:
+    """Whether the drone loads nothing before it gets another instruction.
+
+    A PICK_UP that waits for a loader does not end until the loader has confirmed. A drone that
+    waits for a revision starts nothing. A drone with events that were not read here may have
+    loaded already.
+    """
+    if _may_be_loaded(record, link):
+        return False
+    waits_for_revision = record.stuck is not None and record.proposal is None
+    return record.mission.loading == "AWAITED" or waits_for_revision
+
+
+def _may_be_loaded(record: MissionRecord, link: DroneLink) -> bool:
+    is_in_doubt = record.mission.doubt is not None
+    return record.is_being_loaded or is_in_doubt or link.has_unread_events
 
 
 def _time_to_notify(clock: FleetClock, *, needs_plan: bool) -> timedelta:

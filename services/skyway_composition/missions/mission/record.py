@@ -13,6 +13,9 @@ from skyway.contracts.mission import LIVE_MISSION_STATES, Mission, MissionState
 from skyway.delivery.request import DeliveryRequest, Package
 from skyway.ids import DroneId, InstructionId, MissionId, NetworkId, PackageId, StationId
 from skyway.json_model import JsonModel
+from skyway.scheduling.slots import Slot
+from skyway.scheduling.stays import Stay, stays_of_standby
+from skyway.units import moment_to_ms
 
 _T = TypeVar("_T")
 
@@ -23,8 +26,15 @@ CALLED_HOME: Final = "CALLED_HOME"
 
 DIVERTED: Final = "DIVERTED"
 
+#: The trouble code of a mission whose next mission has left the calendar: it needs a standby again.
+STANDBY_ENDED: Final = "STANDBY_ENDED"
+
+#: The code of a revision that ends a standby early, because the drone's next mission begins.
+NEXT_MISSION: Final = "NEXT_MISSION"
+
 
 _NEXT: Final[Mapping[MissionState, tuple[MissionState, ...]]] = {
+    "QUEUED": ("BOOKED", "REFUSED", "CANCELLED"),
     "BOOKED": ("ACCEPTED", "REFUSED", "CANCELLED"),
     "ACCEPTED": ("ACTIVE", "ABORTED", "CANCELLED"),
     "ACTIVE": ("COMPLETED", "ABORTED", "CANCELLED"),
@@ -107,10 +117,19 @@ class Proposal(JsonModel):
 
 
 @dataclass(frozen=True, slots=True)
+class PlannedIn:
+    """The network's version, and the number of its conditions, with which a plan was made."""
+
+    version: int
+    conditions: int
+
+
+@dataclass(frozen=True, slots=True)
 class MissionRecord:
     """A mission with its request, the drone as it was booked, and its state of replanning.
 
     `reported_activity` is the drone's activity and station in the last report to the customer.
+    `planned_in` is given while the mission is QUEUED.
     """
 
     mission: Mission
@@ -124,6 +143,7 @@ class MissionRecord:
     trouble: Trouble | None = None
     proposal: Proposal | None = None
     aims: tuple[Aim, ...] = ()
+    planned_in: PlannedIn | None = None
 
     @property
     def mission_id(self) -> MissionId:
@@ -141,6 +161,43 @@ class MissionRecord:
         return self.mission.state in LIVE_MISSION_STATES
 
     @property
+    def start(self) -> Slot:
+        """Where, when and with what charge the drone begins the mission as booked."""
+        candidate = self.candidate
+        return Slot(candidate.station_id, moment_to_ms(self.mission.start_at), candidate.soc)
+
+    @property
+    def earliest_ms(self) -> int:
+        """The earliest start that the customer allows; 0 if every start is allowed."""
+        earliest_at = self.request.earliest_pickup_at
+        return 0 if earliest_at is None else moment_to_ms(earliest_at)
+
+    @property
+    def served_ms(self) -> int:
+        """The planned end of the last hand-over."""
+        mission = self.mission
+        return moment_to_ms(mission.start_at) + round((mission.plan.delivery_time_s or 0.0) * 1000)
+
+    @property
+    def stays(self) -> tuple[Stay, ...]:
+        """Where the drone can begin another mission after this one.
+
+        Empty while the mission's plan is in question.
+        """
+        mission = self.mission
+        is_sure = self.stuck is None and self.trouble is None and mission.doubt is None
+        if not is_sure or mission.is_held or mission.given_up is not None:
+            return ()
+        return stays_of_standby(
+            mission.plan,
+            start_ms=moment_to_ms(mission.start_at),
+            # The charge at the start of a later revision is not stored.
+            soc=self.candidate.soc if mission.revision == 1 else None,
+            home_plan=mission.home_plan,
+            home_recharge=mission.home_recharge,
+        )
+
+    @property
     def needs_plan(self) -> bool:
         """Whether a new plan is needed and no proposal waits for the drone's answer."""
         return (self.stuck is not None or self.trouble is not None) and self.proposal is None
@@ -149,6 +206,16 @@ class MissionRecord:
     def is_being_loaded(self) -> bool:
         """Whether a loader has confirmed, and the drone has not accepted the new plan yet."""
         return self.trouble is not None and self.trouble.loaded is not None
+
+    @property
+    def left_out(self) -> tuple[PackageId, ...]:
+        """Cancelled packages that the next plan leaves out; the drone may still load them."""
+        requested = {each.package_id for each in self.request.packages}
+        return tuple(
+            aim.package_id
+            for aim in self.aims
+            if aim.kind == "RETURN" and aim.package_id not in requested
+        )
 
     def packages(self, package_ids: frozenset[str]) -> tuple[Package, ...]:
         """The packages of the request with these ids, in the order of the request."""
@@ -163,6 +230,10 @@ class MissionRecord:
         """The station a package goes to now: its aim, or its destination if it has no aim."""
         aims = {each.package_id: each.station_id for each in self.aims}
         return aims.get(package.package_id, package.destination.station_id)
+
+    def with_mission(self, mission: Mission) -> "MissionRecord":
+        """The record with another public part of the mission."""
+        return replace(self, mission=mission)
 
     def with_trouble(self, trouble: Trouble) -> "MissionRecord":
         """The record with another trouble."""

@@ -6,19 +6,41 @@ A used pad stays reserved for a gap after the drone has left, until the next dro
 from collections.abc import Iterable, Sequence
 
 from skyway.contracts.flight_step import FlightStep, RechargeStep
+from skyway.ids import DroneId
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_record import StepRecord
 from skyway_composition.missions.mission.step_store import steps_of
+from skyway_composition.missions.mission.store import lock_live
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.pads.booked_pad import BookedPad, merged
-from skyway_composition.pads.store import hold
+from skyway_composition.pads.booked_pad import BookedPad, merged, without
+from skyway_composition.pads.store import hold, pads_of_queued
 
 
 async def release_unneeded_pads(work: MissionUnitOfWork, record: MissionRecord) -> None:
-    """Reserve only the pads that the mission still needs; `RowRefused` if a new pad is not free."""
-    steps = await steps_of(work.tx.connection, record.mission_id)
-    await hold(work.tx, record.mission_id, _needed_pads(record, steps))
+    """Reserve only the pads that the mission still needs; `RowRefused` if a new pad is not free.
+
+    A pad that the drone's QUEUED missions hold by then stays theirs: it is the same drone.
+    """
+    await _hold_needed(work.tx, record)
+
+
+async def restore_pads(tx: Tx, drone_id: DroneId) -> MissionRecord | None:
+    """Reserve for the drone's live mission again what its QUEUED missions have just given up.
+
+    Returns the live mission. A mission that waits for a new plan needs no pads of its old plan.
+    """
+    live = (await lock_live(tx, [drone_id])).get(drone_id)
+    if live is not None and live.stuck is None:
+        await _hold_needed(tx, live)
+    return live
+
+
+async def _hold_needed(tx: Tx, record: MissionRecord) -> None:
+    steps = await steps_of(tx.connection, record.mission_id)
+    queued = await pads_of_queued(tx.connection, record.drone_id)
+    await hold(tx, record.mission_id, without(_needed_pads(record, steps), queued))
 
 
 def pads_of(steps: Iterable[FlightStep], *, pad_gap_s: float) -> tuple[BookedPad, ...]:

@@ -8,8 +8,16 @@ from skyway.contracts.candidate import Candidate
 from skyway.contracts.mission import Mission
 from skyway.delivery.request import DeliveryRequest
 from skyway.json_model import JsonModel
+from skyway.scheduling.stays import stays_json
 from skyway.units import moment_to_ms
-from skyway_composition.missions.mission.record import Aim, MissionRecord, Proposal, Stuck, Trouble
+from skyway_composition.missions.mission.record import (
+    Aim,
+    MissionRecord,
+    PlannedIn,
+    Proposal,
+    Stuck,
+    Trouble,
+)
 
 J = TypeVar("J", bound=JsonModel)
 
@@ -83,7 +91,7 @@ def new_row(record: MissionRecord) -> dict[str, Any]:  # column values of any ty
 
 def changing_columns(record: MissionRecord) -> dict[str, Any]:  # column values of any type
     """The columns that change while a mission lives."""
-    mission = record.mission
+    mission, planned_in, stays = record.mission, record.planned_in, record.stays
     return {
         "state": mission.state,
         "start_ms": moment_to_ms(mission.start_at),
@@ -97,6 +105,10 @@ def changing_columns(record: MissionRecord) -> dict[str, Any]:  # column values 
         "proposal": None if record.proposal is None else record.proposal.model_dump_json(),
         "aims": _AIMS.dump_json(record.aims).decode(),
         "loading": mission.loading,
+        "stays": stays_json(stays) if stays else None,
+        "served_ms": record.served_ms,
+        "planned_version": None if planned_in is None else planned_in.version,
+        "planned_conditions": None if planned_in is None else planned_in.conditions,
     }
 
 
@@ -114,4 +126,9 @@ def read_record(row: Any) -> MissionRecord:  # a row of missions, whose columns 
         trouble=None if row.trouble is None else Trouble.read(row.trouble),
         proposal=None if row.proposal is None else Proposal.read(row.proposal),
         aims=_AIMS.validate_json(row.aims),
+        planned_in=(
+            None
+            if row.planned_version is None
+            else PlannedIn(row.planned_version, row.planned_conditions)
+        ),
     )

@@ -167,7 +167,9 @@ async def ended_events(connection: AsyncConnection, mission_id: MissionId) -> li
 async def _insert_steps(
     tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
 ) -> None:
-    await tx.execute(_ADD_STEPS, _step_rows(mission_id, steps, revision=revision))
+    rows = _step_rows(mission_id, steps, revision=revision)
+    if rows:
+        await tx.execute(_ADD_STEPS, rows)
 
 
 def _step_rows(

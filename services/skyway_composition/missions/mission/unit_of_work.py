@@ -73,12 +73,17 @@ class MissionUnitOfWork:
         self._answered.clear()
 
     async def save(self, record: MissionRecord) -> None:
-        """Save a changed mission; an ended mission leaves the unit of work."""
-        self._staged_missions.discard(record.drone_id)
+        """Save a changed mission; an ended mission leaves the unit of work.
+
+        A QUEUED mission is saved too. It is not the drone's live mission.
+        """
+        live = self.missions.get(record.drone_id)
         if record.is_live:
+            self._staged_missions.discard(record.drone_id)
             self.missions[record.drone_id] = record
-        else:
-            self.missions.pop(record.drone_id, None)
+        elif live is not None and live.mission_id == record.mission_id:
+            self._staged_missions.discard(record.drone_id)
+            del self.missions[record.drone_id]
         await store.save_all(self.tx, [record])
 
 
@@ -97,7 +102,7 @@ async def lock_mission(
     NotFound
         There is no such mission of this provider.
     Conflict
-        MISSION_OVER: it has ended.
+        MISSION_OVER: it has ended. MISSION_QUEUED: it was not sent to its drone yet.
     """
     # The first read, without a lock, finds the drone: its link is locked before the mission.
     found = await store.get(tx.connection, mission_id, provider_id=provider_id)
@@ -105,6 +110,9 @@ async def lock_mission(
         raise NotFound("mission", mission_id)
     work = await MissionUnitOfWork.lock([found.drone_id], tx=tx, clock=clock, mint=mint)
     record = work.missions.get(found.drone_id)
+    if found.mission.state == "QUEUED":
+        detail = f"{mission_id} waits for the missions before it, and was not sent to its drone yet"
+        raise Conflict("MISSION_QUEUED", detail)
     if record is None or record.mission_id != mission_id:
         raise Conflict("MISSION_OVER", f"{mission_id} is over")
     return work, record

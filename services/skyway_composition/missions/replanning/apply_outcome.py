@@ -199,7 +199,10 @@ async def stop_trying(work: MissionUnitOfWork, record: MissionRecord, trouble: T
 
 
 async def stop_diverting(work: MissionUnitOfWork, record: MissionRecord, *, reason: str) -> None:
-    """Leave a drone held where it stands or lands next, because it cannot be diverted."""
+    """Leave a drone held where it stands or lands next, because it cannot be diverted.
+
+    The trouble stays: what was closed before the diversion may still lie on the drone's way.
+    """
     await raise_alarm(
         work,
         record,
@@ -207,7 +210,9 @@ async def stop_diverting(work: MissionUnitOfWork, record: MissionRecord, *, reas
         code="DIVERSION_IMPOSSIBLE",
         detail=f"the drone is held where it stands or lands next; {reason}",
     )
-    await work.save(replace(record, trouble=None))
+    trouble = record.trouble
+    if trouble is not None:
+        await work.save(replace(record, trouble=trouble.model_copy(update={"land_at": None})))
 
 
 async def _hold_for_stop(work: MissionUnitOfWork, record: MissionRecord, *, stop: str) -> None:

@@ -25,6 +25,7 @@ from skyway_composition.missions.mission.instruct import send_steps
 from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import (
     CALLED_HOME,
+    NEXT_MISSION,
     Aim,
     MissionRecord,
     Proposal,
@@ -38,6 +39,7 @@ from skyway_composition.missions.mission.step_store import (
     steps_of,
 )
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.call_off import release_left_out
 from skyway_composition.missions.replanning.remainder.aims import turned_back
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.request_plan import request_plan
@@ -126,7 +128,10 @@ async def accept_proposal(
         trouble=_left_of(record.trouble, proposal),
     )
     await release_unneeded_pads(work, record)
-    record = _report_replanned(work, record, code=proposal.code, detail=proposal.detail)
+    record = await release_left_out(work, record)
+    if proposal.code != NEXT_MISSION:
+        # The end of a standby does not concern the customer.
+        record = _report_replanned(work, record, code=proposal.code, detail=proposal.detail)
     await work.save(record)
     await plan_now(work.tx, record.mission_id)
     missing = _returns_not_in_plan(record, proposal.steps)
@@ -163,6 +168,7 @@ async def replace_plan(
     record = with_aims(work, record, revision.aims, code=trouble.code, detail=trouble.detail)
     record = replace(record, mission=mission, stuck=None, trouble=None, reported_activity=None)
     await release_unneeded_pads(work, record)
+    record = await release_left_out(work, record)
     work.links[record.drone_id] = await send_steps(
         work.tx,
         work.courier,

@@ -167,9 +167,7 @@ class Replanner:
 
     async def _world(self, record: MissionRecord) -> World:
         skyway = await self.networks.current(record.network_id)
-        return await World.of(
-            skyway, self.db, after_ms=self._now_ms(), without_mission_id=record.mission_id
-        )
+        return await World.of(skyway, self.db, after_ms=self._now_ms(), without=[record.mission_id])
 
     def _anchor(
         self, case: Case, *, closed: ClosedAhead, before_step: int | None = None

@@ -34,8 +34,11 @@ async def request_plans(
 def _with_trouble(
     work: MissionUnitOfWork, record: MissionRecord, trouble: Trouble
 ) -> MissionRecord:
-    """The record with this trouble, which is reported if it is the first."""
-    if record.trouble is None and record.stuck is None:
+    """The record with this trouble, which is reported if it is the first.
+
+    A mission in doubt is not planned before the doubt ends, so that is not reported.
+    """
+    if record.trouble is None and record.stuck is None and record.mission.doubt is None:
         record = report(
             work,
             record,

@@ -7,6 +7,7 @@ from datetime import datetime
 
 from skyway.contracts.drone_report import DroneState
 from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, PickUpStep, ReturnStep
+from skyway.contracts.mission import OPEN_MISSION_STATES
 from skyway.contracts.track import Track, TrackedMission, TrackedStep
 from skyway.geo import Position
 from skyway.ids import DeliveryId, PackageId, StationId
@@ -111,7 +112,7 @@ def _of_delivery(
 
     With packages on board and no planned hand-over all steps count.
     """
-    if not record.is_live:
+    if record.mission.state not in OPEN_MISSION_STATES:
         steps = [each for each in steps if each.status != "PLANNED"]
     has_load = any(each.package_id in carried for each in record.request.packages)
     last = max(

@@ -19,6 +19,7 @@ from skyway.delivery.plan import Plan
 from skyway.ids import DeliveryId
 from skyway.planner.problem import Problem
 from skyway.runtime.errors import RowRefused
+from skyway.runtime.loops import Wake
 from skyway.runtime.minting import CountingMint
 from skyway.units import moment_to_ms
 
@@ -104,15 +105,18 @@ async def test_concurrent_puts_of_one_attempt_book_once(composition: Any, make: 
     assert await count(composition, "missions") == 1
 
 
-async def test_twelve_bookings_of_one_drone_make_one_mission(composition: Any) -> None:
+async def test_twelve_bookings_of_one_drone_send_one_mission(composition: Any) -> None:
     bookings = await asyncio.gather(
         *(composition.book(delivery_id=f"dlv_{number}") for number in range(12))
     )
 
     outcomes = [booking.outcome for booking in bookings]
-    assert sorted(set(outcomes)) == ["BOOKED", "BUSY"]
-    assert outcomes.count("BOOKED") == 1
-    assert await count(composition, "missions") == 1
+    states = [mission.state for booking in bookings for mission in booking.missions]
+    # A booking may lose too many rounds against the others; the gateway asks again then.
+    assert set(outcomes) <= {"BOOKED", "BUSY"}
+    assert states.count("BOOKED") == 1
+    assert states.count("QUEUED") == outcomes.count("BOOKED") - 1 > 0
+    assert await count(composition, "missions") == outcomes.count("BOOKED")
     assert await composition.broken() == []
 
 
@@ -202,7 +206,7 @@ async def test_a_booking_that_fails_at_its_last_row_leaves_nothing(
     make: Any,
 ) -> None:
     parts = composition.parts
-    failing = Bookings(parts.db, parts.networks, parts.solver, parts.clock, NoInstruction())
+    failing = Bookings(parts.db, parts.networks, parts.solver, parts.clock, NoInstruction(), Wake())
 
     with pytest.raises(RuntimeError):
         await failing.book(DeliveryId("dlv_1"), booking_request(make))
@@ -351,7 +355,7 @@ async def book_while(
     """Book the new delivery dlv_1; `meanwhile` runs as soon as the first plan is made."""
     parts = composition.parts
     async with InterruptedSolver(meanwhile) as solver:
-        bookings = Bookings(parts.db, parts.networks, solver, parts.clock, parts.mint)
+        bookings = Bookings(parts.db, parts.networks, solver, parts.clock, parts.mint, Wake())
         return await bookings.book(DeliveryId("dlv_1"), requested)
 
 

@@ -64,6 +64,7 @@ async def test_nothing_is_dropped_while_the_database_is_away(
         clock=composition.clock,
         mint=composition.parts.mint,
         stuck=Wake(),
+        calendars=Wake(),
         listening=Listening(composition.clock),
     )
 

@@ -124,6 +124,7 @@ async def test_a_drone_that_lost_its_journal_after_the_flight_leaves_its_mission
     assert await doubt_of(composition, instruction) == "JOURNAL_LOST"
     # The instruction is withdrawn: the drone would fly the mission a second time.
     assert await composition.sent() == []
+    assert await composition.broken() == []
 
 
 async def test_a_restarted_drone_with_its_journal_proves_that_it_did_not_fly(
@@ -152,20 +153,59 @@ async def test_a_journal_lost_before_the_loading_gets_the_mission_again(
     assert (again.stream, again.steps) == (2, instruction.steps)
 
 
+@pytest.mark.parametrize("stream", [0, 1])
 async def test_a_journal_lost_after_a_possible_hand_over_leaves_the_mission_in_doubt(
+    composition: Any, drone: Any, stream: int
+) -> None:
+    """The drone shows our stream if it got an instruction before it sent its first state."""
+    instruction = await booked(composition, drone)
+    pick_up, *_ = drone.flown(instruction)
+    drone.event_seq = 1
+    await composition.receive(drone.ack(instruction), pick_up)
+    composition.clock.advance(timedelta(hours=12))
+    drone.session, drone.stream, drone.event_seq = 2, stream, 0
+
+    await composition.receive(drone.state(journal_session=JOURNAL + 1))
+
+    assert await composition.state_of(instruction.mission_id) == "ACTIVE"
+    assert await doubt_of(composition, instruction) == "JOURNAL_LOST"
+
+
+async def test_a_late_mission_in_doubt_is_not_reported_as_replanned(
     composition: Any, drone: Any
 ) -> None:
+    """Customers would no longer see that its drone is out of contact."""
     instruction = await booked(composition, drone)
     pick_up, *_ = drone.flown(instruction)
     drone.event_seq = 1
     await composition.receive(drone.ack(instruction), pick_up)
     composition.clock.advance(timedelta(hours=12))
     drone.session, drone.stream, drone.event_seq = 2, 0, 0
-
     await composition.receive(drone.state(journal_session=JOURNAL + 1))
 
-    assert await composition.state_of(instruction.mission_id) == "ACTIVE"
-    assert await doubt_of(composition, instruction) == "JOURNAL_LOST"
+    composition.clock.advance(timedelta(hours=1))
+    await composition.late_missions.step()
+
+    last = (await composition.reports())[-1]
+    assert (last.kind, last.activity) == ("ACTIVITY", "OUT_OF_CONTACT")
+
+
+async def test_the_events_of_a_new_journal_count_from_one(composition: Any, drone: Any) -> None:
+    """The drone restarts without its journal, and accepts a mission before it sends a state."""
+    first = await booked(composition, drone)
+    await composition.receive(
+        drone.ack(first), *drone.flown(first), drone.state(journal_session=JOURNAL)
+    )
+    await composition.book(delivery_id="dlv_2")
+    second = (await composition.sent())[-1]
+    drone.session, drone.event_seq = 2, 0
+
+    await composition.receive(drone.ack(second))
+    state = drone.state(journal_session=JOURNAL + 1, mission_id=second.mission_id)
+    await composition.receive(state)
+    await composition.receive(*drone.flown(second))
+
+    assert await composition.state_of(second.mission_id) == "COMPLETED"
 
 
 async def test_a_refusal_by_a_drone_with_unread_events_does_not_end_the_mission(

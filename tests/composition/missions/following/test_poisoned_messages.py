@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
+from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -56,6 +57,7 @@ def following(composition: Any, *batch: Received[Any]) -> Follower:
         clock=composition.clock,
         mint=composition.parts.mint,
         stuck=Wake(),
+        calendars=Wake(),
         listening=composition.listening,
     )
 
@@ -74,6 +76,23 @@ async def test_only_the_message_that_cannot_be_handled_is_dropped(
     await follower.step()
 
     assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
+
+
+async def test_a_dropped_message_may_have_been_the_answer_to_an_earlier_booking(
+    composition: Any, drone: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    booked_at = composition.clock.now()
+    composition.clock.advance(timedelta(seconds=1))
+    assert composition.listening.covers(booked_at, composition.clock.now())
+    monkeypatch.setattr(HANDLE_STATE, fail)
+    follower = following(composition, drone.state(activity="FLYING"))
+
+    for _ in range(3):
+        with pytest.raises(RuntimeError):
+            await follower.step()
+    await follower.step()
+
+    assert not composition.listening.covers(booked_at, composition.clock.now())
 
 
 @pytest.mark.parametrize("times", [1, 2, 3])

@@ -184,6 +184,7 @@ async def test_after_a_lost_commit_answer_an_earlier_state_is_saved_again(
             clock=clock,
             mint=mint,
             stuck=Wake(),
+            calendars=Wake(),
             listening=Listening(clock),
         )
         await follower.handle([idle.state(station_id="a")])

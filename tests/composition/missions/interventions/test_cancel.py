@@ -1,7 +1,10 @@
 """Cancellations: packages are stopped if possible; the answer says what becomes of each."""
 
 import asyncio
+from datetime import timedelta
 from typing import Any
+
+import pytest
 
 PATH = "/internal/deliveries/dlv_1/cancellations"
 
@@ -32,13 +35,16 @@ async def test_a_delivery_cancelled_before_loading_never_leaves_the_pickup(
 
     answer = await cancel(composition)
 
-    assert answer.json() == {"released": ["p1"], "returning": [], "too_late": []}
+    call_off = (await composition.sent())[-1]
+    await composition.receive(drone.ack(call_off))
+
+    assert answer.json() == {"released": [], "returning": ["p1"], "too_late": []}
+    assert call_off.kind == "CANCEL"
     assert await composition.state_of(instruction.mission_id) == "CANCELLED"
     (released,) = await reports_of(composition, "RELEASED")
     (ended,) = await reports_of(composition, "ENDED")
     assert (released.package_ids, released.code) == (("p1",), "CANCELLED")
     assert (ended.mission_state, ended.code) == ("CANCELLED", "CANCELLED")
-    assert (await composition.sent())[-1].kind == "CANCEL"
     assert await composition.reservations() == []
     assert await composition.broken() == []
 
@@ -112,8 +118,8 @@ async def test_two_concurrent_equal_cancellations_count_once(
     answers = await asyncio.gather(*(cancel(composition) for _ in range(4)))
 
     assert {each.status_code for each in answers} == {200}
-    assert [each.json()["released"] for each in answers] == [["p1"]] * 4
-    assert len(await reports_of(composition, "ENDED")) == 1
+    assert [each.json()["returning"] for each in answers] == [["p1"]] * 4
+    assert len(await reports_of(composition, "RETURNING")) == 1
 
 
 async def test_after_a_partial_cancellation_the_other_packages_get_a_new_plan(
@@ -123,7 +129,7 @@ async def test_after_a_partial_cancellation_the_other_packages_get_a_new_plan(
 
     answer = await cancel(composition, "p2")
 
-    assert answer.json()["released"] == ["p2"]
+    assert answer.json()["returning"] == ["p2"]
     progress = await shown(composition, instruction.mission_id)
     assert (progress["mission"]["state"], progress["trouble"]["code"]) == (
         "ACCEPTED",
@@ -177,6 +183,21 @@ async def test_packages_cancelled_during_loading_come_back(
     assert answer.json() == {"released": [], "returning": ["p1"], "too_late": []}
     assert await composition.state_of(instruction.mission_id) == "ACTIVE"
     assert not any(each.kind == "CANCEL" for each in await composition.sent())
+
+
+@pytest.mark.parametrize(("seconds_left", "is_called_off"), [(4, False), (6, True)])
+async def test_a_cancellation_needs_five_seconds_to_reach_the_drone(
+    composition: Any, drone: Any, make: Any, begin: Any, seconds_left: int, is_called_off: bool
+) -> None:
+    instruction = await begin.accepted(composition, drone, make)
+    pick_up = next(step for step in instruction.steps if step.kind == "PICK_UP")
+    wait = pick_up.planned_start_at - composition.clock.now()
+    composition.clock.advance(wait - timedelta(seconds=seconds_left))
+
+    answer = await cancel(composition)
+
+    assert answer.json()["returning"] == ["p1"]
+    assert any(each.kind == "CANCEL" for each in await composition.sent()) == is_called_off
 
 
 async def test_packages_of_a_drone_that_has_not_answered_are_too_late(composition: Any) -> None:
@@ -243,11 +264,10 @@ async def test_a_cancellation_reaches_all_missions_of_the_delivery_and_no_other(
 
     answer = await cancel(composition)
 
-    assert answer.json()["released"] == ["p1", "p2"]
-    listed = await composition("operator:op", "GET", "/v1/missions?state=BOOKED")
-    assert [each["mission_id"] for each in listed.json()["items"]] == [
-        others.missions[0].mission_id
-    ]
+    assert answer.json()["returning"] == ["p1", "p2"]
+    rows = await composition.rows("SELECT mission_id FROM instructions WHERE kind = 'CANCEL'")
+    assert len(rows) == 2
+    assert others.missions[0].mission_id not in {row.mission_id for row in rows}
     assert await composition.broken() == []
 
 

@@ -197,12 +197,13 @@ async def test_a_mission_cancelled_before_loading_is_over(
     instruction = await begin.accepted(composition, drone, make)
 
     answer = await give(composition, instruction.mission_id, "CANCEL")
+    call_off = (await composition.sent())[-1]
+    await composition.receive(drone.ack(call_off))
 
-    assert answer.status_code == 202
+    assert (answer.status_code, call_off.kind) == (202, "CANCEL")
     assert await composition.state_of(instruction.mission_id) == "CANCELLED"
     report = (await composition.reports())[-1]
     assert (report.kind, report.code) == ("ENDED", "CANCELLED_BY_OPERATOR")
-    assert (await composition.sent())[-1].kind == "CANCEL"
     assert await composition.reservations() == []
 
 

@@ -170,11 +170,11 @@ async def test_a_package_cancelled_in_time_is_not_loaded(
     assert await composition.broken() == []
 
 
-async def test_a_released_package_that_was_loaded_anyway_comes_back(
+async def test_a_cancelled_package_that_was_loaded_anyway_comes_back(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make, "b", "c")
-    assert (await cancel(composition, "p2"))["released"] == ["p2"]
+    assert (await cancel(composition, "p2"))["returning"] == ["p2"]
     pick_up, *_ = drone.flown(instruction)
     drone.event_seq = 1
     composition.clock.advance(instruction.steps[0].planned_end_at - composition.clock.now())
@@ -253,10 +253,11 @@ async def test_a_drone_that_cannot_be_diverted_stays_held_with_its_packages(
 
     progress = await shown(composition, instruction.mission_id)
     assert (progress["mission"]["state"], progress["mission"]["is_held"]) == ("ACTIVE", True)
-    assert (progress["proposal"], progress["trouble"]) == (None, None)
+    assert (progress["proposal"], progress["trouble"]["land_at"]) == (None, None)
     assert (await composition.sent())[-1].kind == "HOLD"
     alarms = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
     assert [alarm["code"] for alarm in alarms] == ["DIVERSION_IMPOSSIBLE"]
+    assert await composition.broken() == []
 
     # The next command is planned immediately.
     await give(composition, instruction.mission_id, "RESUME")

@@ -287,12 +287,34 @@ async def test_a_waiting_request_says_that_no_provider_serves_it(gateway: Gatewa
     assert [one["code"] for one in delivery["reasons"]] == ["NO_PROVIDER"]
 
 
-@pytest.mark.parametrize(("has_deadline", "code"), [(True, "TOO_LATE"), (False, "NO_PROVIDER")])
-async def test_only_a_request_with_a_deadline_is_too_late(
-    gateway: Gateway, has_deadline: bool, code: str
+@pytest.mark.parametrize("service", ["registry", "composition"])
+async def test_an_outage_uses_no_waiting_time_of_a_request_without_a_deadline(
+    gateway: Gateway, service: str
+) -> None:
+    delivery_id = await gateway.accepted()
+    getattr(gateway, service).is_away = True
+    for _ in range(3):
+        gateway.clock.advance(timedelta(hours=2))
+        await gateway.book_next()
+        assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
+    getattr(gateway, service).is_away = False
+    gateway.composition.is_busy = True
+
+    for _ in range(5):
+        gateway.clock.advance(timedelta(minutes=10))
+        await gateway.book_next()
+        assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
+    gateway.clock.advance(timedelta(minutes=11))
+    await gateway.book_next()
+
+    assert (await gateway.get(delivery_id))["state"] == "REJECTED"
+
+
+async def test_an_outage_until_the_deadline_rejects_a_request_as_too_late(
+    gateway: Gateway,
 ) -> None:
     deadline_at = (gateway.clock.now() + timedelta(minutes=30)).isoformat()
-    delivery_id = await gateway.accepted(qos={"deadline_at": deadline_at} if has_deadline else {})
+    delivery_id = await gateway.accepted(qos={"deadline_at": deadline_at})
     gateway.registry.is_away = True
     await gateway.book_next()
 
@@ -301,7 +323,17 @@ async def test_only_a_request_with_a_deadline_is_too_late(
 
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "REJECTED"
-    assert [one["code"] for one in delivery["reasons"]] == [code]
+    assert [one["code"] for one in delivery["reasons"]] == ["TOO_LATE"]
+
+
+async def test_a_request_is_asked_for_once_more_before_it_is_given_up(gateway: Gateway) -> None:
+    """The gateway itself may have been away since the request was accepted."""
+    delivery_id = await gateway.accepted()
+
+    gateway.clock.advance(timedelta(hours=9))
+    await gateway.book_next()
+
+    assert (await gateway.get(delivery_id))["state"] == "PLANNED"
 
 
 async def test_a_booking_before_the_deadline_is_written_after_it(gateway: Gateway) -> None:

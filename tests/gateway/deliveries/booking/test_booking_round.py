@@ -4,11 +4,17 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from skyway_gateway.deliveries.booking.booking_round import why_infeasible
+from skyway_gateway.deliveries.booking.booking_round import (
+    drones_that_refused,
+    has_too_many_refusals,
+    why_infeasible,
+)
+from skyway_gateway.deliveries.lifecycle.delivery import Refusal
 
 from skyway.contracts.mission import Booking, OfferLimits
 from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.delivery.offer import Price
+from skyway.ids import DroneId, ProviderId
 
 TEMPORARY, LASTING = True, False
 
@@ -79,3 +85,31 @@ def test_an_offer_does_not_wait_and_its_loss_is_a_reason(reason: Callable[..., A
     assert infeasible is not None
     assert [one.code for one in infeasible.reasons] == ["OFFER_LOST", "BUSY"]
     assert infeasible.reasons[0].data["price"] == {"amount": 700, "currency": "USD"}
+
+
+def refusal(attempt: int, code: str) -> Refusal:
+    return Refusal(
+        attempt=attempt,
+        provider_id=ProviderId("prv_1"),
+        drone_id=DroneId("drn_1"),
+        code=code,
+        detail="a reason",
+    )
+
+
+@pytest.mark.parametrize(
+    ("code", "is_asked_again"),
+    [("INSUFFICIENT_ENERGY", False), ("NO_ANSWER", False), ("CALENDAR_CHANGED", True)],
+)
+def test_only_a_drone_that_has_refused_itself_is_not_asked_again(
+    code: str, is_asked_again: bool
+) -> None:
+    assert drones_that_refused([refusal(1, code)]) == (() if is_asked_again else ("drn_1",))
+
+
+@pytest.mark.parametrize(("code", "most"), [("NO_ANSWER", 5), ("CALENDAR_CHANGED", 20)])
+def test_a_request_is_given_up_after_so_many_refusals(code: str, most: int) -> None:
+    refusals = [refusal(number, code) for number in range(1, most + 1)]
+
+    assert not has_too_many_refusals(refusals[:-1])
+    assert has_too_many_refusals(refusals)

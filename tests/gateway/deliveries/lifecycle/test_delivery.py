@@ -25,4 +25,9 @@ def test_cancelled_and_failed_follow_any_state_that_is_not_terminal() -> None:
 
 def test_only_a_delivery_that_has_not_begun_returns_to_requested() -> None:
     back = [one for one in STATES if may_follow("REQUESTED", one)]
-    assert back == ["REQUESTED", "PLANNED", "DISPATCHED"]
+    assert back == ["SCHEDULED", "REQUESTED", "PLANNED", "DISPATCHED"]
+
+
+def test_a_scheduled_delivery_is_requested_before_it_is_planned_or_rejected() -> None:
+    after = {one for one in STATES if may_follow(one, "SCHEDULED")}
+    assert after == {"SCHEDULED", "REQUESTED", "CANCELLED", "FAILED"}

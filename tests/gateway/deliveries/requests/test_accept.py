@@ -8,10 +8,16 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from skyway_gateway.app import take_over
+from skyway_gateway.quotes.network_store import keep_network
 
 from skyway.contracts.candidate import PayloadLimit
+from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.request import DeliveryRequest
+from skyway.geo import Position
+from skyway.ids import NetworkId, StationId
 from skyway.runtime.http.identity import Caller
+from tests.gateway.peers import STATIONS
 from tests.gateway.whole_gateway import Gateway, make_request
 
 Change = Callable[[dict[str, Any]], object]
@@ -218,15 +224,56 @@ async def test_an_accepted_request_is_a_delivery_in_its_first_state(
     assert event["data"]["reference"] == "order 7"
 
 
-@pytest.mark.parametrize("service", ["registry", "composition"])
-async def test_a_customer_may_repeat_the_call_after_a_service_was_away(
-    gateway: Gateway, request_body: Callable[..., dict[str, Any]], service: str
+async def test_a_request_is_accepted_while_the_registry_is_away(gateway: Gateway) -> None:
+    """Nobody knows what drones can lift: booking finds out when the registry is back."""
+    gateway.registry.is_away = True
+    body = make_request()
+    body["packages"][0]["mass_kg"] = 900
+
+    assert (await gateway.post(body)).status_code == 202
+
+
+def _all_connected(version: int, *stations: str) -> NetworkStations:
+    return NetworkStations(
+        network_id=NetworkId("texas"),
+        version=version,
+        station_ids=tuple(StationId(each) for each in stations),
+        positions=(Position(0.0, 0.0),) * len(stations),
+        parts=(0,) * len(stations),
+    )
+
+
+async def test_a_request_is_accepted_while_broker_and_composition_are_away(
+    gateway: Gateway,
 ) -> None:
-    getattr(gateway, service).is_away = True
+    """A lost broker makes the cached network uncertain; it is the last that is known."""
+    gateway.parts.networks.cached.put(_all_connected(1, *STATIONS))
+    gateway.parts.networks.forget()
+    gateway.composition.is_away = True
+
+    assert (await gateway.post(make_request())).status_code == 202
+
+
+async def test_a_restarted_gateway_accepts_requests_while_composition_is_away(
+    gateway_on_both: Gateway,
+) -> None:
+    gateway = gateway_on_both
+    gateway.composition.is_away = True
+    for stations in (_all_connected(2, *STATIONS), _all_connected(1, "old")):
+        await keep_network(gateway.parts.db, stations)
+    await take_over(gateway.parts)
+
+    assert (await gateway.post(make_request())).status_code == 202
+
+
+async def test_a_customer_may_repeat_the_call_after_composition_was_away(
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]]
+) -> None:
+    gateway.composition.is_away = True
     answer = await gateway.post(request_body(), **{"Idempotency-Key": "k"})
     assert answer.status_code == 503
     assert int(answer.headers["retry-after"]) >= 1
-    getattr(gateway, service).is_away = False
+    gateway.composition.is_away = False
     assert (await gateway.post(request_body(), **{"Idempotency-Key": "k"})).status_code == 202
 
 

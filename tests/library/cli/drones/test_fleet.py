@@ -1,12 +1,14 @@
 """`skyway fleet --drones` checks everything before it registers anything."""
 
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from typer.testing import CliRunner
 
 from skyway.cli.drones import fleet
 from skyway.cli.main import make_app
+from skyway.contracts.candidate import Standby
 from tests.library.cli.conftest import Gateway
 
 runner = CliRunner()
@@ -56,6 +58,27 @@ def test_a_fleet_without_a_network_says_how_to_publish_one(gateway: Gateway) -> 
     assert result.exit_code == 1
     assert "no network is published: skyway network import bundled" in result.stderr
     assert REGISTER_PROVIDER not in gateway.called
+
+
+def test_the_drones_of_a_fleet_get_the_standby_that_was_asked_for(
+    gateway: Gateway, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fleet, "fly", lambda *_: None)
+
+    options = ["--drones", "1", "--home", "home", "--standby", "STAY"]
+    result = runner.invoke(make_app(), ["fleet", *options])
+
+    assert result.exit_code == 0, result.stderr
+    assert [drone["standby"] for drone in gateway.calls[-1][2]] == ["STAY"]
+    assert [each.value for each in fleet.StandbyName] == list(get_args(Standby))
+
+
+def test_an_unknown_standby_is_refused_with_its_choices(gateway: Gateway) -> None:
+    result = runner.invoke(make_app(), ["fleet", "--drones", "1", "--standby", "ROAM"])
+
+    assert result.exit_code == 2
+    assert all(name in result.stderr for name in ("--standby", "HOME", "STAY", "PARKING"))
+    assert gateway.calls == []
 
 
 def test_a_new_provider_whose_drones_are_refused_is_suspended(gateway: Gateway) -> None:

@@ -15,6 +15,7 @@ from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.outbox.outbox_store import outbox_table
 from skyway.runtime.outbox.report_sender import ReportSender
+from skyway.runtime.pace import Pace
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import tracing
 
@@ -51,11 +52,11 @@ async def db(database_url: str) -> AsyncIterator[Database]:
 
 @asynccontextmanager
 async def sending(
-    db: Database, service: InMemoryService, clock: ManualClock
+    db: Database, service: InMemoryService, clock: ManualClock, *, pace: Pace | None = None
 ) -> AsyncIterator[None]:
-    task = asyncio.create_task(
-        ReportSender(db, {"gateway": service}, clock, together=TOGETHER).run()
-    )
+    paces = {} if pace is None else {"gateway": pace}
+    sender = ReportSender(db, {"gateway": service}, clock, together=TOGETHER, paces=paces)
+    task = asyncio.create_task(sender.run())
     try:
         yield
     finally:
@@ -102,6 +103,29 @@ async def test_reports_found_in_one_look_travel_together_each_with_its_trace(
         for trace, text in zip(of_each, "abc", strict=True)
     ]
     assert len(set(of_each)) == 3
+
+
+async def test_reports_to_a_service_with_a_slow_pace_wait_for_each_other(
+    db: Database, clock: ManualClock
+) -> None:
+    service = InMemoryService()
+    hour_s = 3600.0
+    async with sending(db, service, clock, pace=Pace(hour_s, clock=clock)):
+        await report(db, "a")
+        async with asyncio.timeout(20):
+            while not service.told:
+                await traces(db)
+
+        await report(db, "b")
+        await report(db, "c")
+        clock.advance(timedelta(seconds=hour_s))
+        async with asyncio.timeout(20):
+            while len(service.told) < 2:
+                await traces(db)
+
+    path, body = service.told[1]
+    assert path == "/reports/many"
+    assert [each["report"]["text"] for each in body["reports"]] == ["b", "c"]
 
 
 async def test_one_report_travels_alone(db: Database, clock: ManualClock) -> None:

@@ -57,6 +57,15 @@ async def test_rows_are_claimed_in_order(db: Database, clock: ManualClock) -> No
     assert [row.number for row in second] == [2, 3]
 
 
+async def test_a_claim_until_the_year_3000_does_not_count(db: Database, clock: ManualClock) -> None:
+    async with db.write() as tx:
+        await tx.execute(
+            REQUESTS.update().values(claimed_by="ghost", claimed_until_ms=32_503_680_000_000)
+        )
+
+    assert len(await take(db, clock, claimant="a", limit=10)) == 6
+
+
 async def test_replicas_never_hold_the_same_row(db: Database, clock: ManualClock) -> None:
     taken = await asyncio.gather(
         *(take(db, clock, claimant=f"replica-{number}", limit=1) for number in range(8))

@@ -76,15 +76,18 @@ async def _outlook(
 ) -> Outlook | None:
     """What to expect of the plan.
 
-    None if another plan is needed already, if the mission is held or waits, or without a report.
+    None if another plan is needed already, if the mission is held, in doubt or waits, or without a
+    report.
     """
-    needs_no_check = record.trouble or record.stuck or record.proposal or record.mission.is_held
+    mission = record.mission
+    needs_no_check = record.trouble or record.stuck or record.proposal or mission.is_held
     if waits_for_pad(record, work.links[record.drone_id]):
         # The drone itself requests another plan. A plan with the same pad would make it wait again.
         return None
     # The time that a loader takes is not planned: the plan is made again after the confirmation.
-    is_waiting = record.mission.state == "BOOKED" or record.mission.loading == "AWAITED"
-    if needs_no_check or is_waiting or not record.is_live:
+    is_waiting = mission.state == "BOOKED" or mission.loading == "AWAITED"
+    # Nobody knows what a drone in doubt does: to say that its mission is replanned would be false.
+    if needs_no_check or is_waiting or mission.doubt is not None or not record.is_live:
         return None
     if _is_as_booked(record, work.links[record.drone_id].state, now=work.clock.now()):
         return None

@@ -35,6 +35,7 @@ from skyway_composition.planning.problem_for import (
     with_margin,
 )
 from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.standby import StandbyChoice
 from skyway_composition.planning.trip import Trip
 from skyway_composition.planning.world import World, compose_in
 
@@ -143,10 +144,12 @@ class RemainderPlanner:
         return None
 
     async def _trip(self, anchor: Anchor, aims: tuple[Aim, ...], trouble: Trouble) -> Trip | NoTrip:
-        """A trip that delivers the load, or fetches it at the pickup first, and flies home."""
+        """A trip that delivers the load, or fetches it at the pickup first, and then stands by."""
         record, start_ms = self.record, anchor.at_ms
         drone = self._standing(anchor)
-        home_station_id = record.candidate.home_station_id
+        standby = StandbyChoice.of(record.candidate)
+        if trouble.code == CALLED_HOME:
+            standby = standby.at_home()
         if anchor.carried:
             aimed = replace(record, aims=aims)
             loads = [
@@ -159,7 +162,7 @@ class RemainderPlanner:
                 self.world,
                 NOTHING_TO_DELIVER,
                 standing=drone,
-                home_station_id=home_station_id,
+                standby=standby,
                 start_ms=start_ms,
             )
         else:
@@ -171,7 +174,7 @@ class RemainderPlanner:
                 start_ms=start_ms,
                 latest_ms=None,
             )
-        return await round_trip(self.solver, self.world, problem, home_station_id=home_station_id)
+        return await round_trip(self.solver, self.world, problem, standby=standby)
 
     async def _trip_to(self, anchor: Anchor, station_id: StationId) -> Trip | NoTrip:
         """A trip to a station with everything on board, to stand there."""

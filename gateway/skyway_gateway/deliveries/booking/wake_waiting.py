@@ -1,0 +1,84 @@
+"""Wakes waiting requests when something changes that may help them.
+
+What may help: a mission ended or was refused, a drone came online, an operator or a provider
+changed something through this gateway. A wake that is lost costs seconds, because every waiting
+request is also tried again by and by.
+"""
+
+from collections.abc import AsyncIterator
+from datetime import datetime, timedelta
+from typing import Final, Never
+
+from skyway.announced_networks import CachedNetworks
+from skyway.contracts.drone_report import Connection
+from skyway.ids import NetworkId, StationId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.loops import Wake
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
+from skyway_gateway.deliveries.booking.waiting_store import waiting_networks, wake_first
+
+#: Shortest and longest wait for the next try, wall time.
+_SHORTEST: Final = timedelta(seconds=0.5)
+_LONGEST: Final = timedelta(seconds=10)
+
+
+def next_try_at(*, woken_at: datetime, now: datetime) -> datetime:
+    """When a request that found no drone is tried again: after as long as it was since its wake.
+
+    So the tries after a wake come after 0.5, 1, 2, 4 and 8 seconds: other services learn of the
+    change a little later than this one. After that they come every 10 seconds.
+    """
+    return now + min(max(now - woken_at, _SHORTEST), _LONGEST)
+
+
+class Waker:
+    """Wakes the first waiting requests of a network, or of all networks; `queued` wakes booking."""
+
+    def __init__(
+        self, db: Database, clock: FleetClock, networks: CachedNetworks, queued: Wake
+    ) -> None:
+        self.noted = Wake()
+        self._db = db
+        self._clock = clock
+        self._networks = networks
+        self._queued = queued
+        self._changed = set[NetworkId | None]()
+        self._waiting = frozenset[NetworkId | None]()
+
+    def note_change_around(self, station_id: StationId) -> None:
+        """Note a change that may help requests in the network of this station."""
+        self.note_change(self._networks.network_of(station_id))
+
+    def note_change(self, network_id: NetworkId | None = None) -> None:
+        """Note a change that may help requests in a network; None means in any network."""
+        self._changed.add(network_id)
+        self.noted.set()
+
+    def note_waiting(self, network_id: NetworkId | None) -> None:
+        """Note that a request begins to wait."""
+        self._waiting |= {network_id}
+
+    def has_waiting(self, network_id: NetworkId | None) -> bool:
+        """Whether requests of this network wait, as far as this process knows."""
+        return network_id in self._waiting
+
+    async def step(self) -> bool:
+        """Step of a loop: wake the first requests where something changed; always False."""
+        changed, self._changed = self._changed, set()
+        try:
+            self._waiting = await waiting_networks(self._db)
+            for network_id in changed if self._waiting else ():
+                if await wake_first(self._db, network_id, wall_at=self._clock.wall_now()):
+                    self._queued.set()
+        except BaseException:
+            self._changed |= changed
+            raise
+        return False
+
+    async def follow(self, connections: AsyncIterator[list[Received[Connection]]]) -> Never:
+        """Note each batch in which a drone came online, for ever."""
+        while True:
+            batch = await anext(connections)
+            if any(received.message.status == "ONLINE" for received in batch):
+                self.note_change()

@@ -1,0 +1,213 @@
+"""Looks after the calendars of drones: every QUEUED mission begins, moves, or is given up.
+
+One step looks at each drone whose next mission may begin, no longer fits, or was planned for a
+network that has changed since. The transaction that changes a calendar locks the drone's link, and
+checks again what was planned with.
+"""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from skyway.ids import DroneId
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.errors import RowRefused
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database, Tx
+from skyway.scheduling.slots import Slot
+from skyway.units import moment_to_ms
+from skyway_composition.missions.calendar import store
+from skyway_composition.missions.calendar.move_queued import drop, give_back_pads, move
+from skyway_composition.missions.calendar.next_mission import (
+    GiveUp,
+    Leave,
+    PlanAgain,
+    Send,
+    Shorten,
+    Times,
+    decide,
+)
+from skyway_composition.missions.calendar.plan_queue import Dropped, Moved, plan_queue
+from skyway_composition.missions.calendar.send_next import send_next, shorten_standby
+from skyway_composition.missions.mission.end import refuse
+from skyway_composition.missions.mission.queued_store import queued_of_drone
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.release_pads import restore_pads
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
+from skyway_composition.networks.store import share_current
+from skyway_composition.planning.availability import hand_over_time_ms
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.world import World, still_holds
+
+log = logging.getLogger(__name__)
+
+#: Spans for `fleet_margin`, fleet seconds and wall seconds: until an instruction reaches a drone,
+#: the same with a plan before it, and how long a mission waits for its drone. Our own choice.
+_REACH_S: Final = (5.0, 1.0)
+_PLAN_S: Final = (30.0, 2.5)
+_LONGEST_WAIT_S: Final = (600.0, 60.0)
+
+_NO_PLAN: Final = "its drone has had no plan for it for too long"
+
+
+@dataclass(frozen=True, slots=True)
+class _Calendar:
+    """A drone's live mission and its QUEUED missions in order, as read in one transaction."""
+
+    drone_id: DroneId
+    before: MissionRecord | None
+    queued: tuple[MissionRecord, ...]
+
+    def is_same(self, other: "_Calendar") -> bool:
+        """Whether nothing has changed that a plan depends on; reports do not matter."""
+        return self.queued == other.queued and _plan_of(self.before) == _plan_of(other.before)
+
+
+@dataclass(frozen=True, slots=True)
+class Calendars:
+    """Keeps the calendars of all drones."""
+
+    db: Database
+    networks: PreparedNetworks
+    solver: SolverPool
+    clock: FleetClock
+    mint: Mint
+
+    async def step(self) -> bool:
+        """Look at the drones whose next mission needs something; True when one has changed."""
+        times = self._times()
+        async with self.db.read() as connection:
+            drone_ids = await store.drones_to_look_at(
+                connection,
+                hand_over_ms=times.hand_over_ms,
+                overdue_ms=times.now_ms - times.longest_wait_ms,
+            )
+        is_changed, failures = False, []
+        for drone_id in drone_ids:
+            try:
+                is_changed |= await self.look_at(drone_id)
+            except RowRefused as taken:
+                log.info("pad taken", extra={"drone_id": drone_id, "by": taken.constraint})
+            except Exception as error:  # noqa: BLE001 - one calendar must not stop the others
+                failures.append(error)
+        if failures:
+            raise ExceptionGroup("calendars not kept", failures)
+        return is_changed
+
+    async def look_at(self, drone_id: DroneId) -> bool:
+        """Do what the drone's next mission needs; True if its calendar needs another look."""
+        async with self.db.read() as connection:
+            seen = await queued_of_drone(connection, drone_id)
+        if not seen:
+            return False
+        async with self.db.write() as tx:
+            # I11: the world cannot change before the end of a transaction that sends a mission.
+            present = await share_current(tx, seen[0].network_id)
+            work = await self._lock(drone_id, tx)
+            calendar = await _read(work, drone_id)
+            if not calendar.queued or calendar.queued[0].network_id != seen[0].network_id:
+                return True
+            following = calendar.queued[0]
+            decision = decide(
+                following,
+                before=calendar.before,
+                link=work.links.get(drone_id),
+                is_planned_in_this_world=_planned_in(following) == present,
+                times=self._times(),
+            )
+            match decision:
+                case Send():
+                    await send_next(work, following)
+                case Shorten(until_ms=until_ms) if calendar.before is not None:
+                    await shorten_standby(work, calendar.before, until_ms=until_ms)
+                case GiveUp(detail=detail):
+                    await refuse(work, following, code="DRONE_NOT_FREE", detail=detail)
+                case PlanAgain(slot=slot):
+                    pass
+                case Shorten() | Leave():
+                    return False
+        if isinstance(decision, PlanAgain):
+            return await self._plan_again(calendar, slot)
+        # The mission behind a mission that was given up is the next one now.
+        return isinstance(decision, GiveUp)
+
+    async def _plan_again(self, calendar: _Calendar, slot: Slot) -> bool:
+        first = calendar.queued[0]
+        skyway = await self.networks.current(first.network_id)
+        world = await World.of(
+            skyway,
+            self.db,
+            after_ms=moment_to_ms(self.clock.now()),
+            without=[
+                *(each.mission_id for each in calendar.queued),
+                *([] if calendar.before is None else [calendar.before.mission_id]),
+            ],
+        )
+        changed = await plan_queue(self.solver, world, calendar.queued, slot, clock=self.clock)
+        is_hopeless = not changed and self._times().is_overdue(first)
+        if not changed and not is_hopeless:
+            return False
+        async with self.db.write() as tx:
+            # I11: the world is checked inside the transaction and cannot change before its end.
+            if not await still_holds(tx, world):
+                return True
+            work = await self._lock(calendar.drone_id, tx)
+            if not calendar.is_same(await _read(work, calendar.drone_id)):
+                return True
+            if is_hopeless:
+                await refuse(work, first, code="DRONE_NOT_FREE", detail=_NO_PLAN)
+            else:
+                await _apply(work, calendar, changed, skyway)
+        return True
+
+    async def _lock(self, drone_id: DroneId, tx: Tx) -> MissionUnitOfWork:
+        return await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+
+    def _times(self) -> Times:
+        return Times(
+            now_ms=moment_to_ms(self.clock.now()),
+            reach_ms=self._ms(_REACH_S),
+            plan_ms=self._ms(_PLAN_S),
+            hand_over_ms=hand_over_time_ms(self.clock),
+            longest_wait_ms=self._ms(_LONGEST_WAIT_S),
+        )
+
+    def _ms(self, span: tuple[float, float]) -> int:
+        fleet_s, wall_s = span
+        return round(
+            fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s).total_seconds() * 1000
+        )
+
+
+async def _read(work: MissionUnitOfWork, drone_id: DroneId) -> _Calendar:
+    queued = await queued_of_drone(work.tx.connection, drone_id)
+    return _Calendar(drone_id, work.missions.get(drone_id), tuple(queued))
+
+
+async def _apply(
+    work: MissionUnitOfWork,
+    calendar: _Calendar,
+    changed: Sequence[Moved | Dropped],
+    skyway: PreparedNetwork,
+) -> None:
+    await give_back_pads(work.tx, [each.record for each in changed])
+    earlier = {each.mission_id: each for each in calendar.queued}
+    for each in changed:
+        if isinstance(each, Dropped):
+            await drop(work, each)
+        else:
+            mission_id = each.record.mission_id
+            before = calendar.before
+            await move(work, each, skyway, earlier=earlier[mission_id], before=before)
+    await restore_pads(work.tx, calendar.drone_id)
+
+
+def _plan_of(record: MissionRecord | None) -> MissionRecord | None:
+    return None if record is None else replace(record, report_seq=0, reported_activity=None)
+
+
+def _planned_in(record: MissionRecord) -> tuple[int, int] | None:
+    planned_in = record.planned_in
+    return None if planned_in is None else (planned_in.version, planned_in.conditions)

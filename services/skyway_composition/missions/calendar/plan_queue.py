@@ -1,0 +1,106 @@
+"""Plans a drone's QUEUED missions again, one after the other, from where the drone is free."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from skyway.runtime.clock import FleetClock
+from skyway.scheduling.slots import Slot
+from skyway.units import moment_to_ms
+from skyway_composition.missions.mission.from_trip import replanned_in_queue
+from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
+from skyway_composition.planning.availability import hand_over_time_ms, slot_after
+from skyway_composition.planning.find_trip import NoTrip, round_trip
+from skyway_composition.planning.problem_for import Standing, delivery_problem
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.standby import StandbyChoice
+from skyway_composition.planning.trip import Trip
+from skyway_composition.planning.world import World
+
+#: A mission may begin this much later than its drone is free and keep its plan, fleet milliseconds.
+_MOST_SLACK_MS: Final = 60_000
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """A QUEUED mission with a new plan; its standby may end at `until_ms` for the next mission."""
+
+    record: MissionRecord
+    trip: Trip
+    until_ms: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """A QUEUED mission for which its drone has no plan any more."""
+
+    record: MissionRecord
+    reason: NoTrip
+
+
+async def plan_queue(
+    solver: SolverPool,
+    world: World,
+    queued: Sequence[MissionRecord],
+    slot: Slot,
+    *,
+    clock: FleetClock,
+) -> list[Moved | Dropped]:
+    """New plans for the missions that no longer fit, in order; all later missions keep theirs.
+
+    Nothing changes while a mission has no plan for a temporary reason: it is tried again. The pads
+    of all of `queued` count as free in `world`.
+    """
+    changed: list[Moved | Dropped] = []
+    planned_in = PlannedIn(world.skyway.version, world.conditions_version)
+    for record in queued:
+        if changed and _keeps_its_plan(record, slot, planned_in):
+            _end_last_standby(changed, record.start.at_ms - hand_over_time_ms(clock))
+            break
+        trip = await _trip(solver, world, record, slot)
+        if isinstance(trip, NoTrip) and trip.is_temporary:
+            return []
+        if isinstance(trip, NoTrip):
+            changed.append(Dropped(record, trip))
+            continue
+        _end_last_standby(changed, trip.start_ms - hand_over_time_ms(clock))
+        moved = replanned_in_queue(
+            record, trip, slot, margins=world.skyway.settings.margins, planned_in=planned_in
+        )
+        changed.append(Moved(moved, trip))
+        following = slot_after(moved.stays, not_before_ms=0, clock=clock)
+        if following is not None:
+            slot = following
+    return changed
+
+
+def _keeps_its_plan(record: MissionRecord, slot: Slot, planned_in: PlannedIn) -> bool:
+    start = record.start
+    latest_ms = max(slot.at_ms, record.earliest_ms) + _MOST_SLACK_MS
+    is_in_time = slot.at_ms <= start.at_ms <= latest_ms
+    return is_in_time and slot.allows(start) and record.planned_in == planned_in
+
+
+def _end_last_standby(changed: list[Moved | Dropped], until_ms: int) -> None:
+    """End the standby of the last mission with a new plan when the next mission begins."""
+    for index in reversed(range(len(changed))):
+        last = changed[index]
+        if isinstance(last, Moved):
+            changed[index] = replace(last, until_ms=until_ms)
+            return
+
+
+async def _trip(
+    solver: SolverPool, world: World, record: MissionRecord, slot: Slot
+) -> Trip | NoTrip:
+    request, candidate = record.request, record.candidate
+    deadline_at = request.qos.deadline_at
+    problem = delivery_problem(
+        world,
+        Standing(candidate.model, slot.soc, slot.station_id),
+        pickup=request.pickup.station_id,
+        packages=request.packages,
+        start_ms=max(slot.at_ms, record.earliest_ms),
+        latest_ms=None if deadline_at is None else moment_to_ms(deadline_at),
+    )
+    return await round_trip(solver, world, problem, standby=StandbyChoice.of(candidate))

@@ -1,0 +1,106 @@
+"""Calls a mission off: it ends once its drone has confirmed that it will not fly the mission.
+
+A clock does not know when a drone reads a CANCEL. The broker or the link may hold it back until the
+drone has loaded. So the mission keeps its drone, its pads and its packages until the drone answers.
+"""
+
+from collections.abc import Collection
+from dataclasses import replace
+
+from skyway.contracts.drone_report import Ack
+from skyway.contracts.flight_step import PickUpStep
+from skyway.ids import PackageId
+from skyway.units import moment_to_ms
+from skyway_composition.links.instruction_store import last_cancel
+from skyway_composition.missions.mission.custody import has_never_left
+from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.end import end_cancelled
+from skyway_composition.missions.mission.instruct import call_off
+from skyway_composition.missions.mission.notify import report
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.step_store import steps_of
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.store import plan_now, retry_stuck
+
+
+async def request_call_off(
+    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
+) -> None:
+    """Instruct the drone to cancel a mission that has a trouble, and wait for its answer.
+
+    Planning waits too, at most until the instruction expires.
+    """
+    await call_off(
+        work,
+        record.drone_id,
+        mission_id=record.mission_id,
+        revision=record.mission.revision,
+        reason=f"{code}: {detail}",
+    )
+    answered_by = work.clock.wall_now() + work.courier.lifetime / work.clock.rate
+    await retry_stuck(work.tx, record.mission_id, at_wall_ms=moment_to_ms(answered_by))
+
+
+async def handle_answer_to_cancel(work: MissionUnitOfWork, record: MissionRecord, ack: Ack) -> None:
+    """End a live mission that its drone has cancelled; plan for it if the drone refused.
+
+    A drone that has lost its journal accepts the CANCEL of a mission that it does not know.
+    """
+    doubt = record.mission.doubt
+    if doubt is not None and doubt.code == "JOURNAL_LOST":
+        return
+    if ack.status == "REJECTED":
+        await plan_now(work.tx, record.mission_id)
+        return
+    sent = await last_cancel(work.tx, work.links[record.drone_id], record.mission_id)
+    reason = "CANCELLED: the drone has cancelled the mission" if sent is None else sent.reason
+    code, _, detail = reason.partition(": ")
+    cancelled = {aim.package_id for aim in record.aims if aim.kind == "RETURN"}
+    record = await _release(work, record, cancelled, code=code, detail=detail)
+    await end_cancelled(work, record, code=code, detail=detail)
+
+
+async def release_left_out(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
+    """Release cancelled packages that the drone no longer loads by its new plan."""
+    asked = set(record.left_out)
+    if not asked:
+        return record
+    steps = await steps_of(work.tx.connection, record.mission_id)
+    to_load = {
+        package.package_id
+        for each in steps
+        if each.status == "PLANNED" and isinstance(each.step, PickUpStep)
+        for package in each.step.packages
+    }
+    return await _release(
+        work,
+        record,
+        asked - to_load,
+        code="CANCELLED",
+        detail="the drone has a new plan that leaves them at the pickup",
+    )
+
+
+async def _release(
+    work: MissionUnitOfWork,
+    record: MissionRecord,
+    package_ids: Collection[PackageId],
+    *,
+    code: str,
+    detail: str,
+) -> MissionRecord:
+    """Report these packages released, except those that have left the pickup."""
+    held = await held_packages(work.tx.connection, record.mission.delivery_id)
+    staying = tuple(each for each in sorted(package_ids) if has_never_left(held.get(each)))
+    if not staying:
+        return record
+    aims = tuple(aim for aim in record.aims if aim.package_id not in staying)
+    return report(
+        work,
+        replace(record, aims=aims),
+        "RELEASED",
+        at=work.clock.now(),
+        package_ids=staying,
+        code=code,
+        detail=detail,
+    )

@@ -1,0 +1,93 @@
+"""Schedules over REST: operators see those of all drones, a provider those of its own."""
+
+from collections import defaultdict
+from typing import Annotated
+
+from fastapi import Depends, Query
+
+from skyway.ids import DroneId, ProviderId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import NotFound
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.paging import page_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
+from skyway.units import moment_to_ms
+from skyway_composition.links.store import link_to
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.schedule import store
+from skyway_composition.missions.schedule.schedule import (
+    DroneSchedule,
+    ProviderSchedule,
+    schedule_of,
+)
+from skyway_composition.missions.schedule.schedule_query import ScheduleQuery
+
+
+def schedule_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
+    """GET /v1/drones/{drone_id}/schedule and /v1/providers/{provider_id}/schedule."""
+    router = ServiceRouter(tags=("missions",))
+
+    @router.get("/v1/drones/{drone_id}/schedule")
+    async def get_drone_schedule(
+        drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
+    ) -> DroneSchedule:
+        """Show the missions of a drone that are not over, in time order.
+
+        A drone that has never connected is not found.
+        """
+        caller.must_be("operator", "provider")
+        async with db.read() as connection:
+            link = await link_to(connection, drone_id)
+            if link is None or not _may_see(caller, link.provider_id):
+                raise NotFound("drone", drone_id)
+            records = await store.open_of_drone(connection, drone_id)
+            flown = await store.flown_times(connection, records)
+        return schedule_of(drone_id, link.provider_id, records, flown=flown, now=clock.now())
+
+    @router.get("/v1/providers/{provider_id}/schedule")
+    async def get_provider_schedule(
+        provider_id: ProviderId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[ScheduleQuery, Query()],
+    ) -> ProviderSchedule:
+        """Show the missions of a provider's drones in a span, drone by drone.
+
+        Missions that were refused or cancelled are not shown.
+        """
+        caller.must_be("operator", "provider")
+        if not _may_see(caller, provider_id):
+            raise NotFound("provider", provider_id)
+        now = clock.now()
+        now_ms, span, after = moment_to_ms(now), query.span(now), query.after(str)
+        async with db.survey() as connection:
+            drone_ids = await store.drones_in_span(
+                connection,
+                provider_id,
+                span,
+                now_ms=now_ms,
+                after=str(after[0]) if after else None,
+                limit=query.limit + 1,
+            )
+            records = await store.missions_in_span(
+                connection, provider_id, drone_ids, span, now_ms=now_ms
+            )
+            flown = await store.flown_times(connection, records)
+        by_drone: dict[DroneId, list[MissionRecord]] = defaultdict(list)
+        for record in records:
+            by_drone[record.drone_id].append(record)
+        page = page_of(
+            drone_ids,
+            query,
+            item=lambda each: schedule_of(each, provider_id, by_drone[each], flown=flown, now=now),
+            sort_key=lambda each: (each,),
+        )
+        return ProviderSchedule(
+            **dict(page), provider_id=provider_id, from_at=span.from_at, to_at=span.to_at
+        )
+
+    return router
+
+
+def _may_see(caller: Caller, provider_id: ProviderId) -> bool:
+    return caller.role == "operator" or caller.subject_id == provider_id

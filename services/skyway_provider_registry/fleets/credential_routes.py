@@ -1,0 +1,146 @@
+"""Credentials of drones over REST: the drone exchanges and rotates, its provider revokes."""
+
+from collections.abc import Awaitable, Callable
+from typing import Annotated
+
+from fastapi import Depends, Request, Response
+
+from skyway.ids import DroneId, ProviderId
+from skyway.json_model import JsonModel
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.problem_answers import conflicts
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.idempotency.once import Answer, once
+from skyway.runtime.sql.database import Database, Tx
+from skyway_provider_registry.enrolment import token_store as tokens
+from skyway_provider_registry.enrolment.drone_secrets import token_hash
+from skyway_provider_registry.enrolment.password_file import PasswordFile
+from skyway_provider_registry.fleets import store
+from skyway_provider_registry.fleets.issue_credentials import (
+    Credentials,
+    Enrolment,
+    EnrolmentRequest,
+    IssuedToken,
+    Issuer,
+    enrol,
+    issue_token,
+    revoke,
+    rotate,
+)
+
+_DRONE = "/v1/providers/{provider_id}/drones/{drone_id}"
+
+
+def credential_routes(
+    *,
+    db: Database,
+    gate: ServiceGate,
+    clock: FleetClock,
+    password_file: PasswordFile,
+    issuer: Issuer,
+) -> ServiceRouter:
+    """POST /v1/enrolments and /rotations, a drone's enrolment tokens, DELETE of credentials."""
+    router = ServiceRouter(tags=("enrolment",))
+
+    async def answer_once(
+        request: Request,
+        caller: Caller,
+        key: str | None,
+        act: Callable[[Tx], Awaitable[JsonModel]],
+    ) -> Response:
+        async def shown(tx: Tx) -> Answer:
+            return Answer(201, (await act(tx)).model_dump_json().encode())
+
+        answer = await once(
+            db,
+            caller=str(caller),
+            route=f"POST {request.scope['path']}",
+            key=key,
+            body=await request.body(),
+            act=shown,
+            clock=clock,
+        )
+        response = response_of(answer)
+        # No proxy between us and the drone may store secrets that are shown once.
+        response.headers["Cache-Control"] = "no-store"
+        return response
+
+    @router.post(
+        "/v1/enrolments",
+        status_code=201,
+        response_model=Enrolment,
+        responses=conflicts("TOKEN_EXPIRED", "TOKEN_USED"),
+    )
+    async def enrol_drone(
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        requested: EnrolmentRequest,
+        idempotency_key: IdempotencyKey = None,
+    ) -> Response:
+        """Exchange an enrolment token for a drone's credentials, once.
+
+        With an Idempotency-Key a lost answer can be asked for again.
+        """
+        caller.must_be("service")
+
+        async with db.read() as connection:
+            await tokens.must_exist(connection, token_hash(requested.enrolment_token))
+
+        async def act(tx: Tx) -> Enrolment:
+            return await enrol(
+                tx, requested.enrolment_token, issuer=issuer, wall_now=clock.wall_now()
+            )
+
+        answer = await answer_once(request, caller, idempotency_key, act)
+        await password_file.refresh()
+        return answer
+
+    @router.post("/v1/enrolments/rotations", status_code=201, response_model=Credentials)
+    async def rotate_drone_credentials(
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        idempotency_key: IdempotencyKey = None,
+    ) -> Response:
+        """Give the calling drone new credentials.
+
+        The old credentials stop when the new key is first used.
+        """
+        caller.must_be("drone")
+
+        async def act(tx: Tx) -> Credentials:
+            return await rotate(tx, DroneId(caller.subject_id), issuer=issuer)
+
+        return await answer_once(request, caller, idempotency_key, act)
+
+    @router.post(f"{_DRONE}/enrolment-tokens", status_code=201, response_model=IssuedToken)
+    async def create_enrolment_token(
+        provider_id: ProviderId,
+        drone_id: DroneId,
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        idempotency_key: IdempotencyKey = None,
+    ) -> Response:
+        """Make another enrolment token; the token before stops, the drone's credentials do not."""
+        caller.must_be("operator", "provider")
+
+        async def act(tx: Tx) -> IssuedToken:
+            await store.of_caller(tx.connection, caller, provider_id=provider_id, drone_id=drone_id)
+            return await issue_token(tx, drone_id, wall_now=clock.wall_now())
+
+        return await answer_once(request, caller, idempotency_key, act)
+
+    @router.delete(f"{_DRONE}/credentials", status_code=204)
+    async def revoke_drone_credentials(
+        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Response:
+        """Refuse a drone's credentials from now on; it may enrol again with another token."""
+        caller.must_be("operator", "provider")
+        async with db.write() as tx:
+            await store.of_caller(tx.connection, caller, provider_id=provider_id, drone_id=drone_id)
+            await revoke(tx, drone_id, wall_now=clock.wall_now())
+        await password_file.refresh()
+        return Response(status_code=204)
+
+    return router

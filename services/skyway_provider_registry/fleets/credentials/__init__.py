@@ -1,1 +1,0 @@
-"""Credentials of drones: a drone enrols, rotates its credentials, and its provider revokes them."""

@@ -1,0 +1,192 @@
+"""Issues a drone's credentials: the first by a token, the next ones by a rotation."""
+
+from datetime import datetime
+from typing import Annotated, Final
+
+from pydantic import AwareDatetime, Field
+
+from skyway.broker_setup.certificates import CertificateAuthority
+from skyway.broker_setup.passwords import hash_password
+from skyway.contracts.message import Soc
+from skyway.drone.model import DroneModel
+from skyway.geo import Position
+from skyway.ids import DroneId, ProviderId, StationId
+from skyway.json_model import JsonModel
+from skyway.runtime.errors import AccessDenied
+from skyway.runtime.sql.database import Tx
+from skyway_provider_registry.enrolment import account_store as accounts
+from skyway_provider_registry.enrolment import drone_key_store as drone_keys
+from skyway_provider_registry.enrolment import token_store as tokens
+from skyway_provider_registry.enrolment.drone_secrets import (
+    TOKEN_LIFE,
+    key_hash,
+    new_key,
+    new_password,
+    new_token,
+    token_hash,
+)
+from skyway_provider_registry.fleets import store
+from skyway_provider_registry.fleets.drone import MqttAccount
+from skyway_provider_registry.presence import store as presence
+
+#: Characters.
+_LONGEST_TOKEN: Final = 200
+
+
+class EnrolmentRequest(JsonModel):
+    """The body of POST /v1/enrolments."""
+
+    enrolment_token: Annotated[
+        str,
+        Field(
+            min_length=1,
+            max_length=_LONGEST_TOKEN,
+            repr=False,
+            description="the token that the drone's registration showed",
+            examples=["enr_3q2-7w"],
+        ),
+    ]
+
+
+class IssuedToken(JsonModel):
+    """A new enrolment token."""
+
+    drone_id: Annotated[DroneId, Field(description="the drone that may enrol with it")]
+    enrolment_token: Annotated[
+        str, Field(repr=False, description="the token; it is shown only once")
+    ]
+    expires_at: Annotated[
+        AwareDatetime, Field(description="until when it can be exchanged, wall time")
+    ]
+
+
+class ClientCertificate(JsonModel):
+    """A client certificate, for a broker that requires more than a password."""
+
+    certificate_pem: Annotated[str, Field(description="the drone's certificate, PEM")]
+    private_key_pem: Annotated[str, Field(repr=False, description="its private key, PEM")]
+    ca_pem: Annotated[
+        str, Field(description="certificate of the authority that the drone trusts, PEM")
+    ]
+
+
+class Credentials(JsonModel):
+    """A broker account, and a key for the drone's own REST calls; both are shown only once."""
+
+    mqtt: Annotated[MqttAccount, Field(description="account at the broker")]
+    certificate: Annotated[
+        ClientCertificate | None,
+        Field(description="null where the deployment has no authority for drones"),
+    ]
+    key: Annotated[
+        str, Field(repr=False, description="bearer token for the drone's own REST calls")
+    ]
+
+
+class Enrolment(Credentials):
+    """Everything that a drone needs to start: its identity, its position and its credentials."""
+
+    drone_id: Annotated[DroneId, Field(description="id of the drone")]
+    provider_id: Annotated[ProviderId, Field(description="id of its provider")]
+    model: Annotated[DroneModel, Field(description="its drone model with all limits")]
+    home_station_id: Annotated[StationId, Field(description="id of its home station")]
+    home_position: Annotated[
+        Position, Field(description="longitude and latitude of the home station, degrees")
+    ]
+    station_id: Annotated[
+        StationId | None, Field(description="the station where it last stood; null if unknown")
+    ]
+    position: Annotated[
+        Position | None, Field(description="its last longitude and latitude; null if unknown")
+    ]
+    soc: Annotated[Soc, Field(description="its last state of charge, 0 to 1")]
+
+
+class Issuer:
+    """Makes credentials; with an authority they include a certificate."""
+
+    def __init__(self, authority: CertificateAuthority | None) -> None:
+        self._authority = authority
+
+    def make(self, drone_id: DroneId) -> Credentials:
+        """New credentials, not stored yet; this only computes."""
+        return Credentials(
+            mqtt=MqttAccount(user_name=drone_id, password=new_password()),
+            certificate=self._certificate(drone_id),
+            key=new_key(),
+        )
+
+    def _certificate(self, drone_id: DroneId) -> ClientCertificate | None:
+        if self._authority is None:
+            return None
+        signed = self._authority.sign_drone(drone_id)
+        return ClientCertificate(
+            certificate_pem=signed.certificate_pem,
+            private_key_pem=signed.private_key_pem,
+            ca_pem=self._authority.certificate_pem,
+        )
+
+
+async def issue_token(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> IssuedToken:
+    """A new token for a drone; it replaces the old token, and the credentials stay valid."""
+    token, expires_at = new_token(), wall_now + TOKEN_LIFE
+    await tokens.put(tx, drone_id, token_hash=token_hash(token), expires_at=expires_at)
+    return IssuedToken(drone_id=drone_id, enrolment_token=token, expires_at=expires_at)
+
+
+async def enrol(tx: Tx, token: str, *, issuer: Issuer, wall_now: datetime) -> Enrolment:
+    """Exchange a token for credentials; the drone's earlier credentials stop working.
+
+    Raises
+    ------
+    AccessDenied
+        No drone has this token.
+    Conflict
+        The token was used before or is too old.
+    """
+    drone_id = await tokens.use(tx, token_hash(token), at=wall_now)
+    drone = (await store.by_id(tx.connection, drone_id)).shown(wall_now)
+    made = issuer.make(drone_id)
+    await accounts.set_password(tx, drone_id, password_hash=hash_password(made.mqtt.password))
+    await drone_keys.put(tx, drone_id, key_hash=key_hash(made.key))
+    return Enrolment(
+        drone_id=drone_id,
+        provider_id=drone.provider_id,
+        model=drone.model,
+        home_station_id=drone.home_station_id,
+        home_position=drone.home_position,
+        station_id=drone.station_id,
+        position=drone.position,
+        soc=drone.soc,
+        mqtt=made.mqtt,
+        certificate=made.certificate,
+        key=made.key,
+    )
+
+
+async def rotate(tx: Tx, drone_id: DroneId, *, issuer: Issuer) -> Credentials:
+    """The next credentials; they replace the present ones when the drone first uses the new key.
+
+    Raises
+    ------
+    AccessDenied
+        The drone's credentials were revoked in the meantime.
+    """
+    made = issuer.make(drone_id)
+    has_key = await drone_keys.put_next(
+        tx,
+        drone_id,
+        key_hash=key_hash(made.key),
+        password_hash=hash_password(made.mqtt.password),
+    )
+    if not has_key:
+        raise AccessDenied(f"drone {drone_id} has no credentials to rotate")
+    return made
+
+
+async def revoke(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> None:
+    """Stop the drone's account, key and token, and count the drone as lost."""
+    await presence.cut_off(tx, drone_id)
+    await accounts.revoke(tx, drone_id, at=wall_now)
+    await drone_keys.remove(tx, drone_id)
+    await tokens.remove(tx, drone_id)

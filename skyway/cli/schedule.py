@@ -1,0 +1,147 @@
+"""`skyway schedule`: what drones and pads will do, drawn as text."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from datetime import datetime
+from typing import Annotated, Any, Final
+from urllib.parse import quote
+
+import typer
+
+from skyway.cli.data_folder import DataFolder, DataOption, data_folder
+from skyway.cli.gantt import Bar, Row, gantt_lines
+from skyway.cli.gateway import call_gateway, fail
+
+_OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
+
+#: The characters of a mission's service that its drone knows, of one that waits, and of standby.
+_SERVICE, _QUEUED, _STANDBY, _PAD = "#", "=", ".", "#"
+
+_LEGEND: Final = (
+    f"fleet time, UTC   {_SERVICE} service   {_QUEUED} service, queued   {_STANDBY} standby"
+)
+_PAD_LEGEND: Final = f"fleet time, UTC   {_PAD} reserved"
+
+#: Columns of the bars in a narrow terminal.
+_LEAST_COLUMNS: Final = 40
+
+#: Columns for ids and notes beside the bars.
+_BESIDE: Final = 76
+
+
+def schedule_command(
+    drone: Annotated[str | None, typer.Option(metavar="ID", help="Only this drone.")] = None,
+    provider: Annotated[
+        str | None, typer.Option(metavar="ID", help="Only the drones of this provider.")
+    ] = None,
+    station: Annotated[
+        str | None, typer.Option(metavar="ID", help="The pads of this station instead.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the gateway's answer as JSON.")
+    ] = False,
+    data: DataOption = None,
+) -> None:
+    """Draw the calendars of drones, or of a station's pads: a line for each, in fleet time."""
+    if sum(each is not None for each in (drone, provider, station)) > 1:
+        fail("give only one of --drone, --provider and --station")
+    folder = data_folder(data)
+    if station is not None:
+        items = [*_items(folder, f"/v1/stations/{quote(station, safe='')}/reservations")]
+        rows, legend = _pad_rows(items), _PAD_LEGEND
+    else:
+        items = _drone_schedules(folder, drone, provider)
+        rows, legend = [_drone_row(each) for each in items], _LEGEND
+    if as_json:
+        is_one = drone is not None
+        typer.echo(json.dumps(items[0] if is_one else {"items": items}, indent=2))
+        return
+    for line in _drawn(rows, legend):
+        typer.echo(line)
+
+
+def _drone_schedules(
+    folder: DataFolder, drone: str | None, provider: str | None
+) -> list[dict[str, Any]]:
+    """The schedules of one drone, of one provider's drones, or of all drones."""
+    if drone is not None:
+        return [_get(folder, f"/v1/drones/{quote(drone, safe='')}/schedule")]
+    if provider is not None:
+        return [*_items(folder, f"/v1/providers/{quote(provider, safe='')}/schedule")]
+    providers = [each["provider_id"] for each in _items(folder, "/v1/providers")]
+    return [one for each in providers for one in _items(folder, f"/v1/providers/{each}/schedule")]
+
+
+def _items(folder: DataFolder, path: str) -> Iterator[dict[str, Any]]:
+    """All items of a list; Any: the route documents the item's JSON."""
+    cursor = None
+    while True:
+        page = _get(folder, f"{path}?limit=200" + (f"&cursor={cursor}" if cursor else ""))
+        yield from page["items"]
+        cursor = page["next_cursor"]
+        if cursor is None:
+            return
+
+
+def _get(folder: DataFolder, path: str) -> dict[str, Any]:
+    answer: dict[str, Any] = call_gateway("GET", path, key_name=_OPERATOR_KEY, folder=folder)
+    return answer
+
+
+def _drone_row(schedule: dict[str, Any]) -> Row:
+    """A drone's line; a service covers the standby before it."""
+    entries = schedule["entries"]
+    standbys = [
+        Bar(_moment(each["service"]["served_at"]), _moment(each["standby"]["until_at"]), _STANDBY)
+        for each in entries
+    ]
+    services = [
+        Bar(
+            _moment(each["service"]["start_at"]),
+            _moment(each["service"]["served_at"]),
+            _QUEUED if each["state"] == "QUEUED" else _SERVICE,
+        )
+        for each in entries
+    ]
+    return Row(schedule["drone_id"], (*standbys, *services), _free(schedule))
+
+
+def _free(schedule: dict[str, Any]) -> str:
+    free = schedule["free_from"]
+    if free is None:
+        return "" if schedule["entries"] else "free"
+    return f"free {_moment(free['at']):%m-%d %H:%M} {free['station_id']} {free['soc']:.0%}"
+
+
+def _pad_rows(reservations: list[dict[str, Any]]) -> list[Row]:
+    pads = sorted({each["pad"] for each in reservations})
+    return [
+        Row(
+            f"pad {pad}",
+            tuple(
+                Bar(_moment(each["start_at"]), _moment(each["end_at"]), _PAD)
+                for each in reservations
+                if each["pad"] == pad
+            ),
+        )
+        for pad in pads
+    ]
+
+
+def _drawn(rows: list[Row], legend: str) -> list[str]:
+    bars = [bar for row in rows for bar in row.bars]
+    if not bars:
+        return [*(f"{row.label} {row.note}" for row in rows), "nothing is planned"]
+    columns = max(_LEAST_COLUMNS, shutil.get_terminal_size().columns - _BESIDE)
+    lines = gantt_lines(
+        rows,
+        start_at=min(bar.start_at for bar in bars),
+        end_at=max(bar.end_at for bar in bars),
+        columns=columns,
+    )
+    return [legend, *lines]
+
+
+def _moment(text: str) -> datetime:
+    return datetime.fromisoformat(text)

@@ -1,0 +1,104 @@
+"""When and where the drones of a shortlist can begin their next missions."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+from skyway_composition.planning.availability import (
+    Availability,
+    LastMission,
+    hand_over_time_ms,
+    slot_after,
+)
+
+from skyway.contracts.shortlist import Shortlist
+from skyway.ids import DroneId, MissionId, StationId
+from skyway.runtime.clock import ManualClock
+from skyway.scheduling.slots import Slot
+from skyway.scheduling.stays import Stay
+
+DRONE = DroneId("drn_1")
+B = StationId("b")
+DAY_MS = 24 * 3_600_000
+BEGINS_MS = 1_000_000
+
+
+def a_clock(rate: float = 1.0) -> ManualClock:
+    return ManualClock(datetime(2026, 3, 1, tzinfo=UTC), rate=rate)
+
+
+def last(number: int = 1, *, free_ms: int = BEGINS_MS, soc: float = 0.5) -> LastMission:
+    """A mission after which the drone stands at b from `free_ms` on."""
+    stays = (Stay(B, free_ms, None, soc, soc),)
+    return LastMission(DRONE, MissionId(f"msn_{number}"), start_ms=number, stays=stays)
+
+
+def available(*missions: LastMission, rate: float = 1.0) -> Availability:
+    return Availability.of(missions, begins_ms=BEGINS_MS, clock=a_clock(rate))
+
+
+def test_a_drone_begins_where_its_last_mission_leaves_it() -> None:
+    found = available(last(2, free_ms=BEGINS_MS + 60_000), last(1))
+
+    assert found.after[DRONE].mission_id == "msn_2"
+    assert found.after[DRONE].slot == Slot(B, BEGINS_MS + 60_000 + 30_000, 0.5)
+    assert found.busy == frozenset()
+
+
+@pytest.mark.parametrize(
+    ("rate", "hand_over_ms"), [(1.0, 30_000), (60.0, 90_000), (600.0, 900_000)]
+)
+def test_the_hand_over_takes_fleet_time_or_wall_time(rate: float, hand_over_ms: int) -> None:
+    assert hand_over_time_ms(a_clock(rate)) == hand_over_ms
+    free_ms = BEGINS_MS + DAY_MS // 2
+    found = available(last(free_ms=free_ms), rate=rate)
+    assert found.after[DRONE].slot.at_ms == free_ms + hand_over_ms
+
+
+def test_a_drone_that_is_free_now_can_still_begin_at_the_earliest_start() -> None:
+    found = available(last(free_ms=0))
+
+    assert found.after[DRONE].slot.at_ms == BEGINS_MS
+
+
+@pytest.mark.parametrize(("later_ms", "is_busy"), [(0, False), (1, True)])
+def test_a_drone_that_is_free_after_the_horizon_is_busy(later_ms: int, is_busy: bool) -> None:
+    free_ms = BEGINS_MS + DAY_MS - hand_over_time_ms(a_clock()) + later_ms
+
+    found = available(last(free_ms=free_ms))
+
+    assert (DRONE in found.busy, DRONE in found.after) == (is_busy, not is_busy)
+
+
+def test_a_drone_is_busy_while_the_plan_of_its_last_mission_is_in_question() -> None:
+    unsure = LastMission(DRONE, MissionId("msn_2"), start_ms=2)
+
+    found = available(last(1), unsure)
+
+    assert found.busy == {DRONE}
+
+
+def test_a_drone_that_flies_only_a_mission_that_is_over_here_is_busy() -> None:
+    assert available(LastMission(DRONE, None, start_ms=-1)).busy == {DRONE}
+
+
+def test_a_drone_that_reports_an_old_mission_begins_after_its_planned_ones() -> None:
+    found = available(LastMission(DRONE, None, start_ms=-1), last(1))
+
+    assert found.after[DRONE].mission_id == "msn_1"
+
+
+def test_a_drone_is_placed_where_it_begins_and_keeps_a_charge_at_its_reserve(make: Any) -> None:
+    shortlist = Shortlist.of([make.candidate(1), make.candidate(2)])
+
+    placed = available(last(soc=0.05)).placed(shortlist)
+
+    assert (placed.station_ids[0], placed.socs[0]) == ("b", 0.05)
+    assert (placed.station_ids[1], placed.socs[1]) == (
+        shortlist.station_ids[1],
+        shortlist.socs[1],
+    )
+
+
+def test_without_stays_nothing_follows_a_mission() -> None:
+    assert slot_after((), not_before_ms=0, clock=a_clock()) is None

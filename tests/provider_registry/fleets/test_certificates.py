@@ -1,0 +1,67 @@
+"""With an authority, a drone's credentials hold a certificate that this authority signed."""
+
+from pathlib import Path
+
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives.serialization import load_pem_private_key
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+from skyway_provider_registry.fleets.issue_credentials import Issuer
+
+from skyway.broker_setup.certificates import CertificateAuthority
+from skyway.ids import DroneId
+from skyway.runtime.errors import InvalidSettings
+
+DRONE = DroneId("drn_1")
+
+
+def test_a_drones_certificate_names_it_and_is_signed_for_clients(tmp_path: Path) -> None:
+    authority = CertificateAuthority.make(tmp_path / "ca")
+
+    made = Issuer(authority).make(DRONE).certificate
+
+    assert made is not None
+    certificate = x509.load_pem_x509_certificate(made.certificate_pem.encode())
+    certificate.verify_directly_issued_by(x509.load_pem_x509_certificate(made.ca_pem.encode()))
+    [name] = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    usage = certificate.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
+    key = load_pem_private_key(made.private_key_pem.encode(), password=None)
+    assert name.value == DRONE
+    assert list(usage) == [ExtendedKeyUsageOID.CLIENT_AUTH]
+    assert key.public_key() == certificate.public_key()
+
+
+def test_credentials_are_unique_and_hidden_in_representations(tmp_path: Path) -> None:
+    issuer = Issuer(CertificateAuthority.make(tmp_path / "ca"))
+
+    one, other = issuer.make(DRONE), issuer.make(DRONE)
+
+    assert one.key != other.key
+    assert one.mqtt.password != other.mqtt.password
+    assert one.certificate is not None
+    assert one.certificate != other.certificate
+    for secret in (one.key, one.mqtt.password, one.certificate.private_key_pem):
+        assert secret not in repr(one)
+
+
+def test_without_an_authority_there_is_no_certificate() -> None:
+    assert Issuer(None).make(DRONE).certificate is None
+
+
+def test_an_authority_is_made_once_and_only_this_user_can_read_it(tmp_path: Path) -> None:
+    first = CertificateAuthority.make(tmp_path / "ca")
+    again = CertificateAuthority.make(tmp_path / "ca")
+
+    assert first.certificate_pem == again.certificate_pem
+    modes = {path.name: path.stat().st_mode & 0o777 for path in (tmp_path / "ca").iterdir()}
+    assert modes == {"ca.pem": 0o600, "ca-key.pem": 0o600}
+
+
+@pytest.mark.parametrize("damage", ["nothing there", "not a key"])
+def test_a_folder_without_an_authority_is_named(tmp_path: Path, damage: str) -> None:
+    if damage == "not a key":
+        CertificateAuthority.make(tmp_path)
+        (tmp_path / "ca-key.pem").write_text("not a key")
+
+    with pytest.raises(InvalidSettings, match="certificate authority"):
+        CertificateAuthority.load(tmp_path)

@@ -1,0 +1,116 @@
+"""Corruptions of drones' calendars: of missions that wait for the missions before them."""
+
+from typing import Final
+
+from tests.verification.damaged_copies import Corruption
+
+_STATED: Final = "I16 a mission's stays and end of service are those of its plan"
+_FOLLOWS: Final = "I16 a QUEUED mission begins where the one before it leaves the drone"
+_PLANNED: Final = "I16 a QUEUED mission has a plan of its network, and only a QUEUED one waits"
+_TRIGGERS: Final = "every index and trigger of the newest migration exists"
+
+CALENDAR_CORRUPTIONS: Final = (
+    Corruption(
+        "the trigger on new times of drones dropped",
+        _TRIGGERS,
+        composition="DROP TRIGGER drone_time_taken_on_insert",
+    ),
+    Corruption(
+        "the trigger on changed times of drones dropped",
+        _TRIGGERS,
+        composition="DROP TRIGGER drone_time_taken_on_update",
+    ),
+    Corruption(
+        "two QUEUED missions that overlap",
+        "I16 QUEUED missions of a drone do not overlap",
+        composition="DROP TRIGGER drone_time_taken_on_update; UPDATE missions SET start_ms ="
+        " (SELECT served_ms - 1 FROM missions WHERE mission_id = :queued_mission)"
+        " WHERE mission_id = :queued_behind_mission",
+    ),
+    Corruption(
+        "a QUEUED mission that begins elsewhere than the one before ends",
+        _FOLLOWS,
+        composition="UPDATE missions SET candidate = json_set(candidate, '$.station_id', 'line-s3')"
+        " WHERE mission_id = :queued_behind_mission",
+    ),
+    Corruption(
+        "a QUEUED mission that begins with more charge than the one before leaves",
+        _FOLLOWS,
+        composition="UPDATE missions SET candidate = json_set(candidate, '$.soc', 1.0)"
+        " WHERE mission_id = :queued_behind_mission",
+    ),
+    Corruption(
+        "a QUEUED mission that ends elsewhere than the next one begins",
+        _FOLLOWS,
+        composition="UPDATE missions SET stays = replace(stays, 'line-near', 'line-s3')"
+        " WHERE mission_id = :queued_mission",
+    ),
+    Corruption(
+        "half of the stays of a mission",
+        "every stored text has its form",
+        composition="""UPDATE missions SET stays = '[["line-s1",1,2,0.5'"""
+        " WHERE mission_id = :completed_mission",
+    ),
+    Corruption(
+        "a stay without its charge",
+        "every stored text has its form",
+        composition="""UPDATE missions SET stays = '[["line-s1",1,2]]'"""
+        " WHERE mission_id = :completed_mission",
+    ),
+    Corruption(
+        "the stays of a QUEUED mission deleted",
+        _STATED,
+        composition="UPDATE missions SET stays = NULL WHERE mission_id = :queued_behind_mission",
+    ),
+    Corruption(
+        "a flying drone that is free an hour too early",
+        _STATED,
+        composition="UPDATE missions SET served_ms = served_ms - 3600000"
+        " WHERE mission_id = :flying_mission",
+    ),
+    Corruption(
+        "a QUEUED mission that no longer knows its network",
+        _PLANNED,
+        composition="UPDATE missions SET planned_version = NULL WHERE mission_id = :queued_mission",
+    ),
+    Corruption(
+        "a QUEUED mission that no closure can change",
+        _PLANNED,
+        composition="UPDATE missions SET planned_conditions = NULL"
+        " WHERE mission_id = :queued_mission",
+    ),
+    Corruption(
+        "a QUEUED mission that takes no time",
+        _PLANNED,
+        composition="UPDATE missions SET served_ms = start_ms"
+        " WHERE mission_id = :queued_behind_mission",
+    ),
+    Corruption(
+        "a live mission that waits in the calendar",
+        _PLANNED,
+        composition="UPDATE missions SET planned_version = 1, planned_conditions = 1"
+        " WHERE mission_id = :flying_mission",
+    ),
+    Corruption(
+        "a mission that was sent put back into the calendar",
+        "I16 a QUEUED mission was not sent to its drone",
+        composition="UPDATE missions SET state = 'QUEUED', body = json_set(body, '$.state',"
+        " 'QUEUED'), planned_version = 1, planned_conditions = 1"
+        " WHERE mission_id = :booked_mission",
+    ),
+    Corruption(
+        "the pads of a QUEUED mission freed",
+        "I3 a mission holds the pads of its steps",
+        composition="DELETE FROM pad_reservations WHERE mission_id = :queued_mission",
+    ),
+    Corruption(
+        "the steps of a QUEUED mission deleted",
+        "I4 a mission has steps",
+        composition="DELETE FROM mission_steps WHERE mission_id = :queued_mission",
+    ),
+    Corruption(
+        "a delivery closed while its mission is QUEUED",
+        "a closed delivery has no mission that is not over",
+        composition="UPDATE deliveries SET closed_ms = 1 WHERE delivery_id = :queued",
+    ),
+)

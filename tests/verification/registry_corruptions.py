@@ -1,0 +1,252 @@
+"""Corruptions of the registry's database, and of what two services know of the same thing."""
+
+from typing import Final
+
+from tests.verification.damaged_copies import Corruption
+
+_REGISTERED: Final = "the drone of a live mission is registered"
+_FREE: Final = "a hint says when, where and with what charge its drone is free, or nothing"
+_CHANGES: Final = "the change numbers are not behind the changes"
+
+_REGISTRY: Final = (
+    Corruption(
+        "an index of the registry dropped",
+        "every index and trigger of the newest migration exists",
+        registry="DROP INDEX mission_hints_by_drone",
+    ),
+    Corruption(
+        "a provider deleted with its drones left",
+        "every row that is referred to exists",
+        registry="DELETE FROM providers WHERE name = 'Flying Air'",
+    ),
+    Corruption(
+        "a tariff below zero",
+        "every stored text has its form",
+        registry="UPDATE providers SET tariff = json_set(tariff, '$.base', -100)",
+    ),
+    Corruption(
+        "the broker account of a drone deleted",
+        "every drone has a broker account",
+        registry="DELETE FROM broker_accounts WHERE user_name = :flying_drone",
+    ),
+    Corruption(
+        "a broker account without a drone",
+        "every drone's broker account has a drone",
+        registry="UPDATE broker_accounts SET user_name = 'drn_gone'"
+        " WHERE user_name = :silent_drone",
+    ),
+    Corruption(
+        "the password of a broker account cut",
+        "every stored text has its form",
+        registry="UPDATE broker_accounts SET password_hash = substr(password_hash, 1, 20)"
+        " WHERE user_name = :flying_drone",
+    ),
+    Corruption(
+        "the hash of an enrolment token cut",
+        "every stored text has its form",
+        registry="UPDATE enrolment_tokens SET token_hash = substr(token_hash, 1, 20)"
+        " WHERE drone_id = :flying_drone",
+    ),
+    Corruption(
+        "the presence of a drone deleted",
+        "every drone has one presence",
+        registry="DELETE FROM presence WHERE drone_id = :flying_drone",
+    ),
+    Corruption(
+        "a presence without its drone",
+        "every presence has a drone",
+        registry="DELETE FROM drones WHERE drone_id = :silent_drone",
+    ),
+    Corruption(
+        "a model that nobody knows",
+        "every drone has an existing model",
+        registry="UPDATE drones SET model_id = 'pigeon' WHERE drone_id = :flying_drone",
+    ),
+    Corruption(
+        "a charge above full",
+        "a drone's charge and place are possible",
+        registry="UPDATE presence SET soc = 7.5 WHERE drone_id = :flying_drone",
+    ),
+    Corruption(
+        "a drone outside the world",
+        "a drone's charge and place are possible",
+        registry="UPDATE presence SET latitude_deg = 123.0 WHERE drone_id = :flying_drone",
+    ),
+    Corruption(
+        "a home outside the world",
+        "a drone's home is on earth, and its first charge possible",
+        registry="UPDATE drones SET home_latitude_deg = 123.0 WHERE drone_id = :flying_drone",
+    ),
+    Corruption(
+        "an endless number in a sample",
+        "a sample of telemetry is possible",
+        registry="UPDATE telemetry_samples SET power_w = 9e999",
+    ),
+    Corruption(
+        "a charge below zero in a sample",
+        "a sample of telemetry is possible",
+        registry="UPDATE telemetry_samples SET soc = -0.5",
+    ),
+    Corruption(
+        "a dead hint of a live mission",
+        "a hint is live while its mission is",
+        registry="UPDATE mission_hints SET is_live = 0 WHERE mission_id = :flying_mission",
+    ),
+    Corruption(
+        "a live hint of a QUEUED mission",
+        "a hint is live while its mission is",
+        registry="UPDATE mission_hints SET is_live = 1 WHERE mission_id = :queued_mission",
+    ),
+    Corruption(
+        "a drone that is free at no station",
+        _FREE,
+        registry="UPDATE mission_hints SET free_station_id = NULL"
+        " WHERE mission_id = :flying_mission",
+    ),
+    Corruption(
+        "a drone that is free at no time",
+        _FREE,
+        registry="UPDATE mission_hints SET free_ms = NULL WHERE mission_id = :queued_mission",
+    ),
+    Corruption(
+        "a drone that is free with more than a full battery",
+        _FREE,
+        registry="UPDATE mission_hints SET free_soc = 7.5 WHERE mission_id = :queued_mission",
+    ),
+    Corruption(
+        "the number of changes set back",
+        _CHANGES,
+        registry="UPDATE changes SET latest = 1",
+    ),
+    Corruption(
+        "the number of changes deleted",
+        _CHANGES,
+        registry="DELETE FROM changes",
+    ),
+)
+
+_ACROSS: Final = (
+    Corruption(
+        "a delivery that flies gone at the gateway",
+        "a delivery of composition is a delivery of the gateway",
+        gateway="DELETE FROM notifications WHERE delivery_id = :flying;"
+        " DELETE FROM events WHERE delivery_id = :flying;"
+        " DELETE FROM missions WHERE delivery_id = :flying;"
+        " DELETE FROM custody WHERE delivery_id = :flying;"
+        " DELETE FROM packages WHERE delivery_id = :flying;"
+        " DELETE FROM idempotency WHERE location = '/v1/deliveries/' || :flying;"
+        " DELETE FROM deliveries WHERE delivery_id = :flying",
+    ),
+    Corruption(
+        "all of a mission gone in composition",
+        "a mission of the gateway is a mission of composition",
+        composition="DELETE FROM outbox; DELETE FROM custody WHERE mission_id = :booked_mission;"
+        " DELETE FROM mission_steps WHERE mission_id = :booked_mission;"
+        " DELETE FROM pad_reservations WHERE mission_id = :booked_mission;"
+        " DELETE FROM instructions WHERE mission_id = :booked_mission;"
+        " DELETE FROM missions WHERE mission_id = :booked_mission;"
+        " DELETE FROM deliveries WHERE delivery_id = :booked;"
+        " UPDATE drone_links SET last_seq = 0, stream = 0 WHERE drone_id = :silent_drone",
+    ),
+    Corruption(
+        "a live mission for which the gateway does not wait",
+        "a live mission is one of its delivery at the gateway",
+        gateway="DELETE FROM missions WHERE mission_id = :flying_mission",
+    ),
+    Corruption(
+        "a QUEUED mission for which the gateway does not wait",
+        "a live mission is one of its delivery at the gateway",
+        gateway="DELETE FROM missions WHERE mission_id = :queued_mission",
+    ),
+    Corruption(
+        "a report lost between the services",
+        "the gateway has every report that composition has sent",
+        gateway="UPDATE missions SET report_seq = report_seq - 1"
+        " WHERE mission_id = :flying_mission",
+    ),
+    Corruption(
+        "a report that was never sent",
+        "composition has sent every report that the gateway has",
+        composition="UPDATE missions SET report_seq = report_seq - 1"
+        " WHERE mission_id = :flying_mission",
+    ),
+    Corruption(
+        "a mission with another drone at the gateway",
+        "gateway and composition agree on a mission",
+        gateway="UPDATE missions SET drone_id = :silent_drone,"
+        " body = json_set(body, '$.drone_id', :silent_drone) WHERE mission_id = :flying_mission",
+    ),
+    Corruption(
+        "a package delivered at the gateway only",
+        "I6 what the gateway counts as delivered is delivered in composition",
+        gateway="INSERT INTO custody SELECT delivery_id, 'p2', 3, custodian_kind, 'line-s3', at_ms"
+        " FROM custody WHERE delivery_id = :flying AND seq = 3;"
+        " UPDATE packages SET state = 'DELIVERED', custodian_kind = 'RECIPIENT',"
+        " custodian_id = 'line-s3', custody_seq = 3, delivered_ms = 1"
+        " WHERE delivery_id = :flying AND package_id = 'p2'",
+    ),
+    Corruption(
+        "a package delivered in composition only",
+        "I6 what composition counts as delivered is delivered at the gateway",
+        gateway="DELETE FROM custody WHERE delivery_id = :completed AND seq = 3",
+    ),
+    Corruption(
+        "a package with another drone at the gateway",
+        "I6 a drone that has a package at the gateway has it in composition",
+        gateway="UPDATE custody SET custodian_id = :silent_drone"
+        " WHERE delivery_id = :flying AND seq = 2",
+    ),
+    Corruption(
+        "a package that no drone has at the gateway",
+        "I6 a drone that has a package in composition has it at the gateway",
+        gateway="DELETE FROM custody WHERE delivery_id = :flying AND package_id = 'p2'"
+        " AND seq = 2; UPDATE packages SET custody_seq = 1, custodian_kind = 'STATION',"
+        " custodian_id = 'line-s1', state = 'CREATED' WHERE delivery_id = :flying"
+        " AND package_id = 'p2'",
+    ),
+    Corruption(
+        "a drone deleted while it flies",
+        _REGISTERED,
+        registry="DELETE FROM mission_hints WHERE drone_id = :flying_drone;"
+        " DELETE FROM enrolment_tokens WHERE drone_id = :flying_drone;"
+        " DELETE FROM broker_accounts WHERE user_name = :flying_drone;"
+        " DELETE FROM presence WHERE drone_id = :flying_drone;"
+        " DELETE FROM drones WHERE drone_id = :flying_drone",
+    ),
+    Corruption(
+        "a flying drone of another provider",
+        _REGISTERED,
+        registry="UPDATE drones SET provider_id = (SELECT provider_id FROM providers"
+        " WHERE name = 'Silent Air') WHERE drone_id = :flying_drone",
+    ),
+    Corruption(
+        "the hint of a live mission deleted",
+        "the registry knows that a drone on a live mission is busy",
+        registry="DELETE FROM mission_hints WHERE mission_id = :flying_mission",
+    ),
+    Corruption(
+        "a drone busy for ever",
+        "the registry knows that a mission is over",
+        registry="UPDATE mission_hints SET mission_state = 'ACTIVE', is_live = 1"
+        " WHERE mission_id = :completed_mission",
+    ),
+    Corruption(
+        "a QUEUED mission that the registry calls live",
+        "the registry knows that a mission is over",
+        registry="UPDATE mission_hints SET mission_state = 'ACTIVE', is_live = 1"
+        " WHERE mission_id = :queued_mission",
+    ),
+    Corruption(
+        "a hint of a mission that nobody booked",
+        "the registry knows no mission that composition does not have",
+        registry="UPDATE mission_hints SET mission_id = 'msn_invented'"
+        " WHERE mission_id = :completed_mission",
+    ),
+    Corruption(
+        "a provider's key whose provider is gone",
+        "a provider that has a key is registered",
+        gateway="UPDATE api_keys SET subject_id = 'prv_gone' WHERE role = 'provider'",
+    ),
+)
+
+REGISTRY_CORRUPTIONS: Final = (*_REGISTRY, *_ACROSS)

@@ -1,0 +1,61 @@
+"""Each corruption of a real system's databases is made, and `skyway verify` names it."""
+
+import asyncio
+
+import pytest
+
+from skyway.cli.verify.command import RULES as ACROSS
+from tests.verification.calendar_corruptions import CALENDAR_CORRUPTIONS
+from tests.verification.composition_corruptions import COMPOSITION_CORRUPTIONS
+from tests.verification.damaged_copies import RULES, Corruption, StoppedSystem
+from tests.verification.gateway_corruptions import GATEWAY_CORRUPTIONS
+from tests.verification.mission_corruptions import MISSION_CORRUPTIONS
+from tests.verification.registry_corruptions import REGISTRY_CORRUPTIONS
+from tests.verification.stopped_system import RATE
+
+pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(RATE)]
+
+CORRUPTIONS = (
+    *GATEWAY_CORRUPTIONS,
+    *MISSION_CORRUPTIONS,
+    *CALENDAR_CORRUPTIONS,
+    *COMPOSITION_CORRUPTIONS,
+    *REGISTRY_CORRUPTIONS,
+)
+NOTHING = Corruption("nothing", "none")
+
+
+def test_a_sound_system_breaks_no_rule(
+    stopped_system: StoppedSystem, aside: asyncio.Runner
+) -> None:
+    assert aside.run(stopped_system.broken(NOTHING)) == []
+
+
+@pytest.mark.parametrize("corruption", CORRUPTIONS, ids=lambda each: each.name)
+def test_a_corruption_is_named(
+    stopped_system: StoppedSystem, aside: asyncio.Runner, corruption: Corruption
+) -> None:
+    broken = aside.run(stopped_system.broken(corruption))
+
+    assert corruption.rule in {each.rule for each in broken}
+
+
+def test_a_corruption_is_undone_before_the_next(
+    stopped_system: StoppedSystem, aside: asyncio.Runner
+) -> None:
+    for corruption in (GATEWAY_CORRUPTIONS[0], COMPOSITION_CORRUPTIONS[0]):
+        aside.run(stopped_system.broken(corruption))
+
+    assert aside.run(stopped_system.looked_at_again()) == []
+
+
+def test_each_rule_names_a_corruption() -> None:
+    """A rule that nothing can break checks nothing."""
+    named = {corruption.rule for corruption in CORRUPTIONS}
+    rules = {rule.name for every in (*RULES.values(), ACROSS) for rule in every}
+
+    assert named == rules
+
+
+def test_corruptions_have_different_names() -> None:
+    assert len({corruption.name for corruption in CORRUPTIONS}) == len(CORRUPTIONS) >= 47
