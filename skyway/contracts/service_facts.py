@@ -82,6 +82,7 @@ class HintFacts(WireModel):
     drone_id: DroneId
     state: MissionState
     is_live: bool
+    report_seq: Annotated[int, Field(description="The last report that was sent or stored.")]
     waiting_reports: Annotated[
         int, Field(description="How many reports are on their way to the registry.")
     ] = 0

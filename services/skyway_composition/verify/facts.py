@@ -83,13 +83,16 @@ def _link(row: Any) -> CustodyLink:  # a row of custody
 
 async def _hints(survey: Survey) -> AsyncIterator[AnyFacts]:
     waiting = await _waiting(survey, "registry")
-    columns = select(missions.c.mission_id, missions.c.drone_id, missions.c.state)
+    columns = select(
+        missions.c.mission_id, missions.c.drone_id, missions.c.state, missions.c.report_seq
+    )
     async for row in survey.each(columns):
         yield HintFacts(
             mission_id=row.mission_id,
             drone_id=row.drone_id,
             state=row.state,
             is_live=row.state in LIVE_MISSION_STATES,
+            report_seq=row.report_seq,
             waiting_reports=waiting[row.mission_id],
         )
 

@@ -18,6 +18,7 @@ async def _hints(survey: Survey) -> AsyncIterator[AnyFacts]:
             drone_id=row.drone_id,
             state=row.mission_state,
             is_live=row.is_live,
+            report_seq=row.seq,
         )
 
 

@@ -28,14 +28,18 @@ def _unregistered(composition: DroneFacts | None, registry: DroneFacts | None) -
 def _missing_hints(composition: HintFacts | None, registry: HintFacts | None) -> Iterator[str]:
     if composition is None or composition.waiting_reports > 0:
         return
-    if composition.state in _REPORTED and (registry is None or not registry.is_live):
+    if composition.state not in _REPORTED:
+        return
+    if registry is None or (not registry.is_live and registry.report_seq <= composition.report_seq):
         yield composition.mission_id
 
 
 def _busy_for_ever(composition: HintFacts | None, registry: HintFacts | None) -> Iterator[str]:
     if composition is None or registry is None or composition.waiting_reports > 0:
         return
-    if not composition.is_live and registry.is_live:
+    # A later report may have come since composition was read: a QUEUED mission was sent.
+    is_latest = registry.report_seq <= composition.report_seq
+    if not composition.is_live and registry.is_live and is_latest:
         yield composition.mission_id
 
 

@@ -1,0 +1,78 @@
+"""The rules about drones across services, on facts made by hand: what is on its way breaks none."""
+
+from collections.abc import Iterator, Sequence
+
+import pytest
+
+from skyway.cli.verify.drone_rules import DRONE_RULES
+from skyway.contracts.mission import LIVE_MISSION_STATES, MissionState
+from skyway.contracts.service_facts import HintFacts
+from skyway.ids import DroneId, MissionId
+
+BUSY = "the registry knows that a drone on a live mission is busy"
+OVER = "the registry knows that a mission is over"
+INVENTED = "the registry knows no mission that composition does not have"
+
+
+def hint(state: MissionState, seq: int, *, waiting_reports: int = 0) -> HintFacts:
+    return HintFacts(
+        mission_id=MissionId("msn_1"),
+        drone_id=DroneId("drn_1"),
+        state=state,
+        is_live=state in LIVE_MISSION_STATES,
+        report_seq=seq,
+        waiting_reports=waiting_reports,
+    )
+
+
+def broken(composition: HintFacts | None, registry: HintFacts | None) -> Sequence[str]:
+    """The names of the rules about hints that the facts of one mission break."""
+    return list(_broken(composition, registry))
+
+
+def _broken(composition: HintFacts | None, registry: HintFacts | None) -> Iterator[str]:
+    facts = {"composition": composition, "registry": registry}
+    for rule in DRONE_RULES:
+        if rule.name in (BUSY, OVER, INVENTED) and any(
+            rule.finder(facts[rule.first], facts[rule.second])  # type: ignore[arg-type]
+        ):
+            yield rule.name
+
+
+@pytest.mark.parametrize(
+    ("composition", "registry", "rules"),
+    [
+        (hint("ACTIVE", 4), hint("ACTIVE", 4), []),
+        (hint("ACTIVE", 4), None, [BUSY]),
+        (hint("ACTIVE", 4), hint("COMPLETED", 4), [BUSY]),
+        (hint("COMPLETED", 5), hint("ACTIVE", 4), [OVER]),
+        (hint("QUEUED", 1), hint("ACTIVE", 1), [OVER]),
+        (None, hint("ACTIVE", 4), [INVENTED]),
+    ],
+)
+def test_a_difference_that_nothing_explains_breaks_a_rule(
+    composition: HintFacts | None, registry: HintFacts | None, rules: list[str]
+) -> None:
+    assert broken(composition, registry) == rules
+
+
+@pytest.mark.parametrize(
+    ("composition", "registry"),
+    [
+        (hint("ACTIVE", 4, waiting_reports=1), None),
+        (hint("COMPLETED", 5, waiting_reports=1), hint("ACTIVE", 4)),
+        (hint("BOOKED", 2), None),
+    ],
+)
+def test_a_report_on_its_way_explains_a_difference(
+    composition: HintFacts, registry: HintFacts | None
+) -> None:
+    assert broken(composition, registry) == []
+
+
+def test_a_mission_may_end_after_composition_was_read() -> None:
+    assert broken(hint("ACTIVE", 4), hint("COMPLETED", 5)) == []
+
+
+def test_a_queued_mission_may_be_sent_after_composition_was_read() -> None:
+    assert broken(hint("QUEUED", 1), hint("ACCEPTED", 3)) == []
