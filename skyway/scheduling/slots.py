@@ -36,6 +36,15 @@ def first_slot(stays: Sequence[Stay], *, not_before_ms: int) -> Slot | None:
     return None
 
 
+def slot_after(stays: Sequence[Stay], *, not_before_ms: int, hand_over_ms: int) -> Slot | None:
+    """The earliest slot after a mission with these stays; None without stays.
+
+    The slot begins `hand_over_ms` after the drone has ended the mission.
+    """
+    slot = first_slot(stays, not_before_ms=not_before_ms - hand_over_ms)
+    return None if slot is None else Slot(slot.station_id, slot.at_ms + hand_over_ms, slot.soc)
+
+
 def stay_to_begin_at(
     stays: Sequence[Stay], planned: Slot, *, not_left_before_ms: int
 ) -> Stay | None:

@@ -11,7 +11,7 @@ from skyway.ids import DroneId, MissionId, NetworkId, StationId
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
-from skyway_composition.pads.booked_pad import BookedPad, merged, without
+from skyway.scheduling.booked_pad import BookedPad, merged, without
 from skyway_composition.pads.occupancy import Occupancy
 from skyway_composition.tables import is_queued, missions, pad_reservations, stations
 

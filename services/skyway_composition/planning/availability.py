@@ -2,13 +2,15 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Final, Self
 
 from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DroneId, MissionId
 from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway.scheduling.slots import Slot, first_slot
+from skyway.scheduling.slots import Slot, slot_after
 from skyway.scheduling.stays import Stay
+from skyway.units import moment_to_ms
 
 #: Time between the end of a mission and the start of the next one of the same drone, fleet seconds
 #: and wall seconds: the end is reported, and the next mission is sent. Our own choice.
@@ -55,15 +57,15 @@ class Availability:
     @classmethod
     def of(cls, last_missions: Iterable[LastMission], *, begins_ms: int, clock: FleetClock) -> Self:
         """The availability for missions that begin at `begins_ms` at the earliest."""
-        after = {}
+        after, hand_over_ms = {}, hand_over_time_ms(clock)
         last_missions = [*last_missions]
         for last in _latest(last_missions):
-            slot = slot_after(last.stays, not_before_ms=begins_ms, clock=clock)
+            slot = slot_after(last.stays, not_before_ms=begins_ms, hand_over_ms=hand_over_ms)
             is_near = slot is not None and slot.at_ms <= begins_ms + _HORIZON_MS
             if slot is not None and is_near and last.mission_id is not None:
                 after[last.drone_id] = Succession(last.mission_id, slot)
         busy = frozenset(each.drone_id for each in last_missions if each.drone_id not in after)
-        return cls(busy, after, hand_over_time_ms(clock))
+        return cls(busy, after, hand_over_ms)
 
     def placed(self, shortlist: Shortlist) -> Shortlist:
         """The shortlist with each drone where it begins, and with the charge it has then."""
@@ -86,17 +88,21 @@ class Availability:
         return None if succession is None else succession.slot
 
 
-def slot_after(stays: tuple[Stay, ...], *, not_before_ms: int, clock: FleetClock) -> Slot | None:
-    """The earliest slot after a mission with these stays, with the time for the hand-over."""
-    hand_over_ms = hand_over_time_ms(clock)
-    slot = first_slot(stays, not_before_ms=not_before_ms - hand_over_ms)
-    return None if slot is None else Slot(slot.station_id, slot.at_ms + hand_over_ms, slot.soc)
-
-
 def hand_over_time_ms(clock: FleetClock) -> int:
     """The time between two missions of a drone, fleet milliseconds."""
     fleet_s, wall_s = _HAND_OVER_S
     return round(fleet_margin(clock, fleet_s=fleet_s, wall_s=wall_s).total_seconds() * 1000)
+
+
+def start_ms(clock: FleetClock, *, earliest_at: datetime | None, margin_factor: int = 1) -> int:
+    """The millisecond at which a mission begins: late enough to plan it and reach the drone.
+
+    `margin_factor` multiplies the usual margin.
+    """
+    start_at = clock.now() + fleet_margin(clock, fleet_s=60, wall_s=2) * margin_factor
+    if earliest_at is not None:
+        start_at = max(start_at, earliest_at)
+    return moment_to_ms(start_at) + 1
 
 
 def _latest(last_missions: Iterable[LastMission]) -> Iterable[LastMission]:

@@ -6,16 +6,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from skyway.contracts.candidate import Candidate, ProviderReasonCode
-from skyway.delivery.plan import Deliver, Plan, PlanStatus, Recharge
+from skyway.contracts.candidate import Candidate
+from skyway.delivery.plan import Deliver, Plan
 from skyway.delivery.request import DeliveryRequest
-from skyway.drone.charging import recharge_time_s
 from skyway.ids import DroneId, StationId
-from skyway.planner.pad_book import PadBook, booked_until_ms
-from skyway.planner.pad_calendar import PadCalendar
-from skyway.planner.problem import Problem
-from skyway.units import CHARGE_TOLERANCE, moment_to_ms
-from skyway_composition.pads.booked_pad import BookedPad
+from skyway.planner.problem import DroneAtStart, Problem
+from skyway.scheduling.booked_pad import BookedPad
+from skyway.scheduling.standby_choice import StandbyChoice
+from skyway.scheduling.standby_search import (
+    home_start_ms,
+    no_plan,
+    search_standby,
+    trip_by_way_home,
+)
+from skyway.scheduling.trip import NoTrip, Trip, soc_after
+from skyway.units import moment_to_ms
 from skyway_composition.planning.availability import Succession
 from skyway_composition.planning.problem_for import (
     Standing,
@@ -24,33 +29,7 @@ from skyway_composition.planning.problem_for import (
     with_margins,
 )
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.standby import StandbyChoice
-from skyway_composition.planning.trip import Trip, soc_after
 from skyway_composition.planning.world import World, compose_in
-
-#: The plan of a drone without packages left to deliver.
-NOTHING_TO_DELIVER = Plan(
-    status=PlanStatus.OPTIMAL,
-    delivery_time_s=0.0,
-    lower_bound_s=0.0,
-    energy_j=0.0,
-    flight_s=0.0,
-    waiting_s=0.0,
-    recharging_s=0.0,
-)
-
-
-@dataclass(frozen=True, slots=True)
-class NoTrip:
-    """Why there is no trip; `is_temporary` when other reservations may be the cause.
-
-    `data` holds the numbers behind the code, by name.
-    """
-
-    code: ProviderReasonCode
-    detail: str
-    is_temporary: bool
-    data: tuple[tuple[str, float], ...] = ()
 
 
 async def round_trip(
@@ -67,7 +46,7 @@ async def round_trip(
     """
     plan = await compose_in(solver, world, problem)
     if not plan.is_flyable:
-        return _no_plan(plan)
+        return no_plan(plan)
     drone = Standing(
         model=problem.drone.model,
         soc=soc_after(plan, problem.drone.soc),
@@ -116,29 +95,19 @@ async def _with_standby(
     held: Sequence[BookedPad] = (),
 ) -> Trip | NoTrip:
     """The trip with the best end that the drone reaches, and where it charges if one has a pad."""
-
-    async def trip_to(end: StationId) -> Trip | NoTrip:
-        return await _with_way_to(
-            solver, world, plan, drone=drone, end=end, start_ms=start_ms, held=held
-        )
-
-    network, start = world.skyway.network, drone.station_id
-    parked = [await trip_to(end) for end in standby.to_compare(network, start)]
-    charged = [each for each in parked if isinstance(each, Trip) and _is_charged(each, drone)]
-    if charged:
-        return min(charged, key=lambda each: each.released_ms)
-    uncharged: Trip | None = None
-    reason: NoTrip | None = None
-    for end in standby.in_turn(network, start):
-        trip = await trip_to(end)
-        if isinstance(trip, NoTrip):
-            reason = reason or trip
-        elif standby.is_home(end) or _is_charged(trip, drone):
-            return trip
-        else:
-            uncharged = uncharged or trip
-    detail = f"home station {standby.home_station_id!r} is not in this network, and no pad is near"
-    return uncharged or reason or NoTrip("NO_WAY_HOME", detail, is_temporary=False)
+    at_end = DroneAtStart(model=drone.model, soc=drone.soc, station_id=drone.station_id)
+    search = search_standby(standby, world.skyway.network, start=drone.station_id, drone=at_end)
+    try:
+        end = next(search)
+        while True:
+            end = search.send(
+                await _with_way_to(
+                    solver, world, plan, drone=drone, end=end, start_ms=start_ms, held=held
+                )
+            )
+    except StopIteration as found:
+        trip: Trip | NoTrip = found.value
+        return trip
 
 
 async def _with_way_to(
@@ -151,66 +120,22 @@ async def _with_way_to(
     start_ms: int,
     held: Sequence[BookedPad],
 ) -> Trip | NoTrip:
-    home_start_ms = start_ms + booked_until_ms(plan.delivery_time_s or 0.0)
-    problem = standby_problem(world, drone, station_id=end, start_ms=home_start_ms, held=held)
+    ended_ms = home_start_ms(plan, start_ms=start_ms)
+    problem = standby_problem(world, drone, station_id=end, start_ms=ended_ms, held=held)
     home_plan = await compose_in(solver, world, problem)
-    if not home_plan.is_flyable:
-        reason = _no_plan(home_plan)
-        detail = f"from {drone.station_id!r} to {end!r}: {reason.detail}"
-        return NoTrip("NO_WAY_HOME", detail, is_temporary=reason.is_temporary)
-    return Trip(
+    return trip_by_way_home(
+        plan,
+        problem,
+        home_plan,
         start_ms=start_ms,
-        plan=plan,
-        home_start_ms=home_start_ms,
-        home_plan=home_plan,
-        home_recharge=_recharge_at_end(
-            problem, home_plan, world.pads.book.seen_from(home_start_ms)
-        ),
+        booked=world.pads.book.seen_from(ended_ms),
         pad_gap_ms=round(world.skyway.settings.pad_gap_s * 1000),
-    )
-
-
-def _is_charged(trip: Trip, drone: Standing) -> bool:
-    """Whether the drone is charged to its top at the end of this trip."""
-    if trip.home_recharge is not None:
-        return True
-    return soc_after(trip.home_plan, drone.soc) >= drone.model.top_soc - CHARGE_TOLERANCE
-
-
-def _recharge_at_end(problem: Problem, home_plan: Plan, booked: PadBook) -> Recharge | None:
-    """The earliest session that charges the drone to its top; None if not needed or no pad."""
-    model, station_id = problem.drone.model, problem.packages[0].destination
-    soc = soc_after(home_plan, problem.drone.soc)
-    if soc >= model.top_soc - CHARGE_TOLERANCE:
-        return None
-    duration_s = recharge_time_s(model, soc, model.top_soc)
-    arrived_s = home_plan.delivery_time_s or 0.0
-    own = PadBook.of(problem.network, problem.pad_reservations)
-    session = PadCalendar(problem.network, [own, booked]).earliest_session(
-        station_id, not_before_s=arrived_s, duration_s=duration_s
-    )
-    if session is None:
-        return None
-    return Recharge(
-        station_id=station_id,
-        pad=session.pad,
-        start_s=session.start_s,
-        end_s=session.start_s + duration_s,
-        soc_start=soc,
-        soc_end=model.top_soc,
     )
 
 
 def _last_station(plan: Plan, start: StationId) -> StationId:
     places = [step.station_id for step in plan.steps if isinstance(step, Deliver)]
     return places[-1] if places else start
-
-
-def _no_plan(plan: Plan) -> NoTrip:
-    if plan.infeasibility is None:
-        return NoTrip("NO_PLAN_FOUND", "no plan was found in time", is_temporary=True)
-    code, detail = plan.infeasibility.code, plan.infeasibility.detail
-    return NoTrip(code, detail, is_temporary=code == "NO_PAD_IN_TIME")
 
 
 @dataclass(slots=True)

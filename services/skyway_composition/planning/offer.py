@@ -12,9 +12,9 @@ from skyway.delivery.plan import Fly, Plan, Recharge
 from skyway.delivery.request import DeliveryRequest, QoS, Weights
 from skyway.ids import ProviderId
 from skyway.network.network import Network
+from skyway.scheduling.trip import Trip
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.networks.settings import NetworkSettings
-from skyway_composition.planning.trip import Trip
 
 #: Milliseconds by which an offer's delivery time may be exceeded, because JSON rounds the time.
 _OFFER_SLACK_MS = 1_000

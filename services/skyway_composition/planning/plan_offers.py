@@ -10,8 +10,9 @@ from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import rank_offers
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId
+from skyway.scheduling.trip import NoTrip
 from skyway_composition.planning.contest import Contest
-from skyway_composition.planning.find_trip import NoTrip, TripFinder
+from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.lower_bounds import LowerBounds
 from skyway_composition.planning.offer import Limits, Offer, Offers, Part
 from skyway_composition.planning.refusals import Refusals, fit_among

@@ -13,8 +13,8 @@ from skyway.delivery.request import Package
 from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
 from skyway.planner.problem import DroneAtStart, PackageToDeliver, PadReservation, Problem
+from skyway.scheduling.booked_pad import BookedPad
 from skyway.units import ms_to_moment
-from skyway_composition.pads.booked_pad import BookedPad
 from skyway_composition.planning.world import World
 
 #: The package that stands for an empty drone on its way (docs/reference/booking.md).

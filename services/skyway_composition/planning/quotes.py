@@ -10,13 +10,12 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.availability import Availability, LastMission
+from skyway_composition.planning.availability import Availability, LastMission, start_ms
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.offer import Limits, Offers, terms_of
 from skyway_composition.planning.plan_offers import best_of_each
 from skyway_composition.planning.refusals import refused_for_all
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.trip import start_ms
 from skyway_composition.planning.world import World
 
 #: Finds the last missions of those of these drones that have missions, or may have one.

@@ -7,8 +7,8 @@ from skyway.contracts.candidate import Candidate, ProviderReason, ProviderReason
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId, ProviderId, StationId
+from skyway.scheduling.trip import NoTrip
 from skyway.units import CHARGE_TOLERANCE
-from skyway_composition.planning.find_trip import NoTrip
 from skyway_composition.planning.offer import Limits, Offer
 from skyway_composition.planning.world import World
 

@@ -10,8 +10,8 @@ from skyway.contracts.flight_step import RechargeStep
 from skyway.ids import MissionId
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.survey import Survey
+from skyway.scheduling.booked_pad import BookedPad, merged, without
 from skyway.units import moment_to_ms
-from skyway_composition.pads.booked_pad import BookedPad, merged, without
 from skyway_composition.tables import (
     is_live,
     is_open,

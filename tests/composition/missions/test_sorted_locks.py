@@ -14,7 +14,6 @@ from skyway_composition.links.store import lock_link, lock_links
 from skyway_composition.missions.booking.store import claim_in_one_statement
 from skyway_composition.missions.mission.store import lock_live
 from skyway_composition.networks.store import Present
-from skyway_composition.pads.booked_pad import BookedPad
 from skyway_composition.pads.store import lock_stations
 from sqlalchemy import text
 
@@ -22,6 +21,7 @@ from skyway.contracts.mission import BookMissions
 from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DeliveryId, DroneId, NetworkId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
+from skyway.scheduling.booked_pad import BookedPad
 from tests.row_locks import free_keys, until_a_lock_is_waited_for
 
 # SQLite has one writer: there is no order to keep.

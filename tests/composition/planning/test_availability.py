@@ -8,7 +8,6 @@ from skyway_composition.planning.availability import (
     Availability,
     LastMission,
     hand_over_time_ms,
-    slot_after,
 )
 
 from skyway.contracts.shortlist import Shortlist
@@ -98,7 +97,3 @@ def test_a_drone_is_placed_where_it_begins_and_keeps_a_charge_at_its_reserve(mak
         shortlist.station_ids[1],
         shortlist.socs[1],
     )
-
-
-def test_without_stays_nothing_follows_a_mission() -> None:
-    assert slot_after((), not_before_ms=0, clock=a_clock()) is None

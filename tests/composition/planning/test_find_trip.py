@@ -3,13 +3,13 @@
 from typing import Any
 
 import pytest
-from skyway_composition.planning.find_trip import NoTrip, TripFinder
+from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.offer import Limits
-from skyway_composition.planning.trip import Trip
 from skyway_composition.planning.world import World
 
 from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId
+from skyway.scheduling.trip import NoTrip, Trip
 from skyway.units import moment_to_ms
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)

@@ -3,7 +3,7 @@
 import pytest
 
 from skyway.ids import StationId
-from skyway.scheduling.slots import Slot, first_slot, stay_to_begin_at
+from skyway.scheduling.slots import Slot, first_slot, slot_after, stay_to_begin_at
 from skyway.scheduling.stays import Stay
 
 B, HOME = StationId("b"), StationId("home")
@@ -37,6 +37,12 @@ def test_the_first_slot_is_at_the_next_landing_or_within_a_stay(
 
 def test_without_stays_there_is_no_slot() -> None:
     assert first_slot((), not_before_ms=0) is None
+    assert slot_after((), not_before_ms=0, hand_over_ms=30) is None
+
+
+def test_a_slot_after_a_mission_includes_the_hand_over() -> None:
+    assert slot_after(STAYS, not_before_ms=0, hand_over_ms=30) == Slot(B, 130, 0.5)
+    assert slot_after(STAYS, not_before_ms=1_000, hand_over_ms=30) == Slot(HOME, 1_000, 0.9)
 
 
 @pytest.mark.parametrize(

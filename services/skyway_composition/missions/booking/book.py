@@ -35,12 +35,11 @@ from skyway_composition.missions.booking.turns import AskingOrder, Turn, Turns
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.store import add_delivery, close_delivery, lock_delivery
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.availability import Availability, LastMission
+from skyway_composition.planning.availability import Availability, LastMission, start_ms
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.offer import Limits, Offer
 from skyway_composition.planning.plan_offers import plan_offers
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.trip import start_ms
 from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)

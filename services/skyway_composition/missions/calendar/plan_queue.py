@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from skyway.runtime.clock import FleetClock
-from skyway.scheduling.slots import Slot
+from skyway.scheduling.slots import Slot, slot_after
+from skyway.scheduling.standby_choice import StandbyChoice
+from skyway.scheduling.trip import NoTrip, Trip
 from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.from_trip import replanned_in_queue
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
-from skyway_composition.planning.availability import hand_over_time_ms, slot_after
-from skyway_composition.planning.find_trip import NoTrip, round_trip
+from skyway_composition.planning.availability import hand_over_time_ms
+from skyway_composition.planning.find_trip import round_trip
 from skyway_composition.planning.problem_for import Standing, delivery_problem
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.standby import StandbyChoice
-from skyway_composition.planning.trip import Trip
 from skyway_composition.planning.world import World
 
 #: A mission may begin this much later than its drone is free and keep its plan, fleet milliseconds.
@@ -68,7 +68,7 @@ async def plan_queue(
             record, trip, slot, margins=world.skyway.settings.margins, planned_in=planned_in
         )
         changed.append(Moved(moved, trip))
-        following = slot_after(moved.stays, not_before_ms=0, clock=clock)
+        following = slot_after(moved.stays, not_before_ms=0, hand_over_ms=hand_over_time_ms(clock))
         if following is not None:
             slot = following
     return changed

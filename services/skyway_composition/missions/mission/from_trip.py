@@ -24,11 +24,11 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, MissionId, PackageId, StationId
 from skyway.network.network import Network, Segment
 from skyway.scheduling.slots import Slot
+from skyway.scheduling.trip import PlacedStep, Trip
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.networks.settings import NetworkSettings
-from skyway_composition.planning.trip import PlacedStep, Trip
 
 
 @dataclass(frozen=True, slots=True)

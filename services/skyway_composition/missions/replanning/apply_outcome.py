@@ -13,6 +13,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
+from skyway.scheduling.trip import NoTrip
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import open_instructions
 from skyway_composition.missions.mission.end import abort, cancel
@@ -29,7 +30,6 @@ from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder
 from skyway_composition.missions.replanning.revision import revision_of
 from skyway_composition.missions.replanning.store import put_off, retry_stuck
-from skyway_composition.planning.find_trip import NoTrip
 from skyway_composition.planning.world import still_holds
 
 log = logging.getLogger(__name__)

@@ -15,6 +15,7 @@ from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
+from skyway.scheduling.trip import NoTrip
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.missions.mission.record import MissionRecord
@@ -36,7 +37,6 @@ from skyway_composition.missions.replanning.remainder.closed_ahead import Closed
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
 from skyway_composition.missions.replanning.store import claim_stuck
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.find_trip import NoTrip
 from skyway_composition.planning.problem_for import with_margin
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World

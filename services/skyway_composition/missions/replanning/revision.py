@@ -8,6 +8,7 @@ from typing import Final
 from skyway.contracts.flight_step import FlightStep, FlyStep, WaitStep
 from skyway.delivery.plan import PickUp
 from skyway.ids import PackageId
+from skyway.scheduling.trip import PlacedStep
 from skyway.units import ms_to_moment
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.from_trip import (
@@ -21,7 +22,6 @@ from skyway_composition.missions.replanning.propose import Revision
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder
 from skyway_composition.networks.prepared import PreparedNetwork
-from skyway_composition.planning.trip import PlacedStep
 
 #: A diverted drone without any further command ends its mission after this time. Our own choice.
 _LONGEST_WAIT: Final = timedelta(days=7)

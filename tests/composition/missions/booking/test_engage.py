@@ -9,12 +9,12 @@ import pytest
 from skyway_composition.links.store import lock_link, save_links
 from skyway_composition.missions.booking.store import claim_in_one_statement
 from skyway_composition.networks.store import Present, lock_version
-from skyway_composition.pads.booked_pad import BookedPad
 from skyway_composition.pads.store import lock_stations
 from skyway_composition.tables import networks
 from sqlalchemy import update
 
 from skyway.ids import DroneId, NetworkId, ProviderId, StationId
+from skyway.scheduling.booked_pad import BookedPad
 from tests.row_locks import until_a_lock_is_waited_for
 
 pytestmark = [

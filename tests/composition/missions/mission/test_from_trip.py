@@ -3,12 +3,12 @@
 from typing import Any
 
 from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps
-from skyway_composition.planning.trip import PlacedStep
 
 from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, RechargeStep, WaitStep
 from skyway.delivery.plan import Deliver, Fly, PickUp, Recharge, Step, Wait
 from skyway.ids import PackageId, StationId
 from skyway.network.geojson import read_network
+from skyway.scheduling.trip import PlacedStep
 from skyway.units import moment_to_ms
 
 A, B, C = StationId("a"), StationId("b"), StationId("c")

@@ -15,10 +15,9 @@ from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
 from skyway.network.network import Network
 from skyway.planner.pad_book import booked_until_ms
+from skyway.scheduling.trip import NOTHING_TO_DELIVER, Trip
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
-from skyway_composition.planning.find_trip import NOTHING_TO_DELIVER
-from skyway_composition.planning.trip import Trip
 
 
 @dataclass(frozen=True, slots=True)

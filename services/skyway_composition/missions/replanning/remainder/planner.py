@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from skyway.delivery.request import Package, Place
 from skyway.drone.model import DroneModel
 from skyway.ids import StationId
+from skyway.scheduling.standby_choice import StandbyChoice
+from skyway.scheduling.trip import NOTHING_TO_DELIVER, NoTrip, Trip
 from skyway_composition.missions.mission.record import CALLED_HOME, Aim, MissionRecord, Trouble
 from skyway_composition.missions.replanning.outlook.situation import Situation
 from skyway_composition.missions.replanning.remainder.aims import aims_to_try
@@ -25,7 +27,7 @@ from skyway_composition.missions.replanning.remainder.landing import (
     leaving_behind,
     staying,
 )
-from skyway_composition.planning.find_trip import NOTHING_TO_DELIVER, NoTrip, round_trip, way_home
+from skyway_composition.planning.find_trip import round_trip, way_home
 from skyway_composition.planning.problem_for import (
     AimedPackage,
     Standing,
@@ -35,8 +37,6 @@ from skyway_composition.planning.problem_for import (
     with_margin,
 )
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.standby import StandbyChoice
-from skyway_composition.planning.trip import Trip
 from skyway_composition.planning.world import World, compose_in
 
 

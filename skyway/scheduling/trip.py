@@ -3,12 +3,37 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from typing import Final
 
-from skyway.delivery.plan import Fly, Plan, Recharge, Step
+from skyway.contracts.candidate import ProviderReasonCode
+from skyway.delivery.plan import Fly, Plan, PlanStatus, Recharge, Step
 from skyway.planner.pad_book import booked_from_ms, booked_until_ms
-from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.pads.booked_pad import BookedPad, merged
+from skyway.scheduling.booked_pad import BookedPad, merged
+from skyway.units import ms_to_moment
+
+#: The plan of a drone without packages left to deliver.
+NOTHING_TO_DELIVER: Final = Plan(
+    status=PlanStatus.OPTIMAL,
+    delivery_time_s=0.0,
+    lower_bound_s=0.0,
+    energy_j=0.0,
+    flight_s=0.0,
+    waiting_s=0.0,
+    recharging_s=0.0,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class NoTrip:
+    """Why there is no trip; `is_temporary` when other reservations may be the cause.
+
+    `data` holds the numbers behind the code, by name.
+    """
+
+    code: ProviderReasonCode
+    detail: str
+    is_temporary: bool
+    data: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,14 +116,3 @@ def soc_after(plan: Plan, soc: float) -> float:
         if isinstance(step, Fly | Recharge):
             soc = step.soc_end
     return soc
-
-
-def start_ms(clock: FleetClock, *, earliest_at: datetime | None, margin_factor: int = 1) -> int:
-    """The millisecond at which a mission begins: late enough to plan it and reach the drone.
-
-    `margin_factor` multiplies the usual margin.
-    """
-    start_at = clock.now() + fleet_margin(clock, fleet_s=60, wall_s=2) * margin_factor
-    if earliest_at is not None:
-        start_at = max(start_at, earliest_at)
-    return moment_to_ms(start_at) + 1

@@ -1,6 +1,5 @@
-from skyway_composition.pads.booked_pad import BookedPad, merged
-
 from skyway.ids import StationId
+from skyway.scheduling.booked_pad import BookedPad, merged
 
 
 def held(station: str, pad: int, start_ms: int, end_ms: int) -> BookedPad:

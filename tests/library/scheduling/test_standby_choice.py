@@ -3,12 +3,12 @@
 from typing import Final
 
 import pytest
-from skyway_composition.planning.standby import StandbyChoice
 
 from skyway.contracts.candidate import Standby
 from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.network.network import Network, Station
+from skyway.scheduling.standby_choice import StandbyChoice
 
 HOME: Final = StationId("a")
 

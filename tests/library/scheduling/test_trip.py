@@ -1,9 +1,7 @@
-from skyway_composition.pads.booked_pad import BookedPad
-from skyway_composition.planning.find_trip import NOTHING_TO_DELIVER
-from skyway_composition.planning.trip import Trip, soc_after
-
 from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, PlanStatus, Recharge
 from skyway.ids import PackageId, StationId
+from skyway.scheduling.booked_pad import BookedPad
+from skyway.scheduling.trip import NOTHING_TO_DELIVER, Trip, soc_after
 
 A, B = StationId("a"), StationId("b")
 
