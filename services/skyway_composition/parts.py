@@ -59,7 +59,7 @@ class Parts:
     def quotes(self) -> Quotes:
         """Answers requests for quotes."""
         return Quotes(
-            self.db, self.networks, self.inquiries, self.clock, self.bookings.last_missions
+            self.db, self.networks, self.inquiries, self.clock, self.bookings.booked_missions
         )
 
     @property

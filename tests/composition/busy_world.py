@@ -64,7 +64,7 @@ from tests.composition.flown_drone import FlownDrone, SilentSubscriber
 _RATE = 60.0
 
 #: Composition checks all missions at least this often.
-_LONGEST_STRIDE = timedelta(minutes=10)
+_LONGEST_STRIDE = timedelta(minutes=8)
 
 #: Instructions to a connected drone arrive within this time.
 _DROPS_FOR = timedelta(minutes=1)

@@ -12,7 +12,7 @@ from skyway.delivery.offer import BestValues, OfferValues
 from skyway.delivery.request import Weights
 from skyway.ids import DroneId
 from skyway.network.columns import Floats
-from skyway_composition.planning.availability import Succession
+from skyway_composition.planning.availability import Opening
 from skyway_composition.planning.lower_bounds import LowerBounds
 
 #: Values whose relative difference is at most this differ by rounding only.
@@ -36,12 +36,12 @@ class Contest:
         least: LowerBounds,
         weights: Weights,
         *,
-        after: Mapping[DroneId, Succession],
+        openings: Mapping[DroneId, Opening],
     ) -> None:
         self._shortlist = shortlist
         self._least = least
         self._weights = weights
-        self._twins = _twins_among(shortlist, after)
+        self._twins = _twins_among(shortlist, openings)
         self._is_waiting = np.ones(len(shortlist.drone_ids), np.bool_)
 
     def leave_out(self, rows: Sequence[int]) -> None:
@@ -129,11 +129,11 @@ class Contest:
         )
 
 
-def _twins_among(shortlist: Shortlist, after: Mapping[DroneId, Succession]) -> npt.NDArray[np.intp]:
+def _twins_among(shortlist: Shortlist, openings: Mapping[DroneId, Opening]) -> npt.NDArray[np.intp]:
     """A number for each row; rows with equal model, place, charge, home and standby share one.
 
-    A drone that begins after another mission shares its number with no other drone, because the
-    pads of that mission are free for this drone only.
+    A drone that has other missions shares its number with no other drone, because the pads of
+    those missions are free for this drone only.
     """
     numbers: dict[object, int] = {}
     plans = zip(
@@ -142,7 +142,7 @@ def _twins_among(shortlist: Shortlist, after: Mapping[DroneId, Succession]) -> n
         shortlist.socs,
         shortlist.home_station_ids,
         shortlist.each_standby,
-        map(after.get, shortlist.drone_ids),
+        map(openings.get, shortlist.drone_ids),
         strict=True,
     )
     return np.array([numbers.setdefault(plan, len(numbers)) for plan in plans])

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,8 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId, StationId
 from skyway.planner.problem import DroneAtStart, Problem
 from skyway.scheduling.booked_pad import BookedPad
+from skyway.scheduling.fit_gap import fitted, standby_for
+from skyway.scheduling.slots import Slot
 from skyway.scheduling.standby_choice import StandbyChoice
 from skyway.scheduling.standby_search import (
     home_start_ms,
@@ -21,7 +24,7 @@ from skyway.scheduling.standby_search import (
 )
 from skyway.scheduling.trip import NoTrip, Trip, soc_after
 from skyway.units import moment_to_ms
-from skyway_composition.planning.availability import Succession
+from skyway_composition.planning.availability import Opening
 from skyway_composition.planning.problem_for import (
     Standing,
     delivery_problem,
@@ -138,29 +141,34 @@ def _last_station(plan: Plan, start: StationId) -> StationId:
     return places[-1] if places else start
 
 
+_TOO_SHORT: Final = NoTrip(
+    "BUSY", "the drone would not be ready for its next mission in time", is_temporary=True
+)
+
+
 @dataclass(slots=True)
 class TripFinder:
     """Finds trips in one world; each distinct trip is composed once.
 
-    Trips begin at `start_ms`. The drones in `after` begin later, after another mission, whose
-    standby then ends early: its pads count as free. The last delivery must be over by `latest_ms`;
-    None means no limit.
+    Trips begin at `start_ms`. A drone with an opening begins at its slot, and must be ready for the
+    mission after it. The pads of the missions around an opening count as free: it is the same
+    drone. The last delivery must be over by `latest_ms`; None means no limit.
     """
 
     solver: SolverPool
     world: World
     start_ms: int
     latest_ms: int | None
-    after: Mapping[DroneId, Succession] = field(default_factory=dict)
+    openings: Mapping[DroneId, Opening] = field(default_factory=dict)
     _found: dict[object, Trip | NoTrip] = field(default_factory=dict)
 
     async def trip(
         self, candidate: Candidate, request: DeliveryRequest, *, held: Sequence[BookedPad] = ()
     ) -> Trip | NoTrip:
         """The trip of this candidate with the packages of a request; `held` pads are not free."""
-        succession = self.after.get(candidate.drone_id)
+        opening = self.openings.get(candidate.drone_id)
         key = (
-            succession,
+            opening,
             candidate.model,
             candidate.station_id,
             candidate.soc,
@@ -175,8 +183,8 @@ class TripFinder:
 
     def start_of(self, drone_id: DroneId) -> int:
         """The earliest start of this drone, fleet milliseconds."""
-        succession = self.after.get(drone_id)
-        return self.start_ms if succession is None else succession.slot.at_ms
+        opening = self.openings.get(drone_id)
+        return self.start_ms if opening is None else opening.slot.at_ms
 
     def waits_s(self, drone_ids: Sequence[DroneId]) -> npt.NDArray[np.float64]:
         """How long each of these drones begins after `start_ms`; ``(n,)`` float64, seconds."""
@@ -189,9 +197,15 @@ class TripFinder:
         held: Sequence[BookedPad],
     ) -> Trip | NoTrip:
         latest_ms, start_ms = self.latest_ms, self.start_of(candidate.drone_id)
-        succession, world = self.after.get(candidate.drone_id), self.world
-        if succession is not None:
-            world = world.without([succession.mission_id])
+        opening, world = self.openings.get(candidate.drone_id), self.world
+        standby = StandbyChoice.of(candidate)
+        ready: Slot | None = None
+        if opening is not None:
+            world = world.without(opening.neighbours)
+            if opening.before is not None:
+                ready = opening.before.ready
+                standby = standby_for(ready)
+                latest_ms = min(ready.at_ms, ready.at_ms if latest_ms is None else latest_ms)
         if latest_ms is not None and latest_ms < start_ms:
             detail = "the deadline lies before the earliest start"
             return self._with_deadline(NoTrip("TOO_LATE", detail, is_temporary=False), start_ms)
@@ -208,9 +222,11 @@ class TripFinder:
             self.solver,
             world,
             problem,
-            standby=StandbyChoice.of(candidate),
+            standby=standby,
             held=held,
         )
+        if ready is not None and isinstance(trip, Trip):
+            return fitted(trip, soc=candidate.soc, ready=ready) or _TOO_SHORT
         if isinstance(trip, NoTrip) and trip.code in ("TOO_LATE", "NO_PAD_IN_TIME"):
             return self._with_deadline(trip, start_ms)
         return trip

@@ -15,6 +15,7 @@ from skyway.network.network import Network
 from skyway.scheduling.trip import Trip
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.networks.settings import NetworkSettings
+from skyway_composition.planning.availability import Opening
 
 #: Milliseconds by which an offer's delivery time may be exceeded, because JSON rounds the time.
 _OFFER_SLACK_MS = 1_000
@@ -22,17 +23,27 @@ _OFFER_SLACK_MS = 1_000
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One drone's trip with the packages of `request`, and its price."""
+    """One drone's trip with the packages of `request`, and its price.
+
+    `opening` is its place in the drone's calendar; None for a drone without missions.
+    """
 
     candidate: Candidate
     trip: Trip
     request: DeliveryRequest
     distance_m: float
     price: Price
+    opening: Opening | None = None
 
     @classmethod
     def of(
-        cls, candidate: Candidate, trip: Trip, *, request: DeliveryRequest, network: Network
+        cls,
+        candidate: Candidate,
+        trip: Trip,
+        *,
+        request: DeliveryRequest,
+        network: Network,
+        opening: Opening | None,
     ) -> "Part":
         """The part, priced by the candidate's tariff."""
         distance_m = distance_flown_m(network, trip.plan)
@@ -43,7 +54,7 @@ class Part:
             recharging_s=trip.plan.recharging_s or 0.0,
             priority=request.qos.priority,
         )
-        return cls(candidate, trip, request, distance_m, price)
+        return cls(candidate, trip, request, distance_m, price, opening)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from skyway.delivery.offer import rank_offers
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId
 from skyway.scheduling.trip import NoTrip
+from skyway_composition.planning.availability import Availability
 from skyway_composition.planning.contest import Contest
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.lower_bounds import LowerBounds
@@ -50,22 +52,64 @@ async def plan_offers(
     return Offers(tuple(offers[index] for index in ranked), reasons)
 
 
+async def plan_in_calendars(
+    finder: TripFinder,
+    request: DeliveryRequest,
+    *,
+    shortlist: Shortlist,
+    available: Availability,
+    gaps: Iterable[Availability],
+    limits: Limits,
+) -> Offers:
+    """The offers after all that is booked, and in the gaps of calendars; best first.
+
+    The first is the best of all candidates and openings. A provider has a reason if it has no offer
+    after all that is booked either.
+    """
+    offers = await plan_offers(
+        replace(finder, openings=available.openings),
+        request,
+        shortlist=available.placed(shortlist),
+        busy=available.busy,
+        limits=limits,
+    )
+    found = [*offers.ranked]
+    for each in gaps:
+        rows = [row for row, drone in enumerate(shortlist.drone_ids) if drone in each.openings]
+        in_gaps = await plan_offers(
+            replace(finder, openings=each.openings),
+            request,
+            shortlist=each.placed(shortlist.only(rows)),
+            busy=each.busy,
+            limits=limits,
+        )
+        found.extend(in_gaps.ranked)
+    if len(found) == len(offers.ranked):
+        return offers
+    ranked = rank_offers([offer.values for offer in found], request.qos.ranking)
+    offering = {offer.provider_id for offer in found}
+    reasons = tuple(each for each in offers.reasons if each.provider_id not in offering)
+    return Offers(tuple(found[index] for index in ranked), reasons)
+
+
 async def best_of_each(
     finder: TripFinder,
     request: DeliveryRequest,
     *,
     shortlist: Shortlist,
-    busy: frozenset[DroneId],
+    available: Availability,
+    gaps: Sequence[Availability],
     limits: Limits,
 ) -> Offers:
     """The best offer of each provider, best first."""
     found = await asyncio.gather(
         *(
-            plan_offers(
+            plan_in_calendars(
                 finder,
                 request,
                 shortlist=shortlist.of_provider(provider_id),
-                busy=busy,
+                available=available,
+                gaps=gaps,
                 limits=limits,
             )
             for provider_id in sorted(set(shortlist.provider_ids))
@@ -88,7 +132,7 @@ async def _single_offers(
     """Compose for the candidates that may win, the most promising first."""
     waits_s = finder.waits_s(shortlist.drone_ids)
     least = LowerBounds.of(finder.world.skyway, request, shortlist, waits_s=waits_s)
-    contest = Contest(shortlist, least, request.qos.ranking, after=finder.after)
+    contest = Contest(shortlist, least, request.qos.ranking, openings=finder.openings)
     contest.leave_out(_breaking(shortlist, least, finder, limits=limits, refusals=refusals))
     offers: list[Offer] = []
     while twins := contest.next_to_compose([offer.values for offer in offers]):
@@ -97,11 +141,17 @@ async def _single_offers(
         for candidate in candidates:
             if isinstance(trip, NoTrip):
                 # A drone that is busy now may be free earlier or elsewhere than its calendar says.
-                is_temporary = trip.is_temporary or candidate.drone_id in finder.after
+                is_temporary = trip.is_temporary or candidate.drone_id in finder.openings
                 reason = replace(trip, is_temporary=is_temporary)
                 refusals.add_no_trip(candidate.provider_id, reason)
                 continue
-            part = Part.of(candidate, trip, request=request, network=finder.world.skyway.network)
+            part = Part.of(
+                candidate,
+                trip,
+                request=request,
+                network=finder.world.skyway.network,
+                opening=finder.openings.get(candidate.drone_id),
+            )
             offer = Offer((part,), finder.start_ms)
             if refusals.is_affordable(offer, limits):
                 offers.append(offer)
@@ -133,7 +183,7 @@ def _breaking(
                 provider_id,
                 "TOO_LATE",
                 f"it takes at least {least_s:.0f} s, the limit is {latest_s:.0f} s",
-                is_temporary=shortlist.drone_ids[row] in finder.after,
+                is_temporary=shortlist.drone_ids[row] in finder.openings,
                 least_s=least_s,
                 latest_s=latest_s,
             )

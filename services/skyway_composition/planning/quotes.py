@@ -10,7 +10,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.availability import Availability, LastMission, start_ms
+from skyway_composition.planning.availability import Availability, BookedMission, start_ms
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.offer import Limits, Offers, terms_of
 from skyway_composition.planning.plan_offers import best_of_each
@@ -18,8 +18,8 @@ from skyway_composition.planning.refusals import refused_for_all
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
-#: Finds the last missions of those of these drones that have missions, or may have one.
-LastMissions = Callable[[Collection[DroneId]], Awaitable[Sequence[LastMission]]]
+#: Finds the missions in the calendars of these drones.
+BookedMissions = Callable[[Collection[DroneId]], Awaitable[Sequence[BookedMission]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Quotes:
     networks: PreparedNetworks
     solver: SolverPool
     clock: FleetClock
-    last_missions: LastMissions
+    booked_missions: BookedMissions
 
     async def answer(self, query: QuoteQuery) -> QuoteAnswer:
         """The best offer of each provider, best first, and why the others make no offer."""
@@ -59,15 +59,12 @@ class Quotes:
     async def _offers(self, query: QuoteQuery, world: World) -> Offers:
         limits = Limits.of_whole(query.request.qos)
         begins_ms = start_ms(self.clock, earliest_at=query.request.earliest_pickup_at)
-        available = Availability.of(
-            await self.last_missions(query.shortlist.drone_ids),
-            begins_ms=begins_ms,
-            clock=self.clock,
-        )
+        booked = await self.booked_missions(query.shortlist.drone_ids)
         return await best_of_each(
-            TripFinder(self.solver, world, begins_ms, limits.latest_ms, available.after),
+            TripFinder(self.solver, world, begins_ms, limits.latest_ms),
             query.request,
-            shortlist=available.placed(query.shortlist),
-            busy=available.busy,
+            shortlist=query.shortlist,
+            available=Availability.of(booked, begins_ms=begins_ms, clock=self.clock),
+            gaps=[*Availability.in_gaps(booked, begins_ms=begins_ms, clock=self.clock)],
             limits=limits,
         )

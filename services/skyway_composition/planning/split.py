@@ -90,10 +90,13 @@ async def _split(
         part_request = request.model_copy(update={"packages": tuple(taken)})
         trip = await finder.trip(candidate, part_request, held=split.held)
         if isinstance(trip, NoTrip):
-            is_temporary = trip.is_temporary or candidate.drone_id in finder.after
+            is_temporary = trip.is_temporary or candidate.drone_id in finder.openings
             split.obstacle = candidate, replace(trip, is_temporary=is_temporary)
             continue
-        part = Part.of(candidate, trip, request=part_request, network=skyway.network)
+        opening = finder.openings.get(candidate.drone_id)
+        part = Part.of(
+            candidate, trip, request=part_request, network=skyway.network, opening=opening
+        )
         split.parts.append(part)
         gone = {each.package_id for each in taken}
         split.left = [each for each in split.left if each.package_id not in gone]

@@ -118,14 +118,15 @@ def cached_drone(
 ) -> CachedDrone:
     """The drone of a row; before its first `state` it counts as offline and at no station.
 
-    A drone with missions stands where it is free after them, if that was reported.
+    A drone that flies stands where it is free after all its missions, if that was reported.
     """
     has_reported = row.activity is not None
     is_there = has_reported and row.connection_status == "ONLINE" and not row.is_in_maintenance
     home = Position(row.home_longitude_deg, row.home_latitude_deg)
     position = Position(row.longitude_deg, row.latitude_deg) if has_reported else home
     station_id, soc = (row.station_id, row.soc) if has_reported else (None, row.initial_soc)
-    is_free_later = row.free_ms is not None and has_reported
+    # An idle drone may fly before the missions that wait for later.
+    is_free_later = row.is_busy and row.free_ms is not None and has_reported
     if is_free_later:
         station_id, soc = row.free_station_id, row.free_soc
         position = networks.position_if_connected(station_id, to=()) or position
@@ -138,7 +139,7 @@ def cached_drone(
         station_id=station_id,
         position=position,
         soc=soc,
-        is_busy=bool(row.is_busy) and not is_free_later,
+        is_busy=bool(row.is_busy and not is_free_later),
         free_ms=row.free_ms if is_free_later else 0,
         standby=row.standby,
     )

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from skyway_composition.planning.availability import (
     Availability,
-    LastMission,
+    BookedMission,
     hand_over_time_ms,
 )
 
@@ -26,21 +26,21 @@ def a_clock(rate: float = 1.0) -> ManualClock:
     return ManualClock(datetime(2026, 3, 1, tzinfo=UTC), rate=rate)
 
 
-def last(number: int = 1, *, free_ms: int = BEGINS_MS, soc: float = 0.5) -> LastMission:
+def last(number: int = 1, *, free_ms: int = BEGINS_MS, soc: float = 0.5) -> BookedMission:
     """A mission after which the drone stands at b from `free_ms` on."""
     stays = (Stay(B, free_ms, None, soc, soc),)
-    return LastMission(DRONE, MissionId(f"msn_{number}"), start_ms=number, stays=stays)
+    return BookedMission(DRONE, MissionId(f"msn_{number}"), start_ms=number, stays=stays)
 
 
-def available(*missions: LastMission, rate: float = 1.0) -> Availability:
+def available(*missions: BookedMission, rate: float = 1.0) -> Availability:
     return Availability.of(missions, begins_ms=BEGINS_MS, clock=a_clock(rate))
 
 
 def test_a_drone_begins_where_its_last_mission_leaves_it() -> None:
     found = available(last(2, free_ms=BEGINS_MS + 60_000), last(1))
 
-    assert found.after[DRONE].mission_id == "msn_2"
-    assert found.after[DRONE].slot == Slot(B, BEGINS_MS + 60_000 + 30_000, 0.5)
+    assert found.openings[DRONE].after == "msn_2"
+    assert found.openings[DRONE].slot == Slot(B, BEGINS_MS + 60_000 + 30_000, 0.5)
     assert found.busy == frozenset()
 
 
@@ -51,13 +51,13 @@ def test_the_hand_over_takes_fleet_time_or_wall_time(rate: float, hand_over_ms: 
     assert hand_over_time_ms(a_clock(rate)) == hand_over_ms
     free_ms = BEGINS_MS + DAY_MS // 2
     found = available(last(free_ms=free_ms), rate=rate)
-    assert found.after[DRONE].slot.at_ms == free_ms + hand_over_ms
+    assert found.openings[DRONE].slot.at_ms == free_ms + hand_over_ms
 
 
 def test_a_drone_that_is_free_now_can_still_begin_at_the_earliest_start() -> None:
     found = available(last(free_ms=0))
 
-    assert found.after[DRONE].slot.at_ms == BEGINS_MS
+    assert found.openings[DRONE].slot.at_ms == BEGINS_MS
 
 
 @pytest.mark.parametrize(("later_ms", "is_busy"), [(0, False), (1, True)])
@@ -66,11 +66,11 @@ def test_a_drone_that_is_free_after_the_horizon_is_busy(later_ms: int, is_busy: 
 
     found = available(last(free_ms=free_ms))
 
-    assert (DRONE in found.busy, DRONE in found.after) == (is_busy, not is_busy)
+    assert (DRONE in found.busy, DRONE in found.openings) == (is_busy, not is_busy)
 
 
 def test_a_drone_is_busy_while_the_plan_of_its_last_mission_is_in_question() -> None:
-    unsure = LastMission(DRONE, MissionId("msn_2"), start_ms=2)
+    unsure = BookedMission(DRONE, MissionId("msn_2"), start_ms=2)
 
     found = available(last(1), unsure)
 
@@ -78,13 +78,13 @@ def test_a_drone_is_busy_while_the_plan_of_its_last_mission_is_in_question() -> 
 
 
 def test_a_drone_that_flies_only_a_mission_that_is_over_here_is_busy() -> None:
-    assert available(LastMission(DRONE, None, start_ms=-1)).busy == {DRONE}
+    assert available(BookedMission(DRONE, None, start_ms=-1)).busy == {DRONE}
 
 
 def test_a_drone_that_reports_an_old_mission_begins_after_its_planned_ones() -> None:
-    found = available(LastMission(DRONE, None, start_ms=-1), last(1))
+    found = available(BookedMission(DRONE, None, start_ms=-1), last(1))
 
-    assert found.after[DRONE].mission_id == "msn_1"
+    assert found.openings[DRONE].after == "msn_1"
 
 
 def test_a_drone_is_placed_where_it_begins_and_keeps_a_charge_at_its_reserve(make: Any) -> None:

@@ -80,7 +80,7 @@ def contested(
     )
     columns = zip(*((each.time_s, each.price, each.energy_j) for each, _ in among), strict=True)
     contest = Contest(
-        shortlist, LowerBounds(*(np.array(each, np.float64) for each in columns)), by, after={}
+        shortlist, LowerBounds(*(np.array(each, np.float64) for each in columns)), by, openings={}
     )
     found: list[OfferValues] = []
     composed = 0
@@ -147,7 +147,7 @@ def test_only_drones_with_the_same_standby_share_a_plan() -> None:
         for values, standby in zip(drones, standbys, strict=True)
     )
     equal = LowerBounds(np.full(3, 10.0), np.full(3, 100.0), np.full(3, 5.0))
-    contest = Contest(shortlist, equal, Weights(time=1), after={})
+    contest = Contest(shortlist, equal, Weights(time=1), openings={})
 
     assert contest.next_to_compose([]) == [0, 2]
 

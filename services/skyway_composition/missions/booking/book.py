@@ -9,7 +9,7 @@ so a repeated request returns what was booked before.
 
 import logging
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 from skyway.contracts.candidate import ProviderReason
@@ -27,18 +27,18 @@ from skyway_composition.missions.booking.engage import WorldChanged, claim, enga
 from skyway_composition.missions.booking.outcome import all_taken, pickup_unknown, without_offer
 from skyway_composition.missions.booking.store import (
     FirstLook,
+    booked_missions,
     first_look,
-    last_missions,
     missions_of,
 )
 from skyway_composition.missions.booking.turns import AskingOrder, Turn, Turns
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.store import add_delivery, close_delivery, lock_delivery
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.availability import Availability, LastMission, start_ms
+from skyway_composition.planning.availability import Availability, BookedMission, start_ms
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.offer import Limits, Offer
-from skyway_composition.planning.plan_offers import plan_offers
+from skyway_composition.planning.plan_offers import plan_in_calendars
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
@@ -125,10 +125,10 @@ class Bookings:
                 pickup=requested.request.pickup.station_id,
             )
 
-    async def last_missions(self, drone_ids: Collection[DroneId]) -> tuple[LastMission, ...]:
+    async def booked_missions(self, drone_ids: Collection[DroneId]) -> tuple[BookedMission, ...]:
         """The missions of these drones that are not over, or that the drones may still fly."""
         async with self.db.read() as connection:
-            return await last_missions(connection, drone_ids)
+            return await booked_missions(connection, drone_ids)
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
         """Close this delivery, so that nothing is booked for it, unless it has missions."""
@@ -172,21 +172,20 @@ class Bookings:
         )
 
     async def _book_in(
-        self, this_round: _Round, engaged: Sequence[LastMission], turn: Turn
+        self, this_round: _Round, engaged: Sequence[BookedMission], turn: Turn
     ) -> tuple[Booking | None, tuple[ProviderReason, ...]]:
         """The booking of the best offer that is still free; None when a new round is needed."""
         drone_ids, limits = this_round.shortlist.drone_ids, this_round.limits
         world, begins_ms = this_round.world, this_round.begins_ms
         finder = TripFinder(self.solver, world, begins_ms, limits.latest_ms)
         while True:
-            available = Availability.of(engaged, begins_ms=begins_ms, clock=self.clock)
             # The finder keeps the trips that it has composed.
-            finder = replace(finder, after=available.after)
-            offers = await plan_offers(
+            offers = await plan_in_calendars(
                 finder,
                 this_round.requested.request,
-                shortlist=available.placed(this_round.shortlist),
-                busy=available.busy,
+                shortlist=this_round.shortlist,
+                available=Availability.of(engaged, begins_ms=begins_ms, clock=self.clock),
+                gaps=Availability.in_gaps(engaged, begins_ms=begins_ms, clock=self.clock),
                 limits=limits,
             )
             if not offers.ranked:
@@ -195,9 +194,7 @@ class Bookings:
             await turn.comes()
             try:
                 async with self.db.write() as tx:
-                    booking = await self._book_offer(
-                        tx, this_round, best, available=available, engaged=engaged
-                    )
+                    booking = await self._book_offer(tx, this_round, best, engaged=engaged)
                     return booking, offers.reasons
             except RowRefused as taken:
                 delivery_id = this_round.delivery_id
@@ -206,7 +203,7 @@ class Bookings:
                 if taken.constraint != _DRONE_TAKEN:
                     # Every other offer was planned around the same pads.
                     return None, offers.reasons
-                now_engaged = await self.last_missions(drone_ids)
+                now_engaged = await self.booked_missions(drone_ids)
                 if set(now_engaged) == set(engaged):
                     return None, offers.reasons
                 engaged = now_engaged
@@ -220,8 +217,7 @@ class Bookings:
         this_round: _Round,
         offer: Offer,
         *,
-        available: Availability,
-        engaged: Sequence[LastMission],
+        engaged: Sequence[BookedMission],
     ) -> Booking:
         """Reserve the drones and pads and send the missions, in one transaction.
 
@@ -242,7 +238,7 @@ class Bookings:
             raise WorldChanged
         # I11: the version is checked inside the transaction and cannot change before its end.
         world = this_round.world
-        places = await claim(tx, offer, world, available=available, engaged=engaged)
+        places = await claim(tx, offer, world, engaged=engaged, clock=self.clock)
         if len(places) < len(offer.parts):
             tx.after_commit(self.calendars.set)
         missions = await engage(

@@ -12,11 +12,12 @@ from skyway.ids import DeliveryId, DroneId, MissionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
+from skyway.scheduling.booked_pad import BookedPad, without
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import claim_next_place, lock_link
-from skyway_composition.missions.booking.store import claim_in_one_statement, last_missions
+from skyway_composition.missions.booking.store import booked_missions, claim_in_one_statement
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody import Custodian, Held
 from skyway_composition.missions.mission.custody_store import begin_custody, held_packages
@@ -28,8 +29,12 @@ from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
 from skyway_composition.missions.mission.release_pads import restore_pads
 from skyway_composition.missions.mission.step_store import add_steps
 from skyway_composition.networks.prepared import PreparedNetwork
-from skyway_composition.pads.store import give_way, lock_stations, reserve
-from skyway_composition.planning.availability import Availability, LastMission
+from skyway_composition.pads.store import give_way, lock_stations, pads_of_queued, reserve
+from skyway_composition.planning.availability import (
+    BookedMission,
+    hand_over_time_ms,
+    send_ahead_ms,
+)
 from skyway_composition.planning.offer import Offer, Part
 from skyway_composition.planning.world import World, still_holds
 
@@ -89,7 +94,7 @@ async def engage(
     for record in records:
         store.add(tx, record)
     by_mission = {
-        record.mission_id: part.trip.booked_pads
+        record.mission_id: await _needed_pads(tx, part)
         for record, part in zip(records, offer.parts, strict=True)
     }
     reserve(tx, by_mission)
@@ -105,6 +110,14 @@ async def engage(
             expires_at=ms_to_moment(record.expires_ms),
         )
     return tuple(record.mission for record in records)
+
+
+async def _needed_pads(tx: Tx, part: Part) -> Sequence[BookedPad]:
+    """The pads of a trip; those that the drone's next mission holds already stay with it."""
+    if part.opening is None or part.opening.before is None:
+        return part.trip.booked_pads
+    queued = await pads_of_queued(tx.connection, part.candidate.drone_id)
+    return without(part.trip.booked_pads, queued)
 
 
 def _add_steps(
@@ -143,12 +156,12 @@ async def claim(
     offer: Offer,
     world: World,
     *,
-    available: Availability,
-    engaged: Sequence[LastMission],
+    engaged: Sequence[BookedMission],
+    clock: FleetClock,
 ) -> dict[DroneId, InstructionPlace]:
     """Lock what an offer needs; returns the place of each drone's next instruction.
 
-    A drone that begins after another mission gets no instruction yet, and is left out.
+    A drone that begins later, or after another mission, gets no instruction yet, and is left out.
 
     The locks on the network, the drones and the stations last until the transaction ends.
 
@@ -158,11 +171,13 @@ async def claim(
         A network was published, or a closure made or lifted, since the world was read (I11), or
         the calendar of a drone has changed since `engaged` was read.
     """
-    drones = sorted((part.candidate for part in offer.parts), key=lambda each: each.drone_id)
-    booked = [pad for part in offer.parts for pad in part.trip.booked_pads]
-    first = drones[0]
-    is_sent_now = first.drone_id not in available.after
-    if tx.dialect == "postgresql" and len(drones) == 1 and is_sent_now:
+    parts = sorted(offer.parts, key=lambda each: each.candidate.drone_id)
+    booked = [pad for part in parts for pad in part.trip.booked_pads]
+    send_by_ms = moment_to_ms(clock.now()) + send_ahead_ms(clock)
+    sent_now = {each.candidate.drone_id for each in parts if _is_sent_now(each, send_by_ms)}
+    first = parts[0].candidate
+    is_only_sent = first.drone_id in sent_now and parts[0].opening is None
+    if tx.dialect == "postgresql" and len(parts) == 1 and is_only_sent:
         place = await claim_in_one_statement(
             tx,
             world.present,
@@ -175,38 +190,45 @@ async def claim(
     if not await still_holds(tx, world):
         raise WorldChanged
     places = {}
-    for each in drones:
-        if each.drone_id in available.after:
-            await lock_link(tx, each.drone_id, each.provider_id)
-        else:
+    for each in (part.candidate for part in parts):
+        if each.drone_id in sent_now:
             places[each.drone_id] = await claim_next_place(tx, each.drone_id, each.provider_id)
+        else:
+            await lock_link(tx, each.drone_id, each.provider_id)
     await lock_stations(tx, booked)
-    await _claim_successions(tx, offer, available=available, engaged=engaged)
+    in_calendars = [
+        each
+        for each in parts
+        if each.opening is not None or each.candidate.drone_id not in sent_now
+    ]
+    await _claim_openings(tx, in_calendars, engaged=engaged, hand_over_ms=hand_over_time_ms(clock))
     return places
 
 
-async def _claim_successions(
-    tx: Tx, offer: Offer, *, available: Availability, engaged: Sequence[LastMission]
+def _is_sent_now(part: Part, send_by_ms: int) -> bool:
+    """Whether the drone is idle and the mission begins soon."""
+    is_idle = part.opening is None or part.opening.after is None
+    return is_idle and part.trip.start_ms <= send_by_ms
+
+
+async def _claim_openings(
+    tx: Tx, parts: Sequence[Part], *, engaged: Sequence[BookedMission], hand_over_ms: int
 ) -> None:
-    """Check the calendars of locked drones that begin after other missions, and make room there."""
-    following = [
-        (part, available.after[part.candidate.drone_id])
-        for part in offer.parts
-        if part.candidate.drone_id in available.after
-    ]
-    drone_ids = {part.candidate.drone_id for part, _ in following}
+    """Check that the calendars of locked drones are as they were read, and make room in them."""
+    drone_ids = {part.candidate.drone_id for part in parts}
     if not drone_ids:
         return
-    now = await last_missions(tx.connection, drone_ids)
+    now = await booked_missions(tx.connection, drone_ids)
     if set(now) != {each for each in engaged if each.drone_id in drone_ids}:
         raise WorldChanged
-    for part, succession in following:
-        await end_standby_before(
-            tx, succession.mission_id, part.trip.start_ms - available.hand_over_ms
-        )
+    for part in parts:
+        after = None if part.opening is None else part.opening.after
+        if after is None:
+            continue
+        await end_standby_before(tx, after, part.trip.start_ms - hand_over_ms)
         # The live mission may need pads of the standby that has just ended, but not those of the
         # new mission: it is the same drone.
         live = await restore_pads(tx, part.candidate.drone_id)
-        before = {succession.mission_id} | (set() if live is None else {live.mission_id})
+        before = {after} | (set() if live is None else {live.mission_id})
         for mission_id in sorted(before):
             await give_way(tx, mission_id, part.trip.booked_pads)

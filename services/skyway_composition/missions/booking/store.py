@@ -1,5 +1,6 @@
 """All SQL of booking: one read of all it needs to know, and one claim of what an offer needs."""
 
+import json
 from collections import defaultdict
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from sqlalchemy import (
     Select,
     Text,
     bindparam,
+    case,
     cast,
     exists,
     func,
@@ -26,16 +28,19 @@ from skyway.contracts.mission import Mission
 from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
+from skyway.scheduling.slots import Slot
 from skyway.scheduling.stays import read_stays
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import COUNT_NEXT, OCCUPIED
 from skyway_composition.networks.store import Present
 from skyway_composition.pads.store import LOCK_STATIONS
-from skyway_composition.planning.availability import LastMission
-from skyway_composition.tables import deliveries, is_open, missions, networks, stations
+from skyway_composition.planning.availability import BookedMission
+from skyway_composition.tables import deliveries, is_open, is_queued, missions, networks, stations
 
+#: Where and with what charge its drone begins; only a QUEUED mission is kept to that.
+_of_queued: Final = case((is_queued, missions.c.candidate)).label("candidate")
 _ON_MISSION: Final = select(
-    missions.c.drone_id, missions.c.mission_id, missions.c.start_ms, missions.c.stays
+    missions.c.drone_id, missions.c.mission_id, missions.c.start_ms, missions.c.stays, _of_queued
 ).where(in_list(missions.c.drone_id, "drone_ids"), is_open)
 # A drone may report a mission that is over here: then it has no mission to begin after.
 _ENGAGED: Final = union_all(
@@ -44,6 +49,7 @@ _ENGAGED: Final = union_all(
         cast(null(), Text).label("mission_id"),
         cast(null(), BigInteger).label("start_ms"),
         cast(null(), Text).label("stays"),
+        cast(null(), Text).label("candidate"),
     ),
 )
 _IS_OF_ATTEMPT: Final = (
@@ -60,6 +66,7 @@ def _answer(
     large: ColumnElement[int] | None = None,
     mission_id: ColumnElement[str] | None = None,
     stays: ColumnElement[str | None] | None = None,
+    candidate: ColumnElement[str | None] | None = None,
 ) -> Select[*tuple[Any, ...]]:
     """A query whose rows have one common shape, so that several queries form one statement.
 
@@ -72,6 +79,7 @@ def _answer(
         (cast(null(), BigInteger) if large is None else large).label("large"),
         (cast(null(), Text) if mission_id is None else mission_id).label("mission_id"),
         (cast(null(), Text) if stays is None else stays).label("stays"),
+        (cast(null(), Text) if candidate is None else candidate).label("candidate"),
     )
 
 
@@ -87,6 +95,7 @@ _FIRST_LOOK: Final = union_all(
         large=_engaged.c.start_ms,
         mission_id=_engaged.c.mission_id,
         stays=_engaged.c.stays,
+        candidate=_engaged.c.candidate,
     ),
     _answer("NETWORK", networks.c.network_id, networks.c.version, networks.c.conditions)
     .join(stations, stations.c.network_id == networks.c.network_id)
@@ -122,7 +131,7 @@ class FirstLook:
 
     delivery_exists: bool
     booked: tuple[Mission, ...]
-    engaged: tuple[LastMission, ...]
+    engaged: tuple[BookedMission, ...]
     around: Present | None
 
 
@@ -148,9 +157,9 @@ async def first_look(
     return FirstLook(
         delivery_exists=bool(answers["KNOWN"]),
         booked=tuple(Mission.read(body) for body, *_ in in_order),
-        engaged=_last_missions(
-            (drone_id, mission_id, start_ms, stays)
-            for drone_id, _, start_ms, mission_id, stays in answers["ENGAGED"]
+        engaged=_booked(
+            (drone_id, mission_id, start_ms, stays, candidate)
+            for drone_id, _, start_ms, mission_id, stays, candidate in answers["ENGAGED"]
         ),
         around=Present(*answers["NETWORK"][0][:3]) if answers["NETWORK"] else None,
     )
@@ -165,30 +174,37 @@ async def missions_of(
     return tuple(Mission.read(body) for body in found.scalars())
 
 
-async def last_missions(
+async def booked_missions(
     connection: AsyncConnection, drone_ids: Collection[DroneId]
-) -> tuple[LastMission, ...]:
+) -> tuple[BookedMission, ...]:
     """The missions of these drones that are not over, or that the drones report to fly still.
 
     A drone that has landed away from every station is busy until people have fetched it.
     """
     found = await connection.execute(_ENGAGED, {"drone_ids": [*drone_ids]})
-    return _last_missions((*row,) for row in found)
+    return _booked((*row,) for row in found)
 
 
-def _last_missions(
-    rows: Iterable[tuple[Any, ...]],  # drone, mission, start and stays, with any types
-) -> tuple[LastMission, ...]:
+def _booked(
+    rows: Iterable[tuple[Any, ...]],  # drone, mission, start, stays and candidate, of any types
+) -> tuple[BookedMission, ...]:
     return tuple(
-        LastMission(
+        BookedMission(
             drone_id=DroneId(drone_id),
             mission_id=None if mission_id is None else MissionId(mission_id),
             # A mission that is over here comes before every mission that is not.
             start_ms=-1 if start_ms is None else start_ms,
             stays=() if stays is None else read_stays(stays),
+            start=None if candidate is None else _start(candidate, start_ms),
         )
-        for drone_id, mission_id, start_ms, stays in rows
+        for drone_id, mission_id, start_ms, stays, candidate in rows
     )
+
+
+def _start(candidate: str, start_ms: int) -> Slot:
+    """Where, when and with what charge a QUEUED mission begins, from its candidate's JSON."""
+    drone = json.loads(candidate)
+    return Slot(StationId(drone["station_id"]), start_ms, float(drone["soc"]))
 
 
 async def claim_in_one_statement(

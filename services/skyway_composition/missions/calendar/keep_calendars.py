@@ -37,7 +37,7 @@ from skyway_composition.missions.mission.release_pads import restore_pads
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
 from skyway_composition.networks.store import share_current
-from skyway_composition.planning.availability import hand_over_time_ms
+from skyway_composition.planning.availability import hand_over_time_ms, send_ahead_ms
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World, still_holds
 
@@ -81,6 +81,7 @@ class Calendars:
         async with self.db.read() as connection:
             drone_ids = await store.drones_to_look_at(
                 connection,
+                soon_ms=times.now_ms + times.send_ahead_ms,
                 hand_over_ms=times.hand_over_ms,
                 overdue_ms=times.now_ms - times.longest_wait_ms,
             )
@@ -171,6 +172,7 @@ class Calendars:
             reach_ms=self._ms(_REACH_S),
             plan_ms=self._ms(_PLAN_S),
             hand_over_ms=hand_over_time_ms(self.clock),
+            send_ahead_ms=send_ahead_ms(self.clock),
             longest_wait_ms=self._ms(_LONGEST_WAIT_S),
         )
 
@@ -194,13 +196,14 @@ async def _apply(
 ) -> None:
     await give_back_pads(work.tx, [each.record for each in changed])
     earlier = {each.mission_id: each for each in calendar.queued}
+    before = [] if calendar.before is None else [calendar.before.mission_id]
     for each in changed:
+        mission_id = each.record.mission_id
         if isinstance(each, Dropped):
             await drop(work, each)
         else:
-            mission_id = each.record.mission_id
-            before = calendar.before
             await move(work, each, skyway, earlier=earlier[mission_id], before=before)
+            before.append(mission_id)
     await restore_pads(work.tx, calendar.drone_id)
 
 

@@ -1,11 +1,13 @@
 """Applies new plans of QUEUED missions: steps, pads and arrival times change in one transaction."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from datetime import timedelta
 from typing import Final
 
+from skyway.ids import MissionId
 from skyway.runtime.sql.database import Tx
+from skyway.scheduling.booked_pad import without
 from skyway_composition.missions.calendar import store
 from skyway_composition.missions.calendar.plan_queue import Dropped, Moved
 from skyway_composition.missions.mission.end import refuse
@@ -16,7 +18,7 @@ from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import replace_steps
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.networks.prepared import PreparedNetwork
-from skyway_composition.pads.store import give_way, hold
+from skyway_composition.pads.store import give_way, hold, pads_of_queued
 
 #: The customer is notified of a new arrival time that differs by more than this. Our own choice.
 _TOLERANCE: Final = timedelta(minutes=2)
@@ -42,11 +44,12 @@ async def move(
     skyway: PreparedNetwork,
     *,
     earlier: MissionRecord,
-    before: MissionRecord | None,
+    before: Collection[MissionId],
 ) -> None:
     """Save a mission with its new plan, and report its new arrival times.
 
-    The mission that is `before` it gives up pads of its standby that the new plan needs.
+    The drone's missions `before` it give up pads of their standby that the new plan needs. Pads
+    that a later mission holds stay with that one.
     """
     record, pads = moved.record, moved.trip.booked_pads
     steps = flight_steps(
@@ -56,12 +59,13 @@ async def move(
         first_step=1,
     )
     await replace_steps(work.tx, record.mission_id, steps, first_step=1, revision=1)
-    if before is not None:
-        await give_way(work.tx, before.mission_id, pads)
+    for mission_id in before:
+        await give_way(work.tx, mission_id, pads)
+    later = await pads_of_queued(work.tx.connection, record.drone_id)
     record = _report_times(work, record, earlier)
     await store.save_start(work.tx, record)
     await work.save(record)
-    await hold(work.tx, record.mission_id, pads)
+    await hold(work.tx, record.mission_id, without(pads, later))
     if moved.until_ms is not None:
         await shorten_queued(work.tx, record, moved.until_ms)
 

@@ -1,14 +1,11 @@
 """Decides what to do about a drone's next QUEUED mission: a pure decision."""
 
 from dataclasses import dataclass
-from typing import Final
 
 from skyway.scheduling.slots import Slot, first_slot, stay_to_begin_at
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.record import MissionRecord
-
-#: A mission that can begin this much sooner is planned again, fleet milliseconds. Our own choice.
-_WORTH_MS: Final = 60_000
+from skyway_composition.missions.mission.restore_standby import WORTH_MS
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,14 +47,16 @@ class Times:
     """The present moment and spans of fleet time, in milliseconds.
 
     `reach_ms`: until an instruction reaches the drone. `plan_ms`: the same, with the time to plan
-    first. `hand_over_ms`: between two missions. `longest_wait_ms`: how long after its planned start
-    a mission waits for its drone.
+    first. `hand_over_ms`: between two missions. `send_ahead_ms`: how long before its start an idle
+    drone gets a mission. `longest_wait_ms`: how long after its planned start a mission waits for
+    its drone.
     """
 
     now_ms: int
     reach_ms: int
     plan_ms: int
     hand_over_ms: int
+    send_ahead_ms: int
     longest_wait_ms: int
 
     def is_overdue(self, following: MissionRecord) -> bool:
@@ -117,7 +116,8 @@ def _when_free(
     here = Slot(state.station_id, times.now_ms + times.plan_ms, state.soc)
     start = following.start
     is_in_time = times.now_ms + times.reach_ms <= start.at_ms
-    can_be_sooner = max(here.at_ms, following.earliest_ms) + _WORTH_MS < start.at_ms
-    if is_in_this_world and is_in_time and not can_be_sooner and here.allows(start):
-        return Send()
-    return PlanAgain(here)
+    can_be_sooner = max(here.at_ms, following.earliest_ms) + WORTH_MS < start.at_ms
+    if not is_in_this_world or not is_in_time or can_be_sooner or not here.allows(start):
+        return PlanAgain(here)
+    is_soon = start.at_ms <= times.now_ms + times.send_ahead_ms
+    return Send() if is_soon else Leave()

@@ -2,9 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import Final
 
+from skyway.planner.problem import Problem
 from skyway.runtime.clock import FleetClock
+from skyway.scheduling.fit_gap import fitted, standby_for
 from skyway.scheduling.slots import Slot, slot_after
 from skyway.scheduling.standby_choice import StandbyChoice
 from skyway.scheduling.trip import NoTrip, Trip
@@ -53,11 +56,14 @@ async def plan_queue(
     """
     changed: list[Moved | Dropped] = []
     planned_in = PlannedIn(world.skyway.version, world.conditions_version)
-    for record in queued:
+    for record, later in zip_longest(queued, queued[1:]):
         if changed and _keeps_its_plan(record, slot, planned_in):
             _end_last_standby(changed, record.start.at_ms - hand_over_time_ms(clock))
             break
-        trip = await _trip(solver, world, record, slot)
+        fitting = None
+        if later is not None and later.planned_in == planned_in:
+            fitting = await _trip_before(solver, world, record, slot, later=later, clock=clock)
+        trip = fitting or await _trip(solver, world, record, slot)
         if isinstance(trip, NoTrip) and trip.is_temporary:
             return []
         if isinstance(trip, NoTrip):
@@ -68,6 +74,8 @@ async def plan_queue(
             record, trip, slot, margins=world.skyway.settings.margins, planned_in=planned_in
         )
         changed.append(Moved(moved, trip))
+        if fitting is not None:
+            break
         following = slot_after(moved.stays, not_before_ms=0, hand_over_ms=hand_over_time_ms(clock))
         if following is not None:
             slot = following
@@ -90,17 +98,40 @@ def _end_last_standby(changed: list[Moved | Dropped], until_ms: int) -> None:
             return
 
 
+async def _trip_before(
+    solver: SolverPool,
+    world: World,
+    record: MissionRecord,
+    slot: Slot,
+    *,
+    later: MissionRecord,
+    clock: FleetClock,
+) -> Trip | None:
+    """A trip that ends where and when the next mission begins, so that this one keeps its plan."""
+    start = later.start
+    ready = Slot(start.station_id, start.at_ms - hand_over_time_ms(clock), start.soc)
+    if ready.at_ms <= max(slot.at_ms, record.earliest_ms):
+        return None
+    problem = _problem(world, record, slot, latest_ms=ready.at_ms)
+    trip = await round_trip(solver, world, problem, standby=standby_for(ready))
+    return None if isinstance(trip, NoTrip) else fitted(trip, soc=slot.soc, ready=ready)
+
+
 async def _trip(
     solver: SolverPool, world: World, record: MissionRecord, slot: Slot
 ) -> Trip | NoTrip:
-    request, candidate = record.request, record.candidate
-    deadline_at = request.qos.deadline_at
-    problem = delivery_problem(
+    deadline_at = record.request.qos.deadline_at
+    latest_ms = None if deadline_at is None else moment_to_ms(deadline_at)
+    problem = _problem(world, record, slot, latest_ms=latest_ms)
+    return await round_trip(solver, world, problem, standby=StandbyChoice.of(record.candidate))
+
+
+def _problem(world: World, record: MissionRecord, slot: Slot, *, latest_ms: int | None) -> Problem:
+    return delivery_problem(
         world,
-        Standing(candidate.model, slot.soc, slot.station_id),
-        pickup=request.pickup.station_id,
-        packages=request.packages,
+        Standing(record.candidate.model, slot.soc, slot.station_id),
+        pickup=record.request.pickup.station_id,
+        packages=record.request.packages,
         start_ms=max(slot.at_ms, record.earliest_ms),
-        latest_ms=None if deadline_at is None else moment_to_ms(deadline_at),
+        latest_ms=latest_ms,
     )
-    return await round_trip(solver, world, problem, standby=StandbyChoice.of(candidate))

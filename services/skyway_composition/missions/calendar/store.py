@@ -34,7 +34,10 @@ _TO_LOOK_AT: Final = (
     .select_from(_next.outerjoin(_before, _before.c.drone_id == _next.c.drone_id))
     .where(
         or_(
-            _before.c.mission_id.is_(None),
+            and_(
+                _before.c.mission_id.is_(None),
+                _next.c.start_ms < bindparam("soon_ms"),
+            ),
             and_(
                 _before.c.released_ms > _next.c.start_ms - bindparam("hand_over_ms"),
                 _before.c.proposal.is_(None),
@@ -49,13 +52,14 @@ _TO_LOOK_AT: Final = (
 
 
 async def drones_to_look_at(
-    connection: AsyncConnection, *, hand_over_ms: int, overdue_ms: int
+    connection: AsyncConnection, *, soon_ms: int, hand_over_ms: int, overdue_ms: int
 ) -> list[DroneId]:
     """The drones whose next mission may begin, does not fit, or was planned in another world.
 
-    Also the drones whose next mission should have begun before `overdue_ms`.
+    A mission may begin when its drone is idle and its start lies before `soon_ms`. Also the drones
+    whose next mission should have begun before `overdue_ms`.
     """
-    values = {"hand_over_ms": hand_over_ms, "overdue_ms": overdue_ms}
+    values = {"soon_ms": soon_ms, "hand_over_ms": hand_over_ms, "overdue_ms": overdue_ms}
     found = await connection.execute(_TO_LOOK_AT, values)
     return list(found.scalars())
 

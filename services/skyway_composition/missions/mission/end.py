@@ -13,7 +13,7 @@ from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.notify import raise_alarm, report
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.release_pads import restore_pads
-from skyway_composition.missions.mission.restore_standby import restore_standby
+from skyway_composition.missions.mission.restore_standby import begin_sooner, restore_standby
 from skyway_composition.missions.mission.step_record import flown_totals
 from skyway_composition.missions.mission.step_store import ended_events
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
@@ -40,6 +40,8 @@ async def refuse(
     await work.save(record)
     if is_queued:
         await restore_standby(work, record)
+    else:
+        await begin_sooner(work, record.drone_id)
 
 
 async def complete(work: MissionUnitOfWork, record: MissionRecord, *, at: datetime) -> None:
@@ -213,6 +215,7 @@ async def _end(
         data={"flown": flown_totals(events)},
     )
     await work.save(record)
+    await begin_sooner(work, record.drone_id)
 
 
 async def _strand(

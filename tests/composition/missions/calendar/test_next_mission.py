@@ -22,7 +22,12 @@ from skyway.scheduling.stays import Stay
 B, HOME = StationId("b"), StationId("home")
 NOW_MS = 10_000_000
 TIMES = Times(
-    now_ms=NOW_MS, reach_ms=5_000, plan_ms=30_000, hand_over_ms=30_000, longest_wait_ms=600_000
+    now_ms=NOW_MS,
+    reach_ms=5_000,
+    plan_ms=30_000,
+    hand_over_ms=30_000,
+    send_ahead_ms=600_000,
+    longest_wait_ms=600_000,
 )
 #: The drone delivers at b in 100 s, and charges at home from 400 s to 1,400 s.
 STAYS = (
@@ -143,7 +148,11 @@ def test_a_mission_that_can_begin_a_minute_sooner_is_planned_again() -> None:
 
 
 def test_a_mission_does_not_begin_sooner_than_its_customer_allows() -> None:
-    assert decided(following(in_s=900, earliest_s=880), link=standing()) == Send()
+    assert decided(following(in_s=600, earliest_s=580), link=standing()) == Send()
+
+
+def test_a_mission_that_begins_much_later_is_not_sent_yet() -> None:
+    assert decided(following(in_s=601, earliest_s=600), link=standing()) == Leave()
 
 
 @pytest.mark.parametrize("link", [standing(HOME), standing(soc=0.49)])
