@@ -86,9 +86,11 @@ class Story:
         pickup = chance.choice("aabc")
         others = [each for each in "abc" if each != pickup]
         mass_kg = chance.choice([0.4, 0.4, 3.0, 10.0])
+        later = timedelta(hours=chance.choice([1, 3, 8])) if chance.random() < 0.25 else None
         request = DeliveryRequest.model_validate(
             {
                 "pickup": {"station_id": pickup},
+                "earliest_pickup_at": later and self.world.clock.now() + later,
                 "packages": [
                     {
                         "package_id": f"{delivery_id}_{number}",

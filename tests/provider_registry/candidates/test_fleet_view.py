@@ -104,6 +104,42 @@ async def test_a_mission_report_makes_a_drone_busy_and_free_again(
     assert seen == [True, False]
 
 
+@pytest.mark.parametrize(
+    ("flies", "place"), [(False, ("mcqueeney", 0.7, 0)), (True, ("seguin", 0.5, 1_772_388_000_000))]
+)
+async def test_a_drone_stands_where_its_missions_leave_it_only_while_it_flies(
+    api: Any,
+    view: FleetView,
+    db: Database,
+    clock: ManualClock,
+    flies: bool,
+    place: tuple[str, float, int],
+) -> None:
+    """An idle drone can fly before the missions that wait for later."""
+    made = await api.drone(await api.provider())
+    await Recorder(db, clock).record(batch_of(made, mission="msn_1" if flies else None))
+    report = {
+        "report_id": "r",
+        "delivery_id": "dlv_2",
+        "attempt": 1,
+        "trip": 1,
+        "mission_id": "msn_2",
+        "drone_id": made["drone_id"],
+        "provider_id": made["provider_id"],
+        "at": "2026-03-01T12:00:00Z",
+        "seq": 1,
+        "kind": "QUEUED",
+        "mission_state": "QUEUED",
+        "free_from": {"at": "2026-03-01T18:00:00Z", "station_id": "seguin", "soc": 0.5},
+    }
+
+    answer = await api(None, "POST", "/internal/mission-reports", report)
+
+    assert answer.status_code == 204, answer.text
+    (drone,) = await drones(view)
+    assert (drone.station_id, drone.soc, drone.free_ms) == place
+
+
 async def test_maintenance_is_seen_by_the_other_replicas_immediately(
     api: Any, view: FleetView, db: Database, clock: ManualClock
 ) -> None:
