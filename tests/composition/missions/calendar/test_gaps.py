@@ -72,7 +72,7 @@ async def test_a_mission_that_does_not_fit_before_another_one_comes_after_it(
     world: BusyWorld,
 ) -> None:
     await book_for_later(world, "later", 18)
-    at = later_today(world, 18) - timedelta(minutes=15)
+    at = later_today(world, 18) - timedelta(minutes=60)
 
     assert await book(world, "close", "b", "c", earliest_pickup_at=at) == "BOOKED"
 
