@@ -79,6 +79,7 @@ ProviderReasonCode = Literal[
     "DESTINATION_UNREACHABLE",
     "OUT_OF_RANGE",
     "NO_PAD_IN_TIME",
+    "WINDOW_MISSED",
     "TOO_LATE",
     "NO_PLAN_FOUND",
     "NO_WAY_HOME",

@@ -99,7 +99,12 @@ class Infeasibility(JsonModel):
 
     code: Annotated[
         Literal[
-            "OVERWEIGHT", "DESTINATION_UNREACHABLE", "OUT_OF_RANGE", "NO_PAD_IN_TIME", "TOO_LATE"
+            "OVERWEIGHT",
+            "DESTINATION_UNREACHABLE",
+            "OUT_OF_RANGE",
+            "NO_PAD_IN_TIME",
+            "TOO_LATE",
+            "WINDOW_MISSED",
         ],
         Field(description="Why, for programs."),
     ]

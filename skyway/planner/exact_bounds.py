@@ -118,11 +118,13 @@ def _bound(
     is_out_of_reach = np.isinf(finish_j)
     per_m = weights.of(legs.s_per_m, legs.j_per_m)
     after = np.empty((1 << count, count))
+    # With windows the drone may have landed before it hands over.
+    stop_s, stop_j = (0.0, 0.0) if situation.windows.may_pass else (model.stop_s, model.stop_j)
     least = fill_orders(
         apart_m,
         required,
         per_m,
-        weights.of(model.stop_s + situation.problem.dropoff_s, model.stop_j),
+        weights.of(stop_s + situation.problem.dropoff_s, stop_j),
         np.where(
             is_out_of_reach, np.inf, weights.per_joule * np.where(is_out_of_reach, 0, finish_j)
         ),

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from skyway.drone.charging import recharge_time_s, soc_after_recharge
+from skyway.ids import StationId
 from skyway.network.network import Segment
+from skyway.planner.closures import Use
 from skyway.planner.flight_log import FlightLog
 from skyway.planner.itinerary import Itinerary
 from skyway.planner.kernels.memory import (
@@ -24,10 +26,13 @@ from skyway.planner.kernels.memory import (
     NOT_BEFORE,
     PARENT,
     SESSION,
+    START,
+    STAYED,
     USED,
     Memory,
 )
 from skyway.planner.situation import Situation
+from skyway.units import TIME_TOLERANCE_S
 
 _NONE: Final = -1
 
@@ -82,8 +87,8 @@ _SAME_SOC = 1e-12
 def itinerary_of(situation: Situation, acts: Sequence[Act]) -> Itinerary:
     """The steps of these acts, as early as charges and closures allow."""
     flight = _Flight(situation)
-    for act in acts:
-        flight.do(act)
+    for act, following in zip(acts, [*acts[1:], None], strict=True):
+        flight.do(act, is_followed_by_hand_over=following is not None and following.kind == STAYED)
     return Itinerary(flight.log.now_s, tuple(flight.log.steps), ())
 
 
@@ -100,8 +105,8 @@ class _Flight:
         self._is_loaded = False
         self._in_air: list[tuple[Segment, float]] = []
 
-    def do(self, act: Act) -> None:
-        """Do one act."""
+    def do(self, act: Act, *, is_followed_by_hand_over: bool) -> None:
+        """Do one act; a drone that hands over next shows its landing by that."""
         if act.segment >= 0:
             segment = self._situation.network.segments[act.segment]
             self._in_air.append((segment, act.not_before_s))
@@ -110,11 +115,20 @@ class _Flight:
             self._hand_over()
         elif act.kind == LANDED:
             self._land(not_before_s=act.not_before_s)
-            self.log.stand()
+            if not is_followed_by_hand_over:
+                self.log.stand()
+        elif act.kind == STAYED:
+            self._land()
+            self.log.wait(until_s=act.not_before_s)
+            self._hand_over()
         elif act.kind == SESSION:
             self._recharge(act)
-        elif act.kind != FLOWN and self.log.here == self._situation.problem.source:
+        elif act.kind == START and self._loads_immediately():
             self._hand_over()
+
+    def _loads_immediately(self) -> bool:
+        is_at_source = self.log.here == self._situation.problem.source
+        return is_at_source and not self._situation.windows.may_pass
 
     def _hand_over(self) -> None:
         self.log.hand_over()
@@ -150,16 +164,46 @@ class _Flight:
 
         `not_before_s` is the moment before which the drone may not touch down.
         """
-        if not self._in_air:
+        flights, self._in_air = self._in_air, []
+        if not flights:
             return
-        load_kg = self._situation.load_kg(self._undelivered) if self._is_loaded else 0.0
-        after_s = 0.0
-        leave_s = self.log.now_s
-        for segment, segment_not_before_s in self._in_air:
-            leave_s = max(leave_s, segment_not_before_s - after_s)
-            after_s += self._situation.flight_s(segment, load_kg)
-        self.log.wait(until_s=max(leave_s, not_before_s - after_s))
-        last = len(self._in_air) - 1
-        for number, (segment, _) in enumerate(self._in_air):
-            self.log.fly(segment, load_kg=load_kg, lands=number == last)
-        self._in_air.clear()
+        leave_s, uses = self._leave_s(flights, not_before_s)
+        departure = self._situation.closures.earliest_departure(uses, not_before_s=leave_s)
+        if departure.at_s <= leave_s + TIME_TOLERANCE_S:
+            self._fly(flights, leave_s)
+            return
+        # Leaving that late meets a closure, so the drone waits further on, where landing is free.
+        while flights:
+            count = next(
+                (n for n, (segment, _) in enumerate(flights, 1) if self._is_free(segment.to_id)),
+                len(flights),
+            )
+            part, flights = flights[:count], flights[count:]
+            self._fly(part, self._leave_s(part, -math.inf if flights else not_before_s)[0])
+
+    def _leave_s(
+        self, flights: Sequence[tuple[Segment, float]], touch_s: float
+    ) -> tuple[float, list[Use]]:
+        """When to leave for these flights, to touch down at this moment or later; what they use."""
+        after_s, leave_s, uses = 0.0, self.log.now_s, []
+        for segment, not_before_s in flights:
+            leave_s = max(leave_s, not_before_s - after_s)
+            flight_s = self._situation.flight_s(segment, self._load_kg)
+            uses.append(Use((segment.from_id, segment.to_id), after_s, flight_s))
+            after_s += flight_s
+        return max(leave_s, touch_s - after_s), uses
+
+    def _fly(self, flights: Sequence[tuple[Segment, float]], leave_s: float) -> None:
+        self.log.wait(until_s=leave_s)
+        for number, (segment, _) in enumerate(flights, 1):
+            self.log.fly(segment, load_kg=self._load_kg, lands=number == len(flights))
+
+    def _is_free(self, station_id: StationId) -> bool:
+        """Whether a landing costs nothing there, and no closure forbids it."""
+        model = self._situation.model
+        is_closed = station_id in self._situation.closures.intervals()
+        return model.stop_s == 0 and model.stop_j == 0 and not is_closed
+
+    @property
+    def _load_kg(self) -> float:
+        return self._situation.load_kg(self._undelivered) if self._is_loaded else 0.0

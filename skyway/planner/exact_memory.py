@@ -121,7 +121,7 @@ def _sized(trees: int, ranks: int, room: Room) -> Memory:
         arc_length=np.empty(arcs),
         window_s=np.empty((room.windows, 2)),
         state=np.empty((states, 4), np.int64),
-        state_bound=np.empty((states, 2)),
+        state_bound=np.empty((states, 3)),
         state_table=np.zeros(2 * states, np.int64),
         label=np.empty((labels, 8)),
         link=np.empty((labels, 6), np.int64),

@@ -1,10 +1,13 @@
 """Why the exact search found nothing: the proof, by searching again with fewer obstacles."""
 
+from dataclasses import replace
+
 from skyway.delivery.plan import Infeasibility
 from skyway.ids import StationId
 from skyway.planner.closures import Closures
 from skyway.planner.exact_search import Ending, ExactSearch
 from skyway.planner.exact_task import Method
+from skyway.planner.missed_window import window_missed
 from skyway.planner.pad_book import NO_RESERVATIONS
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
@@ -20,8 +23,9 @@ _GAP_LABELS = 1 << 14
 def proof_of_infeasibility(situation: Situation, effort: Effort) -> Infeasibility | None:
     """The reason that excludes every plan; None when the effort ended first.
 
-    The proof is a search without reservations and without a deadline. If it finds a plan, the
-    reserved pads or the deadline are the reason. If it finds none, the drone cannot get there.
+    The proof is a search without reservations, deadline and windows. If it finds a plan, the
+    reserved pads, the deadline or the windows are the reason. If it finds none, the drone cannot
+    get there.
     """
     free = without_pressure(situation)
     search = ExactSearch(free, method=Method())
@@ -35,6 +39,15 @@ def proof_of_infeasibility(situation: Situation, effort: Effort) -> Infeasibilit
     if ending is Ending.PAUSED:
         return None
     least_s = search.lower_bound_s
+    if situation.windows.may_pass:
+        timely = replace(free, windows=situation.windows)
+        search = ExactSearch(timely, method=Method())
+        ending = search.run(effort, most_labels=effort.room)
+        if ending is Ending.PAUSED:
+            return None
+        if ending is Ending.EXHAUSTED:
+            return window_missed(timely, effort)
+        least_s = search.lower_bound_s
     limit_s = situation.problem.latest_delivery_s
     if limit_s is not None and least_s > limit_s + TIME_TOLERANCE_S:
         return Infeasibility(
@@ -58,14 +71,19 @@ def unreachable_behind_closures(situation: Situation) -> Infeasibility | None:
     """
     if situation.hierarchy is None or not situation.closures.intervals():
         return None
-    without = Situation(situation.problem, situation.closures, situation.books)
+    without = replace(situation, hierarchy=None)
     return _unreachable(situation, ExactSearch(without, method=Method()))
 
 
 def without_pressure(situation: Situation) -> Situation:
-    """The same with every pad free and no deadline."""
+    """The same with every pad free, no deadline, and every window open."""
     problem = situation.problem.model_copy(update={"latest_delivery_s": None})
-    return Situation(problem, situation.closures, (NO_RESERVATIONS, NO_RESERVATIONS))
+    return Situation(
+        problem,
+        situation.closures,
+        (NO_RESERVATIONS, NO_RESERVATIONS),
+        windows=situation.windows.opened(),
+    )
 
 
 def _unreachable(situation: Situation, search: ExactSearch) -> Infeasibility | None:
@@ -97,7 +115,7 @@ def _closed_at_the_wrong_time(free: Situation, effort: Effort) -> Infeasibility 
     """DESTINATION_UNREACHABLE if there would be a plan with nothing closed."""
     if not free.closures.intervals():
         return None
-    opened = Situation(free.problem, Closures({}), free.books)
+    opened = replace(free, closures=Closures({}))
     search = ExactSearch(opened, method=Method())
     if search.run(effort, most_labels=effort.room) is not Ending.PROVEN:
         return None
@@ -140,5 +158,5 @@ def _reaches(free: Situation, size: float, effort: Effort) -> bool:
     model = free.model.model_copy(update={"battery_j": free.model.battery_j * size})
     drone = free.problem.drone.model_copy(update={"model": model})
     problem = free.problem.model_copy(update={"drone": drone})
-    search = ExactSearch(Situation(problem, free.closures, free.books), method=Method())
+    search = ExactSearch(replace(free, problem=problem), method=Method())
     return search.run(effort, most_labels=min(_GAP_LABELS, effort.room)) is Ending.PROVEN

@@ -65,7 +65,9 @@ class ExactSearch:
         )
         self._closed = closed_handle(situation)
         self._books = [book_handle(book) for book in situation.books]
-        trees_needed = len(self._destinations) + (self._start != self._source)
+        #: Whether the search begins before the pick-up, and so needs a tree of the source.
+        self._approaches = self._start != self._source or situation.windows.may_pass
+        trees_needed = len(self._destinations) + self._approaches
         ranks = 0 if hierarchy is None else len(hierarchy.rank)
         self._memory = new_memory(trees_needed, ranks, room=room)
         self._notes = handle_of(self._memory)
@@ -149,7 +151,7 @@ class ExactSearch:
 
     def _plant_trees(self) -> None:
         roots = self._destinations
-        if self._start != self._source:
+        if self._approaches:
             roots = np.append(roots, np.int32(self._source))
         if self._situation.hierarchy is not None:
             distances.root_all(self._skyway, self._notes, roots)

@@ -13,6 +13,7 @@ from skyway.ids import StationId
 from skyway.network.network import Network
 from skyway.planner.closures import Interval
 from skyway.planner.exact_bounds import bounds_of, legs_of
+from skyway.planner.exact_windows import windows_of
 from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.memory import Floats, Ints
 from skyway.planner.kernels.records import Book, Closed, Task
@@ -136,7 +137,11 @@ def task_of(
     loading_s = problem.loading_s
     if situation.packages_for(problem.source):
         loading_s += problem.dropoff_s
-    first_stop_s = model.stop_s + loading_s
+    # Where the drone may stand at the source before it loads, the landing may be behind it.
+    first_stop_s, first_stop_j = model.stop_s + loading_s, model.stop_j
+    if situation.windows.may_pass:
+        first_stop_s, first_stop_j = loading_s, 0.0
+    windows = windows_of(situation, legs, flight, loading_s=loading_s, apart_m=apart_m)
     curve_s, curve_j = curve_of(model)
     return Task(
         destinations=np.array([row_of[each] for each in situation.destinations], np.int32),
@@ -148,8 +153,8 @@ def task_of(
         need_per_m=need.per_m,
         flight_after=flight.after,
         need_after=need.after,
-        approach_flight_after=flight.weights.of(first_stop_s, model.stop_j) + flight.least,
-        approach_need_after=need.weights.of(first_stop_s, model.stop_j) + need.least,
+        approach_flight_after=flight.weights.of(first_stop_s, first_stop_j) + flight.least,
+        approach_need_after=need.weights.of(first_stop_s, first_stop_j) + need.least,
         finish_j=np.array([situation.finish_j(each) for each in situation.destinations]),
         finish_j_at_source=0.0 if situation.destinations else situation.finish_j(problem.source),
         curve_s=curve_s,
@@ -167,4 +172,6 @@ def task_of(
         prunes=method.dominance == "full",
         levels=0 if method.charging == "lazy" else method.charging,
         weight=weight,
+        may_pass=situation.windows.may_pass,
+        **windows._asdict(),
     )

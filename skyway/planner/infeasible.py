@@ -48,7 +48,8 @@ def proof_of_infeasibility(situation: Situation, stop: Stop) -> Infeasibility | 
         detail = "no order of the destinations has a path through all of them"
         return Infeasibility(code="DESTINATION_UNREACHABLE", detail=detail)
     effort = Effort(first_of(stop, LabelLimit(_MAX_LABELS)))
-    if is_out_of_range(situation, whole, effort):
+    # With windows a drone may fly over a destination, which this search does not know.
+    if not situation.windows.may_pass and is_out_of_range(situation, whole, effort):
         return Infeasibility(
             code="OUT_OF_RANGE",
             detail="even with every pad free and every recharge to the top of the charge curve "

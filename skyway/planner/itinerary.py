@@ -18,7 +18,7 @@ from skyway.planner.closures import Use
 from skyway.planner.flight_log import FlightLog
 from skyway.planner.route import Route
 from skyway.planner.situation import Situation
-from skyway.units import CHARGE_TOLERANCE
+from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +117,7 @@ class _RouteFlight:
 
     def _fly_all_passages(self) -> None:
         if self._stations[0] == self._situation.problem.source:
+            self._wait_for_window()
             self._log.pick_up()
         here, last = 0, len(self._passages)
         while here < last:
@@ -126,9 +127,18 @@ class _RouteFlight:
             self._fly_hop(here, landing)
             here = landing
             if here in self._hand_overs:
+                self._wait_for_window()
                 self._log.hand_over()
         if not self._is_in_reach(last, self._log.soc):
             raise _Stuck
+
+    def _wait_for_window(self) -> None:
+        """Wait until packages may change hands here."""
+        for from_s, until_s in self._situation.windows.starts_at(self._log.here):
+            if self._log.now_s <= until_s + TIME_TOLERANCE_S / 2:
+                self._log.wait(until_s=from_s)
+                return
+        raise _Stuck
 
     def _energy_to_next_pad_j(self) -> list[float]:
         """For every place: the energy to fly on, and down to the next pad (or the finish)."""

@@ -35,10 +35,12 @@ from skyway.planner.problem_parts import (
     Duration,
     PackageToDeliver,
     PadReservation,
+    Seconds,
     SegmentClosure,
     StationClosure,
     not_text_or_truth,
 )
+from skyway.planner.window_faults import TimedAct, window_faults
 
 __all__ = [
     "MAX_FAULTS",
@@ -146,6 +148,10 @@ class Problem(JsonModel):
     loading_s: Duration = 0.0
     dropoff_s: Duration = 0.0
     latest_delivery_s: Duration | None = None
+    pickup_not_before_s: Annotated[
+        Seconds | None, Field(description="Loading does not begin before.")
+    ] = None
+    pickup_latest_s: Annotated[Seconds | None, Field(description="Loading is over by then.")] = None
     time_limit_s: Annotated[
         Annotated[float, Field(gt=0, le=MAX_SECONDS, strict=True)] | None,
         Field(description="Seconds after which the best plan so far is answered."),
@@ -161,6 +167,17 @@ class Problem(JsonModel):
         """Where the drone stands at time 0."""
         return self.drone.station_id or self.source
 
+    @property
+    def has_windows(self) -> bool:
+        """Whether loading or some hand-over has a window."""
+        return (
+            self.pickup_not_before_s is not None
+            or self.pickup_latest_s is not None
+            or any(
+                one.not_before_s is not None or one.latest_s is not None for one in self.packages
+            )
+        )
+
     @model_validator(mode="after")
     def _fields_agree(self) -> Self:
         faults = tuple(islice(self._disagreements(), MAX_FAULTS))
@@ -169,7 +186,7 @@ class Problem(JsonModel):
         return self
 
     def _disagreements(self) -> Iterator[FieldFault]:
-        return disagreements(
+        yield from disagreements(
             self.network,
             start_at=self.start_at,
             drone=self.drone,
@@ -177,4 +194,9 @@ class Problem(JsonModel):
             packages=self.packages,
             pad_reservations=self.pad_reservations,
             closures=self.closures,
+        )
+        yield from window_faults(
+            self.packages,
+            loading=TimedAct(self.pickup_not_before_s, self.pickup_latest_s, self.loading_s),
+            dropoff_s=self.dropoff_s,
         )

@@ -46,13 +46,17 @@ class DroneAtStart(JsonModel):
 
 
 class PackageToDeliver(JsonModel):
-    """A package, its mass, and the station where it is handed over."""
+    """A package, its mass, and the station and window of its hand-over."""
 
     package_id: PackageId
     mass_kg: Annotated[
         float, Field(ge=0, le=MAX_PACKAGE_KG, strict=True, description="Mass in kilograms.")
     ]
     destination: StationId
+    not_before_s: Annotated[
+        Seconds | None, Field(description="The hand-over does not begin before.")
+    ] = None
+    latest_s: Annotated[Seconds | None, Field(description="The hand-over is over by then.")] = None
 
 
 class PadReservation(JsonModel):

@@ -99,8 +99,13 @@ class Replay:
 
     def _must_hand_over(self) -> bool:
         """Whether packages must be picked up or handed over here before any other step."""
+        is_at_source = self._here == self._problem.source
+        if self._problem.has_windows:
+            # Packages for the source are handed over right after loading, windows or not.
+            is_due = self._here in self._undelivered.values()
+            return is_at_source and self._has_picked_up and is_due
         if not self._has_picked_up:
-            return self._here == self._problem.source
+            return is_at_source
         return self._here in self._undelivered.values()
 
     def _check_pick_up(self, step: PickUp) -> None:
@@ -109,6 +114,8 @@ class Replay:
         if sorted(step.package_ids) != sorted(self._undelivered):
             self._note("pick-up", "not exactly all packages are picked up")
         self._check_duration(step, self._problem.loading_s)
+        problem = self._problem
+        self._check_window(step, problem.pickup_not_before_s, problem.pickup_latest_s)
         limit_kg = self._model.max_payload_kg
         if self._load_kg() > limit_kg + LOAD_TOLERANCE_KG:
             self._note("payload", f"{self._load_kg()} kg exceed {limit_kg} kg")
@@ -123,8 +130,20 @@ class Replay:
         if not self._has_picked_up or sorted(step.package_ids) != due or not due:
             self._note("delivery", f"{step.package_ids} handed over, due are {due}")
         self._check_duration(step, self._problem.dropoff_s)
+        for package in self._problem.packages:
+            if package.package_id in step.package_ids:
+                self._check_window(step, package.not_before_s, package.latest_s)
         for package_id in step.package_ids:
             self._undelivered.pop(package_id, None)
+
+    def _check_window(
+        self, step: PickUp | Deliver, not_before_s: float | None, latest_s: float | None
+    ) -> None:
+        allowed_s = time_tolerance_s(step.end_s)
+        if not_before_s is not None and not step.start_s >= not_before_s - allowed_s:
+            self._note("window", f"{step.kind} starts at {step.start_s}, before {not_before_s}")
+        if latest_s is not None and not step.end_s <= latest_s + allowed_s:
+            self._note("window", f"{step.kind} ends at {step.end_s}, after {latest_s}")
 
     def _check_fly(self, step: Fly, *, lands: bool) -> None:
         if step.from_id != self._here:

@@ -16,6 +16,7 @@ from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import PackageToDeliver, Problem
+from skyway.planner.windows import Windows
 
 
 @dataclass(slots=True)
@@ -28,6 +29,8 @@ class Situation:
     books: tuple[PadBook, PadBook]
     #: Distances prepared for the whole network, None without.
     hierarchy: Hierarchy | None = None
+    #: When packages may change hands.
+    windows: Windows = field(default_factory=Windows)
     pads: PadCalendar = field(init=False)
     #: Distinct destinations apart from the source, in the order in which packages name them.
     destinations: tuple[StationId, ...] = field(init=False)
@@ -54,7 +57,8 @@ class Situation:
         given = NO_RESERVATIONS
         if problem.pad_reservations:
             given = PadBook.of(problem.network, problem.pad_reservations)
-        return cls(problem, Closures.of(problem, airspace), (given, booked), hierarchy)
+        closures = Closures.of(problem, airspace)
+        return cls(problem, closures, (given, booked), hierarchy, Windows.of(problem))
 
     @property
     def network(self) -> Network:

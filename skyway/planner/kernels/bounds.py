@@ -126,3 +126,45 @@ def _can_grow(memory: Memory, tree: int, place: int) -> bool:
         memory.distance[tree, place] > memory.radius[tree]
         and memory.radius[tree] <= memory.reach[tree]
     )
+
+
+@entrance
+def fill_floors(after: Floats, first_start_s: Floats, floor_s: Floats) -> None:
+    """Write the least end of the last delivery that the windows allow, by mask.
+
+    Parameters
+    ----------
+    after
+        ``(2**k, k)`` seconds from the start of a hand-over to the end, see `fill_orders`.
+    first_start_s
+        ``(k,)``, the first moment at which each hand-over may begin.
+    floor_s
+        ``(2**k + 1,)``, written up to the last but one.
+    """
+    count = first_start_s.size
+    full = (1 << count) - 1
+    floor_s[full] = -np.inf
+    for mask in range(full - 1, -1, -1):
+        least_s = np.inf
+        for number in range(count):
+            if mask >> number & 1:
+                continue
+            end_s = max(first_start_s[number] + after[mask, number], floor_s[mask | 1 << number])
+            least_s = min(least_s, end_s)
+        floor_s[mask] = least_s
+
+
+@kernel
+def note_last_arrival(search: Search, state: int, place: int, mask: int) -> None:
+    """Note the moment after which a drone here is too late for some pick-up or hand-over."""
+    task, memory = search.task, search.memory
+    count = int64(task.destinations.size)
+    latest_s = np.inf
+    is_approach = mask == int64(1) << count
+    for act in range(count + 1):
+        is_due = is_approach if act == count else not is_approach and not mask >> act & 1
+        if is_due and task.last_start_s[act] < np.inf:
+            length_m = min(memory.distance[act, place], memory.radius[act])
+            last_s = task.last_start_s[act] - length_m * task.least_s_per_m[mask]
+            latest_s = min(latest_s, last_s)
+    memory.state_bound[state, 2] = latest_s

@@ -3,7 +3,8 @@
 import numpy as np
 
 from skyway.planner.kernels.compiler import kernel
-from skyway.planner.kernels.records import Closed
+from skyway.planner.kernels.memory import NONE
+from skyway.planner.kernels.records import Closed, Search
 
 # A drone may leave this many seconds early because a sum of floats fell short of a closure's end.
 _ROUNDING_S = 1e-9
@@ -106,3 +107,20 @@ def leave_latest_s(
         landed_s = leave_at_s + flight_s
         latest_s = min(latest_s, closes_next_s(closed, landing, landed_s) - stop_s - flight_s)
     return max(latest_s, leave_at_s)
+
+
+@kernel
+def lands_for_free(search: Search, place: int, time_s: float) -> bool:
+    """Whether landing costs nothing and no closure forbids it.
+
+    Then a drone above the station can do all that a drone on the ground can.
+    """
+    task, closed = search.task, search.closed
+    if task.stop_s != 0.0 or task.stop_j != 0.0:
+        return False
+    if closed.keys.size == 0:
+        return True
+    landing = closed.first_station_key + search.memory.row[place]
+    return leave_latest_s(closed, NONE, landing, time_s, 0.0, 0.0) == np.inf and (
+        leave_s(closed, NONE, landing, time_s, 0.0, 0.0) == time_s
+    )

@@ -7,6 +7,7 @@ import numpy as np
 from skyway.planner.kernels.charging import Charge, after_raising, after_staying, until_left
 from skyway.planner.kernels.closures import just_after_s, leave_latest_s, leave_s
 from skyway.planner.kernels.compiler import kernel
+from skyway.planner.kernels.hand_overs import change_hands
 from skyway.planner.kernels.labels import (
     FULL_MEMORY,
     charge_of,
@@ -42,7 +43,8 @@ class _End(NamedTuple):
     """The end of an arc, and the hand-over there.
 
     `reached` is the destination at this place that waits for its packages, or -1. `following` is
-    the mask after a delivery or after the pick-up, or -1 without a hand-over.
+    the mask after a delivery or after the pick-up, or -1 without a hand-over. With windows there
+    are no hand-overs here: `hand_overs` makes them.
     """
 
     place: int
@@ -56,6 +58,8 @@ def expand(search: Search, label: int) -> bool:
     memory = search.memory
     state = memory.link[label, STATE]
     place, mask = memory.state[state, STATE_PLACE], memory.state[state, STATE_MASK]
+    if search.task.may_pass and not change_hands(search, label, place, mask):
+        return False
     first = arcs_of(search.skyway, search.closed, memory, place, OUTWARD)
     if first < 0:
         return False
@@ -123,6 +127,8 @@ def _fly(search: Search, label: int, mask: int, arc: int) -> bool:
 @kernel
 def _end_of(task: Task, memory: Memory, mask: int, arc: int) -> _End:
     place = memory.arc_place[arc]
+    if task.may_pass:
+        return _End(place, NONE, NONE)
     row = memory.row[place]
     count = int64(task.destinations.size)
     if mask == int64(1) << count:

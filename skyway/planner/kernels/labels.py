@@ -5,6 +5,8 @@ the drone stays at the last pad. Each state keeps its undominated labels in two 
 and in the air: a drone on the ground can do all that a drone in the air can, and it can wait.
 """
 
+import numpy as np
+
 from skyway.planner.kernels.charging import Charge
 from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.dominance import dominates
@@ -27,6 +29,7 @@ from skyway.planner.kernels.memory import (
     PARENT,
     POSITION,
     STATE,
+    STATE_MASK,
     TIME,
     USED,
     Floats,
@@ -40,6 +43,9 @@ from skyway.planner.kernels.states import still_s
 DOMINATED = -1
 FULL_MEMORY = -2
 TOO_LATE = -3
+
+# The share of a wait for a window by which the queue orders labels that wait for it.
+_SHARE_OF_WAIT = 1e-9
 
 
 @kernel
@@ -95,6 +101,10 @@ def enlist(task: Task, memory: Memory, label: int, state: int, column: int) -> i
     """
     row = memory.label[label]
     key = row[TIME] + still_s(task, memory, state, row[LEVEL] - row[USED])
+    if task.may_pass:
+        key = max(key, task.floor_s[memory.state[state, STATE_MASK]])
+        if row[TIME] > memory.state_bound[state, 2]:
+            key = np.inf
     if not key < memory.best_s[0] or key > task.latest_s:
         memory.counts[LABELS] = label
         return TOO_LATE
@@ -138,8 +148,15 @@ def enqueue(task: Task, memory: Memory, label: int) -> None:
     if memory.link[label, ALIVE] == 0:
         return
     row = memory.label[label]
-    left_s = still_s(task, memory, memory.link[label, STATE], row[LEVEL] - row[USED])
-    push(memory, label, row[TIME] + task.weight * left_s)
+    state = memory.link[label, STATE]
+    left_s = still_s(task, memory, state, row[LEVEL] - row[USED])
+    key = row[TIME] + task.weight * left_s
+    if task.may_pass:
+        floor_s = task.floor_s[memory.state[state, STATE_MASK]]
+        # Before labels that wait for the same window, those come first that would be earliest.
+        if key < floor_s:
+            key = floor_s - (floor_s - key) * _SHARE_OF_WAIT
+    push(memory, label, key)
 
 
 @kernel

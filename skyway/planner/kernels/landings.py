@@ -3,8 +3,14 @@
 import numpy as np
 
 from skyway.planner.kernels.charging import Charge, after_raising, after_staying, until_left
-from skyway.planner.kernels.closures import just_after_s, leave_latest_s, leave_s
+from skyway.planner.kernels.closures import (
+    just_after_s,
+    lands_for_free,
+    leave_latest_s,
+    leave_s,
+)
 from skyway.planner.kernels.compiler import kernel
+from skyway.planner.kernels.hand_overs import act_at
 from skyway.planner.kernels.labels import (
     FULL_MEMORY,
     charge_of,
@@ -47,7 +53,7 @@ def fly_over(
     state = state_of(search, place, mask)
     if state < 0:
         return False
-    is_free = _lands_for_free(search, place, time_s)
+    is_free = lands_for_free(search, place, time_s)
     if is_free:
         latest_s = np.inf
     flown = note(memory, label, FLOWN, arc, time_s, charge, used_j, latest_s, not_before_s)
@@ -67,23 +73,6 @@ def fly_over(
 
 
 @kernel
-def _lands_for_free(search: Search, place: int, time_s: float) -> bool:
-    """Whether landing costs nothing and no closure forbids it.
-
-    Then a drone above the station can do all that a drone on the ground can.
-    """
-    task, closed = search.task, search.closed
-    if task.stop_s != 0.0 or task.stop_j != 0.0:
-        return False
-    if closed.keys.size == 0:
-        return True
-    landing = closed.first_station_key + search.memory.row[place]
-    return leave_latest_s(closed, NONE, landing, time_s, 0.0, 0.0) == np.inf and (
-        leave_s(closed, NONE, landing, time_s, 0.0, 0.0) == time_s
-    )
-
-
-@kernel
 def _land(search: Search, label: int, place: int, mask: int, state: int) -> bool:
     """Enter the labels on the ground below a label in the air; False when the memory is full."""
     task, closed, memory = search.task, search.closed, search.memory
@@ -95,6 +84,7 @@ def _land(search: Search, label: int, place: int, mask: int, state: int) -> bool
     ready_s = row[TIME] + charge.position - row[POSITION]
     landing = closed.first_station_key + memory.row[place]
     may_be_closed = closed.keys.size > 0
+    must_enlist = may_be_closed or (task.may_pass and act_at(task, memory, place, mask) >= 0)
     touch_s = ready_s
     while True:
         latest_s = np.inf
@@ -119,8 +109,9 @@ def _land(search: Search, label: int, place: int, mask: int, state: int) -> bool
         )
         if landed == FULL_MEMORY:
             return False
-        # A drone on the ground that does not charge only waits. That only helps near closures.
-        if not may_be_closed:
+        # A drone on the ground that does not charge only waits. That only helps near closures,
+        # and where packages change hands.
+        if not must_enlist:
             if not enter_sessions(search, landed, place, mask):
                 return False
         elif enlist(task, memory, landed, state, FIRST_ON_GROUND) >= 0:

@@ -44,6 +44,8 @@ FLOWN: Final = int64(1)
 LANDED: Final = int64(2)
 SESSION: Final = int64(3)
 HANDED_OVER: Final = int64(4)
+# Picked up or handed over by a drone that stood there already.
+STAYED: Final = int64(5)
 
 # Columns of `Memory.label`.
 TIME: Final = 0
@@ -83,8 +85,9 @@ class Memory(NamedTuple):
     - With a hierarchy, by rank: `rank_distance` ``(ranks, trees)`` metres, `rank_known`, `climb`.
     - By arc: `arc_place` at the other end, `arc_segment` its row, `arc_length` in metres.
     - `window_s` ``(windows, 2)``: the free windows of a place, one after another.
-    - `state` ``(states, 4)``: its columns are above; `state_bound` ``(states, 2)``: seconds, see
-      `bounds`. `state_table` finds the state of a place and mask, plus 1.
+    - `state` ``(states, 4)``: its columns are above; `state_bound` ``(states, 3)``: seconds, see
+      `bounds`; with windows the last column is the last useful moment there. `state_table` finds
+      the state of a place and mask, plus 1.
     - `label` ``(labels, 8)``: the earliest time, the charge level at which the last pad was left
       for that time with its position on the charge curve (seconds), the highest level the pad could
       give with its position, the joules used since, the latest moment to which the drone can delay

@@ -68,6 +68,12 @@ class Task(NamedTuple):
     `finish_j` is the energy that must remain above the reserve after the last delivery. The charge
     curve leads through `curve_s`, `curve_j`. `levels` are the levels tried on each pad, 0 if
     charging is decided as late as possible. Only with `prunes` are dominated labels left out.
+
+    With `may_pass` the problem has windows. Destination j may be handed over from moments between
+    `start_from_s` and `start_until_s`, rows ``start_offsets[j]`` to ``start_offsets[j + 1]``; the
+    last destination is followed by the pick-up. `last_start_s` ``(k + 1,)`` are the last of these
+    moments. By mask, ``(2**k + 1,)``: `floor_s` is the least end of the last delivery that the
+    windows allow, and `least_s_per_m` the least time for a metre from then on.
     """
 
     destinations: Ints
@@ -98,6 +104,13 @@ class Task(NamedTuple):
     prunes: bool
     levels: int
     weight: float
+    may_pass: bool
+    start_offsets: Longs
+    start_from_s: Floats
+    start_until_s: Floats
+    last_start_s: Floats
+    floor_s: Floats
+    least_s_per_m: Floats
 
 
 class Search(NamedTuple):

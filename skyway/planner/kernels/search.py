@@ -43,7 +43,7 @@ def begin(
     if place < 0:
         return False
     count = int64(task.destinations.size)
-    at_source = task.start == task.source
+    at_source = task.start == task.source and not task.may_pass
     mask = int64(0) if at_source else int64(1) << count
     loaded_s = task.loading_s if at_source else 0.0
     position = position_of(task, task.start_j)

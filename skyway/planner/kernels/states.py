@@ -1,6 +1,6 @@
 """States: a place and a mask, with bounds of the remaining time."""
 
-from skyway.planner.kernels.bounds import note_bounds
+from skyway.planner.kernels.bounds import note_bounds, note_last_arrival
 from skyway.planner.kernels.charging import full_sessions_s
 from skyway.planner.kernels.compiler import entrance, kernel
 from skyway.planner.kernels.memory import (
@@ -39,6 +39,8 @@ def state_of(search: Search, place: int, mask: int) -> int:
         return NONE
     if not note_bounds(search, state, place, mask):
         return NONE
+    if search.task.may_pass:
+        note_last_arrival(search, state, place, mask)
     memory.state_table[slot] = state + 1
     memory.state[state, STATE_PLACE] = place
     memory.state[state, STATE_MASK] = mask

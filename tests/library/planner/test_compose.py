@@ -342,3 +342,18 @@ def test_the_library_alone_imports_no_planner():
     imported = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
 
     assert imported.stdout.strip() == b"False"
+
+
+def test_a_drone_waits_further_on_when_leaving_later_would_meet_a_closure(
+    make_problem: Callable[..., Problem],
+) -> None:
+    closures = [
+        {"station_id": "c", "start_s": 60, "end_s": 910},
+        {"from": "a", "to": "b", "start_s": 560, "end_s": 960},
+    ]
+    problem = make_problem("a-b:3 b-c:1.5", "c", pads={"b": 0}, closures=closures)
+
+    plan = compose(problem)
+
+    assert plan.delivery_time_s == 910
+    assert [step.kind for step in plan.steps] == ["PICK_UP", "FLY", "WAIT", "FLY", "DELIVER"]

@@ -11,6 +11,7 @@ from tests.library.planner.oracles.instances import (
     make_busy_problem,
     make_problem,
     make_stormy_problem,
+    make_windowed_problem,
 )
 from tests.library.planner.oracles.judge import disagreements, disagreements_with_reason
 
@@ -35,6 +36,16 @@ def test_no_plan_is_later_than_the_grids_with_busy_pads_or_many_closures(
     faults = {}
     for seed in range(40):
         problem = make(seed)
+        faults[seed] = disagreements(problem, compose(problem), bracket(problem, tick_s=5.0))
+
+    assert {seed: words for seed, words in faults.items() if words} == {}
+
+
+@pytest.mark.parametrize("first", range(0, 300, _BLOCK))
+def test_no_plan_with_windows_is_later_than_the_grids_or_earlier_than_possible(first: int) -> None:
+    faults = {}
+    for seed in range(first, first + _BLOCK):
+        problem = make_windowed_problem(seed)
         faults[seed] = disagreements(problem, compose(problem), bracket(problem, tick_s=5.0))
 
     assert {seed: words for seed, words in faults.items() if words} == {}

@@ -51,6 +51,10 @@ class Facts:
     free: list[list[Interval]]
     station_closed: list[list[Interval]]
     segment_closed: list[list[Interval]]
+    #: Whether the drone may pass a place where packages change hands; when each hand-over may
+    #: begin, by destination, and last when loading may.
+    may_pass: bool
+    starts: list[list[Interval]]
 
     @property
     def served(self) -> int:
@@ -69,6 +73,15 @@ class Facts:
         if station in self.destinations:
             return state | 1 << self.destinations.index(station)
         return state
+
+    def act_at(self, state: int, station: int) -> int:
+        """The destination handed over here, the number behind them for the pick-up, or -1."""
+        after = self.after_landing_at(state, station)
+        if after == state:
+            return -1
+        if state == self.before:
+            return len(self.destinations)
+        return self.destinations.index(station)
 
     def hand_over_s(self, state: int) -> float:
         """Seconds that the hand-over out of this state takes."""
@@ -135,7 +148,37 @@ def read_facts(problem: Problem) -> Facts:
         segment_closed=[
             _closed_segment(problem, segment.from_id, segment.to_id) for segment in segments
         ],
+        may_pass=_has_windows(problem),
+        starts=[
+            *([_hand_over_starts(problem, names[each])] for each in destinations),
+            [_loading_starts(problem)],
+        ],
     )
+
+
+def _has_windows(problem: Problem) -> bool:
+    limits = [problem.pickup_not_before_s, problem.pickup_latest_s]
+    limits += [limit for one in problem.packages for limit in (one.not_before_s, one.latest_s)]
+    return any(limit is not None for limit in limits)
+
+
+def _hand_over_starts(problem: Problem, name: StationId) -> Interval:
+    """When the packages for this station may begin to be handed over."""
+    mine = [one for one in problem.packages if one.destination == name]
+    begins = [one.not_before_s for one in mine if one.not_before_s is not None]
+    ends = [one.latest_s - problem.dropoff_s for one in mine if one.latest_s is not None]
+    return max(begins, default=-math.inf), min(ends, default=math.inf)
+
+
+def _loading_starts(problem: Problem) -> Interval:
+    """The same for loading; packages for the source are handed over as soon as it ends."""
+    first, last = _hand_over_starts(problem, problem.source)
+    first, last = first - problem.loading_s, last - problem.loading_s
+    if problem.pickup_not_before_s is not None:
+        first = max(first, problem.pickup_not_before_s)
+    if problem.pickup_latest_s is not None:
+        last = min(last, problem.pickup_latest_s - problem.loading_s)
+    return first, last
 
 
 def _finish(problem: Problem, names: list[StationId], soc_per_m: float) -> list[float]:

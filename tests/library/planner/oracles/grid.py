@@ -54,7 +54,7 @@ def bracket(problem: Problem, *, tick_s: float, after_s: float = _AFTER_LAST_EVE
     facts = read_facts(problem)
     events = [
         moment
-        for calendar in (facts.free, facts.station_closed, facts.segment_closed)
+        for calendar in (facts.free, facts.station_closed, facts.segment_closed, facts.starts)
         for intervals in calendar
         for interval in intervals
         for moment in interval
@@ -74,8 +74,9 @@ def _run(
             math.floor(seconds / tick_s + 1e-6) if is_early else math.ceil(seconds / tick_s - 1e-6)
         )
 
-    state = facts.before if facts.start != facts.source else 0
-    start_s = 0.0 if facts.start != facts.source else facts.pick_up_s
+    loads_later = facts.start != facts.source or facts.may_pass
+    state = facts.before if loads_later else 0
+    start_s = 0.0 if loads_later else facts.pick_up_s
     if state == facts.served:
         is_enough = facts.soc - facts.finish_soc[facts.start] >= facts.reserve - _EARLY_TOLERANCE
         return (start_s if is_enough and start_s <= facts.latest_s else math.inf), []
@@ -94,6 +95,10 @@ def _run(
     windows_of, windows = _rows(facts.free)
     segment_of, segment_closed = _rows([facts.segment_closed[segment] for segment in by_start])
     station_of, station_closed = _rows(facts.station_closed)
+    start_of, starts = _rows(facts.starts)
+    acts = np.array(
+        [[facts.act_at(one, here) for here in range(stations)] for one in range(states)]
+    )
     finished, last, best, trail = sweep(
         tick_s,
         horizon,
@@ -123,6 +128,10 @@ def _run(
         segment_closed,
         station_of,
         station_closed,
+        facts.may_pass,
+        acts,
+        start_of,
+        starts,
     )
     if finished < 0 or finished * tick_s > facts.latest_s + 1e-6:
         return math.inf, []

@@ -78,6 +78,10 @@ def sweep(
     segment_closed: Any,
     station_closed_of: Any,
     station_closed: Any,
+    may_pass: bool,
+    act_of: Any,
+    start_of: Any,
+    starts: Any,
 ) -> Any:
     """The first tick at which all is delivered (-1: never within the horizon), and the trail."""
     states, stations = next_state.shape
@@ -90,7 +94,9 @@ def sweep(
         if finished >= 0 and tick >= finished:
             break
         now_s = tick * tick_s
-        for state in range(states):
+        for turn in range(states):
+            # The state before the pick-up comes first: loading may take no time.
+            state = (turn + states - 1) % states
             for here in range(stations):
                 standing = best[tick, LAND, state, here]
                 code = ((tick * 2 + LAND) * states + state) * stations + here
@@ -120,6 +126,25 @@ def sweep(
                     if best[tick + 1, LAND, state, here] < waited:
                         best[tick + 1, LAND, state, here] = waited
                         trail[tick + 1, LAND, state, here] = code
+                act = act_of[state, here]
+                if may_pass and act >= 0 and standing > NOWHERE:
+                    # Hand over here and now, if some window is open.
+                    is_open = False
+                    for row in range(start_of[act], start_of[act + 1]):
+                        begins = starts[row, 0] - (tick_s if is_early else 0.0)
+                        is_open = is_open or (begins - 1e-9 <= now_s <= starts[row, 1] + 1e-9)
+                    left = standing
+                    if is_early and not is_full_policy and pad_free[here, tick]:
+                        left = charged(curve, left, tick_s)
+                    reached = next_state[state, here]
+                    done = tick + hand_over_ticks[state]
+                    if is_open and reached == served:
+                        is_enough = left - finish_soc[here] >= least_soc
+                        if is_enough and (finished < 0 or done < finished):
+                            finished, finished_from = done, code
+                    elif is_open and done <= horizon and best[done, LAND, reached, here] < left:
+                        best[done, LAND, reached, here] = left
+                        trail[done, LAND, reached, here] = code
                 for mode in range(2):
                     leaving = best[tick, mode, state, here]
                     if leaving == NOWHERE:
@@ -155,7 +180,7 @@ def sweep(
                         )
                         reached = next_state[state, there]
                         landed = arrival + stop_ticks
-                        if reached == state:
+                        if reached == state or may_pass:
                             if best[arrival, AIR, state, there] < left:
                                 best[arrival, AIR, state, there] = left
                                 trail[arrival, AIR, state, there] = code

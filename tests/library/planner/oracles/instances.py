@@ -56,6 +56,28 @@ def make_busy_problem(seed: int, **fields: Any) -> Problem:
     return Problem.model_validate({**made, **busy, **fields})
 
 
+def make_windowed_problem(seed: int, **fields: Any) -> Problem:
+    """A problem with windows of hand-overs and of the pick-up; some cannot be met."""
+    rng = Random(f"windows {seed}")
+    made = as_json(seed)
+    dropoff_s, loading_s = made["dropoff_s"], made["loading_s"]
+    by_station = {one["destination"]: _window(rng, dropoff_s) for one in made["packages"]}
+    packages = [{**one, **by_station[one["destination"]]} for one in made["packages"]]
+    pickup = {f"pickup_{name}": limit for name, limit in _window(rng, loading_s).items()}
+    return Problem.model_validate({**made, "packages": packages, **pickup, **fields})
+
+
+def _window(rng: Random, takes_s: float) -> dict[str, float]:
+    """A window, with both ends, one or none, in multiples of 10 s."""
+    window = {}
+    if rng.random() < 0.45:
+        window["not_before_s"] = moment(rng, -100, 2500)
+    if rng.random() < 0.35:
+        least_s = window.get("not_before_s", 0.0) + takes_s
+        window["latest_s"] = least_s + moment(rng, 0, 2500)
+    return window
+
+
 def _train(rng: Random) -> list[dict[str, float]]:
     """One reservation after another, with short gaps between."""
     times = []
