@@ -41,7 +41,7 @@ async def _changed_entries(survey: Survey) -> list[str]:
 
 async def _lost_answers(survey: Survey) -> set[str]:
     since_ms = survey.wall_ms - KEPT_MS + _SWEPT_WITHIN_MS
-    return await survey.subjects(
+    unanswered = (
         select(deliveries.c.delivery_id)
         .join(events, events.c.delivery_id == deliveries.c.delivery_id)
         .where(
@@ -51,6 +51,7 @@ async def _lost_answers(survey: Survey) -> set[str]:
             ~exists().where(idempotency.c.location == "/v1/deliveries/" + deliveries.c.delivery_id),
         )
     )
+    return {str(row.delivery_id) for row in await survey.rows(unanswered)}
 
 
 def _without_key(subject: Column[str]) -> ColumnElement[bool]:

@@ -48,11 +48,10 @@ def _event_count(*conditions: ColumnElement[bool]) -> ColumnElement[int]:
 
 async def _waiting_too_long(survey: Survey) -> set[str]:
     latest_ms = survey.wall_ms + _LONGEST_WAIT_MS
-    return await survey.subjects(
-        select(deliveries.c.delivery_id).where(
-            deliveries.c.is_queued, deliveries.c.next_try_wall_ms > latest_ms
-        )
+    late = select(deliveries.c.delivery_id).where(
+        deliveries.c.is_queued, deliveries.c.next_try_wall_ms > latest_ms
     )
+    return {str(row.delivery_id) for row in await survey.rows(late)}
 
 
 async def _other_packages(survey: Survey) -> list[str]:

@@ -26,11 +26,10 @@ _SEND_AGAIN: Final = (
 
 async def _waiting_too_long(survey: Survey) -> set[str]:
     latest_ms = survey.wall_ms + int(LONGEST_PAUSE_S * 1000)
-    return await survey.subjects(
-        select(notifications.c.event_id).where(
-            notifications.c.state == "PENDING", notifications.c.next_try_wall_ms > latest_ms
-        )
+    late = select(notifications.c.event_id).where(
+        notifications.c.state == "PENDING", notifications.c.next_try_wall_ms > latest_ms
     )
+    return {str(row.event_id) for row in await survey.rows(late)}
 
 
 NOTIFICATIONS: Final = (

@@ -71,9 +71,8 @@ def _ms(text: str) -> int:
 
 async def _late_plans(survey: Survey) -> set[str]:
     latest_ms = survey.wall_ms + _LONGEST_WAIT_MS
-    return await survey.subjects(
-        select(missions.c.mission_id).where(is_live, missions.c.retry_wall_ms > latest_ms)
-    )
+    late = select(missions.c.mission_id).where(is_live, missions.c.retry_wall_ms > latest_ms)
+    return {str(row.mission_id) for row in await survey.rows(late)}
 
 
 async def _unknown_doubts(survey: Survey) -> list[str]:

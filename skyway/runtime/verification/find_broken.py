@@ -60,7 +60,7 @@ async def _look(db: Database, rules: Sequence[Rule], wall_at: datetime) -> list[
     found: dict[str, set[str]] = defaultdict(set)
     unreadables: list[BrokenRule] = []
     left: deque[tuple[Rule, ...]] = deque([queries] if queries else [])
-    left += [(rule,) for rule in rules if rule not in queries]
+    left += [(rule,) for rule in rules if not isinstance(rule.finder, Select)]
     while left:
         async with db.survey() as connection:
             survey = Survey(connection, db.dialect, moment_to_ms(wall_at))
@@ -88,7 +88,7 @@ async def _broken_now(survey: Survey, rules: tuple[Rule, ...]) -> Iterable[tuple
     [rule, *others] = rules
     if not others and not isinstance(rule.finder, Select):
         return [(rule.name, subject) for subject in await rule.finder(survey)]
-    return await survey.named_subjects(_text(rules, survey.dialect))
+    return [(name, subject) for name, subject in await survey.texts(_text(rules, survey.dialect))]
 
 
 @lru_cache(maxsize=100)

@@ -1,6 +1,7 @@
 """The rules of every service's database, whatever it stores."""
 
 from collections.abc import Iterable
+from functools import cache
 from typing import Any, Final
 
 from sqlalchemy import (
@@ -22,7 +23,7 @@ from sqlalchemy import (
 
 from skyway.runtime.sql.claims import LONGEST_CLAIM_MS
 from skyway.runtime.verification.rule import Finder, Rule, Subjects
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.survey import Survey, statement_text
 
 #: The most faults of pages that SQLite lists.
 _MOST_FAULTS: Final = 100
@@ -136,8 +137,14 @@ def _wrong_types(tables: Iterable[Table]) -> Finder:
         if isinstance(column.type, Text)
     )
 
+    @cache
+    def statement() -> str:
+        return statement_text(query, "sqlite")
+
     async def find(survey: Survey) -> set[str]:
-        return await survey.subjects(query) if survey.dialect == "sqlite" else set()
+        if survey.dialect != "sqlite":
+            return set()
+        return {subject for (subject,) in await survey.texts(statement())}
 
     return find
 

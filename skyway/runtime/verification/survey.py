@@ -30,15 +30,10 @@ class Survey:
     wall_ms: int
     _loaded: dict[object, object] = field(default_factory=dict)
 
-    async def subjects(self, query: Select[*tuple[Any, ...]]) -> set[str]:
-        """The texts in the first column of a query."""
-        found = await self.connection.exec_driver_sql(statement_text(query, self.dialect))
-        return {str(row[0]) for row in found}
-
-    async def named_subjects(self, statement: str) -> list[tuple[str, str]]:
-        """The rows of a statement that finds the names of rules, and what breaks them."""
+    async def texts(self, statement: str) -> list[tuple[str, ...]]:
+        """The rows of a statement that is given as text, with each value as text."""
         rows: Iterable[Sequence[object]] = await self.connection.exec_driver_sql(statement)
-        return [(str(row[0]), str(row[1])) for row in rows]
+        return [tuple(map(str, row)) for row in rows]
 
     async def rows(self, query: Executable) -> list[AnyRow]:
         """All rows of a query."""
