@@ -5,8 +5,8 @@ BIN := $(VENV)/bin
 UV := $(shell command -v uv 2>/dev/null)
 # A system is a dozen processes: each would compile anew all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
-# Whole systems mostly wait, so one worker more than cores; what runs where: tests/conftest.py.
-WORKERS := $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1)))
+# Whole systems mostly wait, so three workers more than cores; what runs where: tests/lanes.py.
+WORKERS := $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 3)))
 # Beside the kernels, where numba keeps what it compiles: an environment may outlive its checkout.
 COMPILED := skyway/planner/kernels/__pycache__/.compiled
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 5 --no-loadscope-reorder

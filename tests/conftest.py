@@ -4,7 +4,6 @@ import asyncio
 import copy
 import gc
 import json
-import math
 import os
 import pwd
 import secrets
@@ -22,11 +21,11 @@ import asyncpg
 import pytest
 from hypothesis import HealthCheck, settings
 from sqlalchemy import Engine, event
-from xdist.scheduler import LoadScopeScheduling
 
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.migrations import migrate
+from tests.lanes import LaneScheduling, rank
 from tests.shared_statements import share_statements
 
 #: Data files that tests in several folders read.
@@ -76,37 +75,14 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run the tests of whole systems first, those with the slowest fleet clocks before the others.
-
-    These tests mostly wait, so other tests should run beside them.
-    """
-    items.sort(key=_rank)
-
-
-def _rank(item: pytest.Item) -> float:
-    """The rate of the test's fleet clock; infinite for tests without a whole system."""
-    if item.get_closest_marker("end_to_end") is None:
-        return math.inf
-    rate = item.get_closest_marker("fleet_rate")
-    return rate.args[0] if rate else 900.0
-
-
-class TogetherScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no types
-    """Gives all tests of one running system, or of one file, to the same worker.
-
-    xdist's own groups do not work with this version of pytest, because they change test ids.
-    """
-
-    def _split_scope(self, nodeid: str) -> str:
-        file, _, name = nodeid.partition("::")
-        _, _, system = name.rstrip("]").partition("[")
-        return system if "/end_to_end/" in file and system else file
+    """Sort the tests, so that those that take longest begin first."""
+    items.sort(key=rank)
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> TogetherScheduling:
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> LaneScheduling:
     """Use this scheduler for every value of `--dist`."""
-    return TogetherScheduling(config, log)
+    return LaneScheduling(config, log)
 
 
 class Server:

@@ -1,0 +1,58 @@
+"""Which test process runs which tests: whole systems beside tests that only compute."""
+
+import math
+
+import pytest
+from xdist.scheduler import LoadScopeScheduling
+from xdist.workermanage import WorkerController
+
+#: The folders whose tests start whole systems.
+_SYSTEMS = ("tests/end_to_end/", "tests/verification/")
+
+
+def begins_with_systems(worker: str, *, workers: int) -> bool:
+    """Whether this process (gw0, gw1, ...) runs whole systems first, as half of all do.
+
+    Tests of whole systems mostly wait. If all processes ran them first, the processors would have
+    little to do at first, and too much afterwards.
+    """
+    return 2 * int(worker.removeprefix("gw")) < workers
+
+
+def starts_system(scope: str) -> bool:
+    """Whether the tests that stay together under this name need a whole system."""
+    return scope.startswith(_SYSTEMS)
+
+
+def rank(item: pytest.Item) -> tuple[bool, bool, float]:
+    """Sorts tests: those of shared systems first, then by the rate of the system's fleet clock.
+
+    At a low rate a story takes long, and a shared system has many stories.
+    """
+    starts = item.get_closest_marker("end_to_end") is not None
+    is_shared = "running_system" in getattr(item, "fixturenames", ())
+    rate = item.get_closest_marker("fleet_rate")
+    default = 900.0 if starts else math.inf
+    return (not starts, not is_shared, rate.args[0] if rate else default)
+
+
+class LaneScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no types
+    """Gives all tests of one running system, or of one file, to the same process.
+
+    xdist's own groups do not work with this version of pytest, because they change test ids.
+    """
+
+    def _split_scope(self, nodeid: str) -> str:
+        file, _, name = nodeid.partition("::")
+        _, _, system = name.rstrip("]").partition("[")
+        folder = file.rpartition("/")[0]
+        return f"{folder}/[{system}]" if "/end_to_end/" in file and system else file
+
+    def _assign_work_unit(self, node: WorkerController) -> None:
+        """Give a process the next tests of its kind, or of the other kind if none is left."""
+        wanted = begins_with_systems(node.gateway.id, workers=self.numnodes)
+        own = (scope for scope in self.workqueue if starts_system(scope) == wanted)
+        scope = next(own, None)
+        if scope is not None:
+            self.workqueue.move_to_end(scope, last=False)
+        super()._assign_work_unit(node)
