@@ -14,7 +14,7 @@ _WAITING = text(
 
 async def until_a_lock_is_waited_for(db: Database) -> None:
     """Return once a transaction waits for a row that another transaction has locked."""
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while True:
             async with db.read() as connection:
                 if (await connection.execute(_WAITING)).first() is not None:

@@ -265,7 +265,7 @@ async def unpublished(
     mint = CountingMint()
     async with (
         SolverPool(threads=2, time_limit_s=5.0) as solver,
-        SolverPool(threads=2, time_limit_s=60.0) as inquiries,
+        SolverPool(threads=2, time_limit_s=600.0) as inquiries,
     ):
         parts = Parts(
             db=db,

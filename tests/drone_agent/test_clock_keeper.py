@@ -67,7 +67,7 @@ async def test_a_new_anchor_wakes_sleepers_whose_moment_has_passed(tmp_path: Pat
 
     clock.keep(anchor(rate=1.0, fleet_at=NOON + timedelta(hours=6)))
 
-    await asyncio.wait_for(sleeping, timeout=5)
+    await asyncio.wait_for(sleeping, timeout=60)
 
 
 async def test_a_clock_ahead_of_a_new_anchor_runs_slower_until_the_cloud_catches_up(
@@ -82,7 +82,7 @@ async def test_a_clock_ahead_of_a_new_anchor_runs_slower_until_the_cloud_catches
     assert clock.now() >= reached
     # It does not stand still meanwhile: a heartbeat that is due by the wall clock is sent.
     assert 0 < clock.rate < 20.0
-    await asyncio.wait_for(clock.sleep_until(clock.now() + timedelta(seconds=0.2)), timeout=5)
+    await asyncio.wait_for(clock.sleep_until(clock.now() + timedelta(seconds=0.2)), timeout=60)
 
 
 async def test_a_clock_that_was_ahead_follows_the_cloud_again(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ async def test_a_clock_that_was_ahead_follows_the_cloud_again(tmp_path: Path) ->
 
     clock.keep(received)
     # It catches up after 60 s of fleet time, a tenth of a second.
-    await asyncio.wait_for(clock.sleep_until(NOON + timedelta(seconds=90)), timeout=5)
+    await asyncio.wait_for(clock.sleep_until(NOON + timedelta(seconds=90)), timeout=60)
 
     assert clock.rate == 600.0
     before = clock.wall_now()

@@ -65,7 +65,7 @@ def test_the_agent_stops_on_a_signal(tmp_path: Path, files: list[str]) -> None:
         wait_for_journal(tmp_path, running)
         running.send_signal(signal.SIGTERM)
 
-        assert running.wait(timeout=30) == 0
+        assert running.wait(timeout=60) == 0
 
 
 def test_the_agent_stops_when_its_parent_exits(
@@ -82,4 +82,4 @@ def test_the_agent_stops_when_its_parent_exits(
         wait_for_journal(tmp_path, running)
         os.close(ours)
 
-        assert running.wait(timeout=30) == 0
+        assert running.wait(timeout=60) == 0

@@ -59,7 +59,7 @@ def test_a_drone_enrols_rotates_is_revoked_and_enrols_again(
         "POST", "/v1/enrolments", key="none", body={"enrolment_token": drone["enrolment_token"]}
     )
     first.send_signal(signal.SIGTERM)
-    first.wait(timeout=30)
+    first.wait(timeout=60)
     until(system, drone, "OFFLINE")
 
     second = run(system, "--rotate")
@@ -70,7 +70,7 @@ def test_a_drone_enrols_rotates_is_revoked_and_enrols_again(
     revoked = system.call("GET", path_of(drone), key=rotated["key"])
     made = system.operate("POST", f"{path_of(drone)}/enrolment-tokens")
     second.send_signal(signal.SIGTERM)
-    second.wait(timeout=30)
+    second.wait(timeout=60)
     run(system, token=made["enrolment_token"])
     until(system, drone, "AVAILABLE")
 

@@ -114,7 +114,7 @@ def process(tmp_path: Path) -> Iterator[Process]:
 def test_an_accepted_delivery_survives_a_kill(process: Process) -> None:
     headers = {"Authorization": f"Bearer {KEY}", "Idempotency-Key": "k"}
     body = {"role": "provider", "subject_id": "prv_1"}
-    with httpx.Client(base_url=process.url, timeout=30) as client:
+    with httpx.Client(base_url=process.url, timeout=60) as client:
         # The socket is open before the process is ready: the call waits for it.
         first = client.post("/v1/keys", json=body, headers=headers)
         assert first.status_code == 201, first.text
@@ -124,7 +124,7 @@ def test_an_accepted_delivery_survives_a_kill(process: Process) -> None:
         assert client.get("/v1/networks", headers=headers).status_code == 503
     process.kill()
     process.start()
-    with httpx.Client(base_url=process.url, timeout=30) as client:
+    with httpx.Client(base_url=process.url, timeout=60) as client:
         again = client.post("/v1/keys", json=body, headers=headers)
     assert again.json() == first.json()
     verified = process.run("verify")
@@ -136,7 +136,7 @@ async def test_an_open_stream_does_not_hold_up_the_exit(
     process: Process, request_body: Any
 ) -> None:
     headers = {"Authorization": f"Bearer {KEY}"}
-    async with httpx.AsyncClient(base_url=process.url, timeout=30) as client:
+    async with httpx.AsyncClient(base_url=process.url, timeout=60) as client:
         await client.get("/v1/clock", headers=headers)
         await asyncio.to_thread(_insert_delivery, process, request_body())
         path = "/v1/deliveries/dlv_1/events"

@@ -239,7 +239,7 @@ class FakeMqtt:
 
 
 async def until(holds: Callable[[], bool]) -> None:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(60):
         while not holds():  # noqa: ASYNC110 - no event is set when the condition holds
             await asyncio.sleep(0)
 

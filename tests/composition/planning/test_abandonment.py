@@ -15,7 +15,7 @@ from skyway.planner.problem import Problem
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 #: Far less than the searches below would take, or be allowed to.
-SOON_S = 20.0
+SOON_S = 60.0
 
 #: Of the pool behind the route.
 INQUIRY_THREADS = 2

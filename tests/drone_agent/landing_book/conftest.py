@@ -135,7 +135,7 @@ async def _reads(book: LandingBook, claim: Callable[[], bool]) -> None:
     """Let the book read until the claim holds; then its process ends."""
     reading = asyncio.create_task(book.run())
     try:
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(60):
             while not claim():  # noqa: ASYNC110 - no event announces it
                 await asyncio.sleep(0.005)
     finally:

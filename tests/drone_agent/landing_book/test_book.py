@@ -174,7 +174,7 @@ async def test_without_a_key_the_book_stops_without_reading(
     book.note_version(version())
     book.around(flight())
 
-    await asyncio.wait_for(book.run(), 10)
+    await asyncio.wait_for(book.run(), 60)
 
     assert cloud.asked == [PATH] * 2
     assert not book.uses_versions

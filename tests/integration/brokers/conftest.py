@@ -224,7 +224,7 @@ async def receive_exactly(
 ) -> list[Received[Any]]:
     """The next messages, in order; fails when there are more or fewer."""
     received: list[Received[Any]] = []
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         while len(received) < count:
             received += await anext(batches)
     assert len(received) == count
@@ -232,13 +232,13 @@ async def receive_exactly(
 
 
 async def wait_all_connected(*clients: Any) -> None:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         for client in clients:
             await client.wait_connected()
 
 
 async def wait_until(holds: Callable[[], bool]) -> None:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         while not holds():  # noqa: ASYNC110 - the client has no event for every condition
             await asyncio.sleep(0.001)
 

@@ -62,7 +62,7 @@ async def test_the_broker_exits_when_its_parent_is_gone(process, connect):
 
     process.drop_pipe()
 
-    assert process.running.wait(timeout=10) == 0
+    assert process.running.wait(timeout=60) == 0
 
 
 async def test_the_broker_exits_on_sigterm(process, connect):
@@ -71,7 +71,7 @@ async def test_the_broker_exits_on_sigterm(process, connect):
 
     process.running.send_signal(signal.SIGTERM)
 
-    _, errors = process.running.communicate(timeout=10)
+    _, errors = process.running.communicate(timeout=60)
     assert process.running.returncode == 0
     assert b"Traceback" not in errors
     assert b'"event": "broker stopped"' in errors
@@ -95,7 +95,7 @@ def test_a_wrong_environment_variable_is_named_in_the_error(variables, named):
         env=environment | variables,
         capture_output=True,
         check=False,
-        timeout=30,
+        timeout=60,
     )
 
     assert left.returncode == 2

@@ -110,7 +110,7 @@ class TlsBroker:
             Login(name, name, password, 10), will=None, on_message=lambda *_: None
         )
         try:
-            async with asyncio.timeout(5):
+            async with asyncio.timeout(60):
                 await link.open(BrokerAddress("127.0.0.1", self.port, is_encrypted=True), tls)
         except (MqttUnavailable, OSError):
             return False
@@ -128,7 +128,7 @@ async def tls_broker(tmp_path: Path) -> AsyncIterator[TlsBroker]:
     await broker.start(program)
     assert broker.process is not None
     try:
-        async with broker.client("drone-2") as first, asyncio.timeout(20):
+        async with broker.client("drone-2") as first, asyncio.timeout(60):
             await first.wait_connected()
         yield broker
     finally:
@@ -173,13 +173,13 @@ async def test_a_broker_of_another_deployment_is_not_trusted(
 
 async def test_a_revoked_drone_is_cut_off_within_a_second(tls_broker: TlsBroker) -> None:
     async with tls_broker.client("drone-1") as revoked, tls_broker.client("drone-2") as other:
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(60):
             await revoked.wait_connected()
             await other.wait_connected()
 
         since = time.monotonic()
         tls_broker.revoke("drone-1")
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(60):
             await revoked.wait_lost()
         cut_off_s = time.monotonic() - since
         with contextlib.suppress(TimeoutError):

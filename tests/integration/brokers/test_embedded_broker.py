@@ -49,14 +49,14 @@ class Listening:
         await self.link.open(BrokerAddress("127.0.0.1", port, is_encrypted=False))
 
     async def until_sent(self, name: str, *, times: int = 1) -> None:
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(60):
             while self.names.count(name) < times:
                 self._news.clear()
                 await self._news.wait()
 
 
 async def connected(client: Any) -> Any:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         await client.wait_connected()
     return client
 
@@ -162,7 +162,7 @@ async def test_malformed_bytes_end_only_their_own_connection(embedded, connect, 
     reader, writer = await asyncio.open_connection("127.0.0.1", embedded.port)
     writer.write(nonsense)
     writer.write_eof()
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         await reader.read()
     writer.close()
 

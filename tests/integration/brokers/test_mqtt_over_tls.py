@@ -68,7 +68,7 @@ async def test_messages_travel_over_tls(encrypted_port, certificate, monkeypatch
     )
     arrived = drone.batches(CLOCK)
 
-    async with gateway, drone, asyncio.timeout(10):
+    async with gateway, drone, asyncio.timeout(60):
         await gateway.wait_connected()
         await drone.wait_connected()
         for rate in range(1, 51):

@@ -4,6 +4,7 @@ import random
 import subprocess
 import sys
 from collections.abc import Callable
+from time import thread_time
 from typing import Any
 
 import pytest
@@ -276,10 +277,12 @@ def test_too_few_labels_give_unknown_and_a_lower_bound(crowded_problem):
 
 
 def test_a_time_limit_ends_the_exact_search_soon(crowded_problem):
+    began_s = thread_time()
+
     plan = compose(crowded_problem.model_copy(update={"time_limit_s": 0.05}))
 
     assert plan.status in ("feasible", "unknown")
-    assert plan.stats["elapsed_s"] < 1
+    assert thread_time() - began_s < 1
 
 
 def test_a_stop_cancels_the_exact_search(crowded_problem):
@@ -299,10 +302,13 @@ def test_a_time_limit_ends_an_endless_enumeration(make_problem):
     names = "abcdefgh"
     complete = " ".join(f"{a}-{b}:1" for a in names for b in names if a < b)
 
-    plan = compose(make_problem(complete, *"bcdefgh", strategy="exhaustive", time_limit_s=0.05))
+    began_s = thread_time()
+
+    plan = compose(make_problem(complete, *"bcdefgh", strategy="exhaustive", time_limit_s=0.3))
 
     assert plan.status == "feasible"
-    assert 0.05 <= plan.stats["elapsed_s"] < 1
+    assert plan.stats["elapsed_s"] >= 0.3
+    assert thread_time() - began_s < 1
 
 
 def test_a_prepared_airspace_gives_the_same_plan(random_problem):

@@ -13,7 +13,7 @@ from skyway.planner.problem import MAX_FAULTS
 from skyway.planner.problem_document import read_problem
 from tests.library.planner.outcomes import infeasibility
 
-#: Seconds for one refusal of a huge document; what is due is a second, on an idle machine.
+#: Seconds of processor time for one refusal of a huge document; one second is due.
 _SOON_S = 2.0
 _MANY = 10**6
 
@@ -202,11 +202,11 @@ def test_a_flood_of_faults_is_refused_soon_and_with_a_short_answer(
 ):
     document = copy.deepcopy(good_problem)
     flood(document)
-    began_s = time.perf_counter()
+    began_s = time.thread_time()
 
     error = refusal(document)
 
-    assert time.perf_counter() - began_s < _SOON_S
+    assert time.thread_time() - began_s < _SOON_S
     assert len(error.faults) <= MAX_FAULTS
     assert len(str(error)) < 5_000
 

@@ -56,7 +56,7 @@ async def test_sleeping_ends_when_fleet_time_is_there() -> None:
     clock = AnchoredClock(fleet_at=START, wall_at=datetime.now(UTC), rate=100_000.0)
     wanted = clock.now() + timedelta(hours=1)
 
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(60):
         await clock.sleep_until(wanted)
 
     assert clock.now() >= wanted
@@ -96,7 +96,7 @@ async def test_a_cancelled_sleeper_does_not_trouble_a_manual_clock() -> None:
 
 
 async def test_a_past_moment_is_not_waited_for() -> None:
-    async with asyncio.timeout(1):
+    async with asyncio.timeout(60):
         await ManualClock(START).sleep_until(START)
 
 
@@ -115,7 +115,7 @@ async def test_a_span_of_wall_time_is_slept_by_the_clock() -> None:
 
     clock.advance(timedelta(minutes=2))
 
-    async with asyncio.timeout(1):
+    async with asyncio.timeout(60):
         await sleeping
 
 

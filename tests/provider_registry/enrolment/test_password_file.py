@@ -134,7 +134,7 @@ def named_file(
 
 async def next_signal(broker: "subprocess.Popen[str]") -> str:
     assert broker.stdout is not None
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         return await asyncio.to_thread(broker.stdout.readline)
 
 

@@ -1,7 +1,6 @@
 """Registration of one drone or a whole fleet: all or none."""
 
 import json
-import time
 from pathlib import Path
 from typing import Any
 
@@ -190,14 +189,14 @@ async def test_two_providers_may_use_the_same_key(api: Any, provider_id: str) ->
 
 
 async def test_a_thousand_drones_are_registered_in_one_call(
-    api: Any, provider_id: str, db: Any
+    api: Any, provider_id: str, db: Any, statements: Any
 ) -> None:
-    started = time.perf_counter()
+    with statements() as executed:
+        answer = await api(
+            "operator:op", "POST", f"/v1/providers/{provider_id}/drones", [DRONE] * 1000
+        )
 
-    answer = await api("operator:op", "POST", f"/v1/providers/{provider_id}/drones", [DRONE] * 1000)
-
-    took_s = time.perf_counter() - started
     ids = {drone["drone_id"] for drone in json.loads(answer.content)["items"]}
     assert len(ids) == 1000
     assert await broken_rules(db, RULES) == []
-    assert took_s < 10  # about 0.5 s on an idle machine; a write per drone takes far longer
+    assert len(executed) < 20

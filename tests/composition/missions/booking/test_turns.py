@@ -178,7 +178,7 @@ async def test_who_asked_first_gets_the_only_drone_first(composition: Any, make:
     with composition.parts.turns.line_up(row, order(0)):
         late = asyncio.create_task(_asked(composition, make, "dlv_late", 9))
         early = asyncio.create_task(_asked(composition, make, "dlv_early", 1))
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(60):
             while composition.parts.turns.waiting(row) < 2:  # noqa: ASYNC110 - the tasks go on
                 await asyncio.sleep(0)
 

@@ -388,7 +388,7 @@ async def test_a_running_loop_books_an_accepted_delivery_without_a_look_at_the_q
     )
     running = asyncio.create_task(booking.run(blind))
     try:
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(60):
             while not booking.is_free:  # noqa: ASYNC110 - it is the loop that begins
                 await asyncio.sleep(0)
             delivery_id = await gateway.accepted()

@@ -54,7 +54,7 @@ async def said_first(url: str, *, about: str = "") -> str:
         until_ready({"gateway": url}, say=said.put_nowait, long_s=0.0, long_to_start_s=0.0)
     )
     try:
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(60):
             while about not in (words := await said.get()):
                 pass
             return words

@@ -82,7 +82,7 @@ class Life:
 @asynccontextmanager
 async def started(*errors: Exception) -> AsyncIterator[Life]:
     life = Life(*errors)
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         await life.start()
         yield life
         await life.stop()

@@ -36,7 +36,7 @@ sys.exit(serve(app, settings))
 """
 
 BROKEN_CHILD = CHILD.replace("routes=", "lifespan=lambda app: 1 / 0, routes=")
-WAIT_S = 20.0
+WAIT_S = 60.0
 
 
 class Parent:

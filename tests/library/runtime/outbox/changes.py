@@ -15,6 +15,6 @@ class Changes:
         self._changed = asyncio.Event()
 
     async def until(self, is_so: Callable[[], bool]) -> None:
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(60):
             while not is_so():
                 await self._changed.wait()

@@ -157,14 +157,14 @@ async def waiting(db: Database) -> int:
 
 
 async def until_waiting(db: Database, expected: int) -> None:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         while await waiting(db) != expected:
             pass
 
 
 async def pass_time(db: Database, clock: Alarms, is_so: Callable[[], bool]) -> None:
     """Advance the clock to whenever somebody who rests wakes, until something is so."""
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while not is_so():
             await waiting(db)
             if clock.set_for:

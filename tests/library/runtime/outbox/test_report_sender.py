@@ -72,7 +72,7 @@ async def report(db: Database, *texts: str, path: str = "/reports") -> None:
 
 
 async def until_sent(db: Database, clock: ManualClock) -> None:
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while True:
             async with db.read() as connection:
                 if not (await connection.execute(select(func.count(OUTBOX.c.id)))).scalar_one():
@@ -112,14 +112,14 @@ async def test_reports_to_a_service_with_a_slow_pace_wait_for_each_other(
     hour_s = 3600.0
     async with sending(db, service, clock, pace=Pace(hour_s, clock=clock)):
         await report(db, "a")
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(60):
             while not service.told:
                 await traces(db)
 
         await report(db, "b")
         await report(db, "c")
         clock.advance(timedelta(seconds=hour_s))
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(60):
             while len(service.told) < 2:
                 await traces(db)
 

@@ -114,7 +114,7 @@ async def oldest(db: Database) -> Row[Any]:
 
 
 async def until_empty(db: Database) -> None:
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         while await rows(db):
             pass
 
@@ -124,7 +124,7 @@ async def until_taken(db: Database, times: int, *, by: Receiver) -> Row[Any]:
 
     Were the clock moved meanwhile, the claim under which it is taken could be almost over.
     """
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         while len(by.taken) < times:
             await rows(db)
     return await oldest(db)
@@ -182,7 +182,7 @@ async def test_a_row_that_waits_until_its_claim_is_almost_over_is_freed(
 
     async with sending(db, receiver, clock):
         row = await until_taken(db, 1, by=receiver)
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(60):
             while row.claimed_by is not None:
                 row = await oldest(db)
 

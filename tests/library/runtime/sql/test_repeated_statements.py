@@ -258,7 +258,7 @@ async def test_a_cancelled_statement_leaves_nothing_behind(db: Database) -> None
                 await linger()
 
     # Neither the crate nor a lock that keeps others from adding it.
-    async with asyncio.timeout(10), db.write() as tx:
+    async with asyncio.timeout(60), db.write() as tx:
         await tx.execute(ADD, {**PINE, "name": "elm"})
     assert len((await found(db, EVERY))[0]) == 3
 

@@ -27,7 +27,7 @@ async def test_who_waits_for_the_writing_lock_lets_its_holder_go_on(tmp_path: Pa
     waiting = asyncio.create_task(waiter.execute_fetchall("BEGIN IMMEDIATE"))
     await asyncio.sleep(0)
     await holder.execute_fetchall("COMMIT")
-    await asyncio.wait_for(waiting, timeout=20)
+    await asyncio.wait_for(waiting, timeout=60)
 
     await waiter.execute_fetchall("COMMIT")
     await holder.close()
