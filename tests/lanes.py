@@ -50,8 +50,8 @@ class LaneScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no
 
     def _assign_work_unit(self, node: WorkerController) -> None:
         """Give a process the next tests of its kind, or of the other kind if none is left."""
-        wanted = begins_with_systems(node.gateway.id, workers=self.numnodes)
-        own = (scope for scope in self.workqueue if starts_system(scope) == wanted)
+        systems = begins_with_systems(node.gateway.id, workers=self.numnodes)
+        own = (scope for scope in self.workqueue if starts_system(scope) == systems)
         scope = next(own, None)
         if scope is not None:
             self.workqueue.move_to_end(scope, last=False)
