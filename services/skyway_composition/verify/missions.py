@@ -151,8 +151,8 @@ MISSIONS: Final = (
         "I7 a booked mission waits for its drone's answer",
         select(missions.c.mission_id).where(
             missions.c.state == "BOOKED",
-            # A drone that has lost its journal would fly the mission a second time.
-            ~missions.c.body.contains('"doubt":{"code":"JOURNAL_LOST"'),
+            # A mission in doubt waits for its drone's events, or for an operator.
+            ~missions.c.body.contains('"doubt":{"code":'),
             ~exists().where(_is_of_mission, instructions.c.kind == "MISSION", _is_open),
         ),
         "The drone was never asked, or its answer was not followed. Cancel the mission (POST "
