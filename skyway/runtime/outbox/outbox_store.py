@@ -61,6 +61,8 @@ async def confirm(tx: Tx, message_ids: Sequence[str]) -> int:
     """Delete messages that their receiver has confirmed; how many were still in the outbox."""
     if not message_ids:
         return 0
+    # A message of this transaction is not in the table yet.
+    tx.withdraw(message_ids)
     deleted = await tx.execute(_delete_confirmed(tx.outbox_table()), {"message_ids": message_ids})
     return deleted.rowcount
 

@@ -1,6 +1,6 @@
 """One transaction, as a write block sees it: statements, and messages that are sent after it."""
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Collection, Sequence
 from typing import Any, Literal, TypeVar
 
 from sqlalchemy import Executable, Table
@@ -161,6 +161,11 @@ class Tx:
             is_retained=False,
             payload=body.model_dump_json().encode(),
         )
+
+    def withdraw(self, message_ids: Collection[str]) -> None:
+        """Leave out messages that this block was to send."""
+        kept = [row for row in self._messages if row["message_id"] not in message_ids]
+        self._messages = kept
 
     def after_commit(self, callback: Callable[[], None]) -> None:
         """Call this once the block is on disk; never when it is rolled back."""

@@ -7,7 +7,7 @@ what was planned with. After any change the mission is planned again.
 """
 
 import asyncio
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,9 +15,11 @@ from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
+from skyway.scheduling.slots import Slot
 from skyway.scheduling.trip import NoTrip
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import last_revision
+from skyway_composition.missions.mission.queued_store import queued_of_drone
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.apply_outcome import (
@@ -37,6 +39,7 @@ from skyway_composition.missions.replanning.remainder.closed_ahead import Closed
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
 from skyway_composition.missions.replanning.store import claim_stuck
 from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.availability import hand_over_time_ms
 from skyway_composition.planning.problem_for import with_margin
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
@@ -79,7 +82,7 @@ class Replanner:
             seen = await self._read_situation(drone_id)
         if seen is None:
             return
-        situation, sent_revisions = seen
+        situation, sent_revisions, queued = seen
         record, trouble = situation.record, trouble_of(situation.record)
         if trouble is None or not may_be_planned(situation, trouble):
             await self._outcomes.retry_later(record)
@@ -87,11 +90,12 @@ class Replanner:
         if sent_revisions >= MOST_REVISIONS:
             await self._outcomes.stop_trying(record, trouble)
             return
-        world = await self._world(record)
+        world = await self._world(record, queued)
         closed = ClosedAhead.of(world, now_ms=self._now_ms())
-        await self._plan(Case(situation, trouble, world, closed, sent_revisions))
+        ready = None if not queued else self._ready_for(queued[0])
+        await self._plan(Case(situation, trouble, world, closed, sent_revisions), ready)
 
-    async def _plan(self, case: Case) -> None:
+    async def _plan(self, case: Case, ready: Slot | None) -> None:
         anchor = self._anchor(case, closed=case.closed)
         if anchor is None:
             await self._outcomes.retry_later(case.record)
@@ -104,7 +108,7 @@ class Replanner:
         elif (stop := case.ground_stop(anchor)) is not None:
             await self._outcomes.hold(case.record, stop)
             return
-        planner = RemainderPlanner(self.solver, case.world, case.situation, case.closed)
+        planner = RemainderPlanner(self.solver, case.world, case.situation, case.closed, ready)
         anchor, remainder = await self._rest(case, planner, landing=anchor)
         if isinstance(remainder, Remainder):
             await self._outcomes.send_or_retry(case, anchor, remainder)
@@ -155,19 +159,29 @@ class Replanner:
             code = refusal_code(case.situation, case.trouble, code=reason.code)
             await self._outcomes.give_up(case.record, code=code, detail=reason.detail)
 
-    async def _read_situation(self, drone_id: DroneId) -> tuple[Situation, int] | None:
-        """The situation of its mission, and how many revisions of it were sent."""
+    async def _read_situation(
+        self, drone_id: DroneId
+    ) -> tuple[Situation, int, Sequence[MissionRecord]] | None:
+        """The situation of its mission, how many revisions of it were sent, and its queue."""
         async with self.db.write() as tx:
             work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
             record = work.missions.get(drone_id)
             if record is None:
                 return None
             sent = max(record.mission.revision, await last_revision(tx, record.mission_id))
-            return await Situation.of(work, record), sent
+            queued = await queued_of_drone(tx.connection, drone_id)
+            return await Situation.of(work, record), sent, queued
 
-    async def _world(self, record: MissionRecord) -> World:
+    async def _world(self, record: MissionRecord, queued: Sequence[MissionRecord]) -> World:
+        """The present world, in which the pads of this drone's missions count as free."""
         skyway = await self.networks.current(record.network_id)
-        return await World.of(skyway, self.db, after_ms=self._now_ms(), without=[record.mission_id])
+        own = [record.mission_id, *(each.mission_id for each in queued)]
+        return await World.of(skyway, self.db, after_ms=self._now_ms(), without=own)
+
+    def _ready_for(self, following: MissionRecord) -> Slot:
+        """Where, when and with what charge the drone must be ready for its next mission."""
+        start = following.start
+        return Slot(start.station_id, start.at_ms - hand_over_time_ms(self.clock), start.soc)
 
     def _anchor(
         self, case: Case, *, closed: ClosedAhead, before_step: int | None = None

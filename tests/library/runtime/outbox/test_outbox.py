@@ -236,6 +236,15 @@ async def test_a_message_is_repeated_until_its_receiver_confirms(
     assert mqtt.taken == ["m1", "m1", "m1", "m2"]
 
 
+async def test_a_message_that_its_own_transaction_confirms_is_not_sent(db: Database) -> None:
+    message = ClockAnchor(message_id="m1", sent_at=MOMENT, fleet_at=MOMENT, wall_at=MOMENT, rate=1)
+    async with db.write() as tx:
+        tx.send(CLOCK(), message, confirmed_by="receiver", stream="one")
+        await confirm(tx, ["m1"])
+
+    assert await waiting(db) == 0
+
+
 async def test_repeats_back_off_from_2_to_30_seconds(
     db: Database, mqtt: InMemoryMqtt, clock: Alarms
 ) -> None:

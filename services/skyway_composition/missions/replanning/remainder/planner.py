@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from skyway.delivery.request import Package, Place
 from skyway.drone.model import DroneModel
 from skyway.ids import StationId
+from skyway.scheduling.fit_gap import fitted, standby_for
+from skyway.scheduling.slots import Slot
 from skyway.scheduling.standby_choice import StandbyChoice
 from skyway.scheduling.trip import NOTHING_TO_DELIVER, NoTrip, Trip
 from skyway_composition.missions.mission.record import CALLED_HOME, Aim, MissionRecord, Trouble
@@ -54,12 +56,16 @@ class Remainder:
 
 @dataclass(frozen=True, slots=True)
 class RemainderPlanner:
-    """Plans the remainder of one mission, in one world."""
+    """Plans the remainder of one mission, in one world.
+
+    `ready` is where, when and with what charge the drone begins its next mission, if it has one.
+    """
 
     solver: SolverPool
     world: World
     situation: Situation
     closed: ClosedAhead
+    ready: Slot | None = None
 
     @property
     def record(self) -> MissionRecord:
@@ -144,12 +150,28 @@ class RemainderPlanner:
         return None
 
     async def _trip(self, anchor: Anchor, aims: tuple[Aim, ...], trouble: Trouble) -> Trip | NoTrip:
-        """A trip that delivers the load, or fetches it at the pickup first, and then stands by."""
+        """A trip that delivers the load, or fetches it at the pickup first, and then stands by.
+
+        The standby leads to the start of the drone's next mission if the drone can be ready there.
+        """
+        standby = StandbyChoice.of(self.record.candidate)
+        if trouble.code == CALLED_HOME:
+            return await self._trip_and_standby(anchor, aims, trouble, standby.at_home())
+        if self.ready is not None and self.ready.at_ms > anchor.at_ms:
+            onward = standby_for(self.ready)
+            trip = await self._trip_and_standby(anchor, aims, trouble, onward)
+            if isinstance(trip, Trip):
+                soc = self._standing(anchor).soc
+                in_time = fitted(trip, soc=soc, ready=self.ready)
+                if in_time is not None:
+                    return in_time
+        return await self._trip_and_standby(anchor, aims, trouble, standby)
+
+    async def _trip_and_standby(
+        self, anchor: Anchor, aims: tuple[Aim, ...], trouble: Trouble, standby: StandbyChoice
+    ) -> Trip | NoTrip:
         record, start_ms = self.record, anchor.at_ms
         drone = self._standing(anchor)
-        standby = StandbyChoice.of(record.candidate)
-        if trouble.code == CALLED_HOME:
-            standby = standby.at_home()
         if anchor.carried:
             aimed = replace(record, aims=aims)
             loads = [
