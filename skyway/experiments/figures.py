@@ -17,6 +17,9 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#
 _MARKERS = "osD^vP*"
 _SIZE_IN = (6.4, 4.2)
 
+#: The share of the axis that a group of bars takes, 0 to 1.
+_GROUP_WIDTH = 0.8
+
 
 class NoMatplotlib(SkywayError):
     """The figures need matplotlib, which is not installed."""
@@ -44,7 +47,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Stack:
-    """One part of every bar of a figure of stacked bars."""
+    """One part of every bar of a figure of stacked bars, or one bar of every group."""
 
     label: str
     heights: Sequence[float] = field(default_factory=tuple)
@@ -98,7 +101,25 @@ def draw_stacks(
                 down[bar] += height
     axes.set_xlabel(x.label)
     axes.set_ylabel(y.label)
-    axes.legend()
+    figure.legend(loc="outside right upper")
+    _save(figure, path)
+
+
+def draw_groups(
+    path: Path, title: str, *, x: Axis, y: Axis, groups: Sequence[str], bars: Sequence[Stack]
+) -> None:
+    """A figure of groups of bars: in each group one bar of each label, side by side."""
+    figure, axes = _figure(title)
+    width = _GROUP_WIDTH / len(bars)
+    for number, (bar, colour) in enumerate(zip(bars, _COLOURS, strict=False)):
+        middle = (number + 0.5) * width - _GROUP_WIDTH / 2
+        at = [group + middle for group in range(len(groups))]
+        axes.bar(at, bar.heights, width, label=bar.label, color=colour)
+    axes.set_xticks(range(len(groups)), groups)
+    axes.set_xlabel(x.label)
+    axes.set_ylabel(y.label)
+    axes.grid(visible=True, axis="y", alpha=0.3)
+    figure.legend(loc="outside right upper")
     _save(figure, path)
 
 

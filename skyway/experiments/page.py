@@ -15,6 +15,7 @@ from skyway.experiments.booked_fleet import booked_fleet
 from skyway.experiments.causes import causes
 from skyway.experiments.congestion import congestion
 from skyway.experiments.destinations import destinations
+from skyway.experiments.fleet_hour.section import fleet
 from skyway.experiments.flown import flown
 from skyway.experiments.laboratory import Laboratory
 from skyway.experiments.open_settings import open_settings
@@ -34,6 +35,7 @@ PARTS: Mapping[str, Callable[[Laboratory], Section]] = MappingProxyType(
         "recharging": recharging,
         "congestion": congestion,
         "booked-fleet": booked_fleet,
+        "fleet": fleet,
         "ablations": ablations,
         "flown": flown,
         "scale": scale,

@@ -4,7 +4,7 @@ The search says to which station a trip is to be planned next. Its caller plans 
 with it. So the same search serves a service, which awaits its planner, and an experiment.
 """
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 
 from skyway.delivery.plan import Plan, Recharge
 from skyway.drone.charging import recharge_time_s
@@ -48,6 +48,19 @@ def search_standby(
             uncharged = uncharged or trip
     detail = f"home station {choice.home_station_id!r} is not in this network, and no pad is near"
     return uncharged or reason or NoTrip("NO_WAY_HOME", detail, is_temporary=False)
+
+
+def run_search(
+    search: StandbySearch, trip_to: Callable[[StationId], Trip | NoTrip]
+) -> Trip | NoTrip:
+    """The result of a search, whose trips `trip_to` plans."""
+    try:
+        end = next(search)
+        while True:
+            end = search.send(trip_to(end))
+    except StopIteration as found:
+        trip: Trip | NoTrip = found.value
+        return trip
 
 
 def home_start_ms(plan: Plan, *, start_ms: int) -> int:

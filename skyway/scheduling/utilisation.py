@@ -1,0 +1,52 @@
+"""What drones do with their time: service, approach, charging, standby, or nothing."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final, Literal
+
+#: approach: from the start of a mission until the drone loads. service: from then on until the last
+#: hand-over. standby: flights and waits after the last hand-over. charging: on a pad, at any time.
+Activity = Literal["service", "approach", "charging", "standby"]
+
+ACTIVITIES: Final[tuple[Activity, ...]] = ("service", "approach", "charging", "standby")
+
+
+@dataclass(frozen=True, slots=True)
+class StepTime:
+    """The kind of a step of a mission (FLY, WAIT, RECHARGE, ...), and its time, milliseconds."""
+
+    kind: str
+    start_ms: int
+    end_ms: int
+
+
+def spent_ms(
+    steps: Iterable[StepTime], *, served_ms: int, from_ms: int, until_ms: int
+) -> Mapping[Activity, int]:
+    """The time that one mission spends on each activity within [from_ms, until_ms), milliseconds.
+
+    Parameters
+    ----------
+    steps
+        The steps of the mission in order.
+    served_ms
+        The end of the mission's last hand-over.
+    """
+    spent: dict[Activity, int] = dict.fromkeys(ACTIVITIES, 0)
+    for activity, step in _with_activity(steps, served_ms):
+        spent[activity] += max(0, min(step.end_ms, until_ms) - max(step.start_ms, from_ms))
+    return spent
+
+
+def _with_activity(
+    steps: Iterable[StepTime], served_ms: int
+) -> Iterator[tuple[Activity, StepTime]]:
+    has_loaded = False
+    for step in steps:
+        has_loaded = has_loaded or step.kind == "PICK_UP"
+        if step.kind == "RECHARGE":
+            yield "charging", step
+        elif step.start_ms >= served_ms:
+            yield "standby", step
+        else:
+            yield ("service" if has_loaded else "approach"), step
