@@ -20,6 +20,8 @@ _SIZE_IN = (6.4, 4.2)
 #: The share of the axis that a group of bars takes, 0 to 1.
 _GROUP_WIDTH = 0.8
 
+_LEGEND_COLUMNS = 3
+
 
 class NoMatplotlib(SkywayError):
     """The figures need matplotlib, which is not installed."""
@@ -101,7 +103,7 @@ def draw_stacks(
                 down[bar] += height
     axes.set_xlabel(x.label)
     axes.set_ylabel(y.label)
-    figure.legend(loc="outside right upper")
+    figure.legend(loc="outside lower center", ncols=_LEGEND_COLUMNS)
     _save(figure, path)
 
 
@@ -119,7 +121,7 @@ def draw_groups(
     axes.set_xlabel(x.label)
     axes.set_ylabel(y.label)
     axes.grid(visible=True, axis="y", alpha=0.3)
-    figure.legend(loc="outside right upper")
+    figure.legend(loc="outside lower center", ncols=_LEGEND_COLUMNS)
     _save(figure, path)
 
 

@@ -1,10 +1,7 @@
 """Fits a trip into a gap: its drone must be ready for its next mission in time."""
 
-from dataclasses import replace
-
-from skyway.delivery.plan import Recharge
 from skyway.scheduling.slots import Slot, stay_to_begin_at
-from skyway.scheduling.standby import shortened_plan, shortened_step
+from skyway.scheduling.standby import shortened_trip
 from skyway.scheduling.standby_choice import StandbyChoice
 from skyway.scheduling.stays import stays_of_standby
 from skyway.scheduling.trip import Trip
@@ -37,11 +34,4 @@ def fitted(trip: Trip, *, soc: float, ready: Slot) -> Trip | None:
     stay = stay_to_begin_at(stays, ready, not_left_before_ms=trip.start_ms)
     if stay is None:
         return None
-    until_s = (ready.at_ms - trip.home_start_ms) / 1000
-    home_plan, home_recharge = trip.home_plan, trip.home_recharge
-    if (home_plan.delivery_time_s or 0.0) > until_s:
-        home_plan = shortened_plan(home_plan, until_s)
-    if home_recharge is not None:
-        shortened = shortened_step(home_recharge, until_s)
-        home_recharge = shortened if isinstance(shortened, Recharge) else None
-    return replace(trip, home_plan=home_plan, home_recharge=home_recharge)
+    return shortened_trip(trip, ready.at_ms)

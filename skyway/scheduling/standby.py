@@ -1,12 +1,26 @@
 """Ends a standby early: the part of a plan before a moment."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from skyway.delivery.plan import Fly, Plan, Recharge, Step, Wait
+from skyway.scheduling.trip import Trip
 
 #: Moments that differ by less count as the same, in milliseconds: plans round them differently.
 SAME_MS: Final = 2
+
+
+def shortened_trip(trip: Trip, until_ms: int) -> Trip:
+    """The trip whose standby ends at a moment, which is not before its last delivery."""
+    until_s = (until_ms - trip.home_start_ms) / 1000
+    home_plan, home_recharge = trip.home_plan, trip.home_recharge
+    if (home_plan.delivery_time_s or 0.0) > until_s:
+        home_plan = shortened_plan(home_plan, until_s)
+    if home_recharge is not None:
+        shortened = shortened_step(home_recharge, until_s)
+        home_recharge = shortened if isinstance(shortened, Recharge) else None
+    return replace(trip, home_plan=home_plan, home_recharge=home_recharge)
 
 
 def shortened_plan(plan: Plan, until_s: float) -> Plan:

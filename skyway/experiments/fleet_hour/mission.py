@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from skyway.delivery.plan import Fly, Recharge
+from skyway.delivery.plan import Fly
 from skyway.experiments.fleet_hour.cases import HourRequest
 from skyway.scheduling.booked_pad import BookedPad, without
 from skyway.scheduling.slots import Slot
-from skyway.scheduling.standby import shortened_plan, shortened_step
+from skyway.scheduling.standby import shortened_trip
 from skyway.scheduling.stays import Stay, stays_of_standby
 from skyway.scheduling.trip import PlacedStep, Trip
 
@@ -55,12 +55,5 @@ class HourMission:
     def until(self, following: "HourMission", *, hand_over_ms: int) -> "HourMission":
         """The mission whose standby ends early enough for the mission that follows it."""
         until_ms = following.slot.at_ms - hand_over_ms
-        until_s = max(0.0, (until_ms - self.trip.home_start_ms) / 1000)
-        recharge = self.trip.home_recharge
-        shortened = None if recharge is None else shortened_step(recharge, until_s)
-        trip = replace(
-            self.trip,
-            home_plan=shortened_plan(self.trip.home_plan, until_s),
-            home_recharge=shortened if isinstance(shortened, Recharge) else None,
-        )
+        trip = shortened_trip(self.trip, max(until_ms, self.trip.home_start_ms))
         return replace(self, trip=trip, pads=without(trip.booked_pads, following.pads))
