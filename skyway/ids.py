@@ -39,6 +39,7 @@ WebhookId = NewType("WebhookId", Annotated[str, _FORM, Field(description="Id of 
 EventId = NewType("EventId", Annotated[str, _FORM, Field(description="Id of an event.")])
 QuoteId = NewType("QuoteId", Annotated[str, _FORM, Field(description="Id of a quote.")])
 OfferId = NewType("OfferId", Annotated[str, _FORM, Field(description="Id of an offer.")])
+HoldId = NewType("HoldId", Annotated[str, _FORM, Field(description="Id of held offers.")])
 ClosureId = NewType("ClosureId", Annotated[str, _FORM, Field(description="Id of a closure.")])
 AlarmId = NewType("AlarmId", Annotated[str, _FORM, Field(description="Id of an alarm.")])
 

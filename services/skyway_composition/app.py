@@ -60,7 +60,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
         models=(CompositionProblem,),
         # Paths are matched in this order, so the routes of every delivery come first.
         routers=[
-            booking_routes(gate=gate, bookings=parts.bookings),
+            booking_routes(gate=gate, bookings=parts.bookings, keeper=parts.keeper),
             tracking_routes(db=db, gate=gate),
             schedule_routes(db=db, gate=gate, clock=clock),
             network_routes(

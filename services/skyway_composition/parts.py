@@ -10,6 +10,8 @@ from skyway.runtime.minting import Mint, mint
 from skyway.runtime.sql.database import Database
 from skyway_composition.closures.close import Closings
 from skyway_composition.missions.booking.book import Bookings
+from skyway_composition.missions.booking.hold_quote import HeldQuotes
+from skyway_composition.missions.booking.keep_offer import OfferKeeper
 from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.networks.prepared import PreparedNetworks
@@ -56,11 +58,16 @@ class Parts:
         )
 
     @property
-    def quotes(self) -> Quotes:
+    def quotes(self) -> HeldQuotes:
         """Answers requests for quotes."""
-        return Quotes(
-            self.db, self.networks, self.inquiries, self.clock, self.bookings.booked_missions
-        )
+        rounds = self.bookings.rounds
+        quotes = Quotes(self.db, self.networks, self.inquiries, self.clock, rounds.engaged)
+        return HeldQuotes(self.db, quotes, rounds, self.clock)
+
+    @property
+    def keeper(self) -> OfferKeeper:
+        """Keeps offers while they are accepted."""
+        return OfferKeeper(self.db, self.bookings.rounds, self.clock, self.turns)
 
     @property
     def impact(self) -> MissionImpact:

@@ -62,6 +62,7 @@ class Work:
         )
         self._calendars = Calendars(db, parts.networks, parts.solver, clock, mint)
         self._loading_timeouts = LoadingTimeouts(db, parts.networks, clock, mint)
+        self._keeper = parts.keeper
         self._ground_stops = GroundStopEnforcer(db, parts.closings, clock)
         self._station_states = StationStates(db, mqtt, clock, mint)
         self._network_versions = NetworkVersions(db, mqtt, clock, mint)
@@ -93,6 +94,7 @@ class Work:
             ("overdue", self._overdue.step, Wake()),
             ("lagging", self._late.step, Wake()),
             ("loading", self._loading_timeouts.step, Wake()),
+            ("holds", self._keeper.delete_expired, Wake()),
             ("ground stops", self._ground_stops.step, Wake()),
             ("station states", self._station_states.step, Wake()),
             ("network versions", self._network_versions.step, self._parts.published),

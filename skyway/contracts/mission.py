@@ -14,6 +14,7 @@ from skyway.ids import (
     DeliveryId,
     DroneId,
     DroneModelId,
+    HoldId,
     MissionId,
     PackageId,
     ProviderId,
@@ -134,6 +135,13 @@ class Mission(WireModel):
     ] = None
 
 
+class OfferHold(WireModel):
+    """The drones and pads that composition holds for an offer until it is booked."""
+
+    hold_id: HoldId
+    number: Annotated[int, Field(ge=0, description="The offer's place in its hold, from 0.")]
+
+
 class OfferLimits(WireModel):
     """What an offer that was taken has promised; a booking keeps it, or there is none.
 
@@ -146,6 +154,10 @@ class OfferLimits(WireModel):
         float,
         Field(ge=0, description="Seconds from the start of the mission to the last delivery."),
     ]
+    hold: Annotated[
+        OfferHold | None,
+        Field(description="What was held when the offer was accepted; null without a hold."),
+    ] = None
 
 
 class BookMissions(WireModel):

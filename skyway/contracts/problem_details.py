@@ -35,6 +35,7 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "STATION_RESERVED": "Drones have reserved pads that this network no longer has.",
     "TOKEN_EXPIRED": "The enrolment token is too old; have another one made.",
     "TOKEN_USED": "The enrolment token was used before.",
+    "TOO_MANY_HOLDS": "As many quotes are held as the customer may hold at the same time.",
     "TOO_LATE": "Nothing of this can be stopped any more.",
     "WEBHOOK_DISABLED": "The webhook is disabled; make it active first.",
 }

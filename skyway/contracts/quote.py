@@ -1,5 +1,6 @@
-"""Gateway asks composition what could be offered for a request: nothing is reserved."""
+"""Gateway asks composition what could be offered for a request; the best offers may be held."""
 
+from datetime import datetime
 from typing import Annotated
 
 from pydantic import Field
@@ -10,8 +11,19 @@ from skyway.contracts.mission import Margins, PackageEta
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Price
 from skyway.delivery.request import DeliveryRequest
-from skyway.ids import DroneId, DroneModelId, ProviderId
+from skyway.ids import DroneId, DroneModelId, HoldId, ProviderId, SubjectId
 from skyway.json_model import WireModel
+
+
+class HoldTerms(WireModel):
+    """For whom offers are held, and how long."""
+
+    hold_id: Annotated[HoldId, Field(description="Id for the new hold.")]
+    customer_id: Annotated[SubjectId, Field(description="The customer who asks.")]
+    life_s: Annotated[float, Field(gt=0, description="How long, seconds of wall time.")]
+    most: Annotated[
+        int, Field(ge=0, description="The quotes that the customer may hold at the same time.")
+    ]
 
 
 class QuoteQuery(WireModel):
@@ -19,6 +31,9 @@ class QuoteQuery(WireModel):
 
     request: Annotated[DeliveryRequest, Field(description="What the customer asks for.")]
     shortlist: Annotated[Shortlist, Field(description="The drones to compare.")]
+    hold: Annotated[
+        HoldTerms | None, Field(description="How the best offers are held; null: nothing is held.")
+    ] = None
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -53,6 +68,9 @@ class OfferTerms(WireModel):
     trips: Annotated[int, Field(ge=1, description="How many trips it takes, from 1.")] = 1
     margins: Annotated[Margins, Field(description="What the plan has on top of what it needs.")]
     score: Annotated[float, Field(description="What offers are ranked by; lower is better.")]
+    is_held: Annotated[
+        bool, Field(description="Whether its drones and pads are held until the quote expires.")
+    ] = False
 
 
 class QuoteAnswer(WireModel):
@@ -64,3 +82,7 @@ class QuoteAnswer(WireModel):
     infeasible: Annotated[
         tuple[ProviderReason, ...], Field(description="Why the other providers make none.")
     ]
+    held_until_at: Annotated[
+        datetime | None,
+        Field(description="Until when offers are held, wall time; null if none is held."),
+    ] = None

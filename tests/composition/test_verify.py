@@ -9,7 +9,8 @@ BREAKS = {
     "I1 no pad holds two overlapping reservations": [
         "DROP TRIGGER pad_taken_on_insert",
         (
-            "INSERT INTO pad_reservations SELECT station_id, pad, start_ms + 1, end_ms, mission_id "
+            "INSERT INTO pad_reservations (station_id, pad, start_ms, end_ms, mission_id) "
+            "SELECT station_id, pad, start_ms + 1, end_ms, mission_id "
             "FROM pad_reservations WHERE station_id = 'b' AND pad = 0"
         ),
     ],

@@ -83,6 +83,7 @@ _PADS: Final = (
         "two reservations that overlap",
         "I1 no pad holds two overlapping reservations",
         composition="DROP TRIGGER pad_taken_on_insert; INSERT INTO pad_reservations"
+        " (station_id, pad, start_ms, end_ms, mission_id)"
         " SELECT station_id, pad, start_ms + 1, end_ms, :booked_mission FROM pad_reservations"
         " WHERE mission_id = :flying_mission AND station_id = 'line-s2'",
     ),

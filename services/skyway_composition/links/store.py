@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable
 from typing import Any, Final
 
-from sqlalchemy import Row, bindparam, case, select, update
+from sqlalchemy import BigInteger, Row, Text, bindparam, case, func, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Connection, DroneState
@@ -18,6 +18,14 @@ OCCUPIED: Final = select(drone_links.c.drone_id).where(
     in_list(drone_links.c.drone_id, "drone_ids"), drone_links.c.is_occupied
 )
 
+#: Those of `drone_ids` that another hold than `own_hold` keeps for a customer at `now_ms`.
+HELD: Final = select(drone_links.c.drone_id).where(
+    in_list(drone_links.c.drone_id, "drone_ids"),
+    drone_links.c.held_by.is_not(None),
+    drone_links.c.held_by != bindparam("own_hold", type_=Text),
+    drone_links.c.held_until_ms > bindparam("now_ms", type_=BigInteger),
+)
+
 # Built once, because every booking and every drone message runs these statements, and building
 # takes longer than running.
 _LINKS_OF: Final = (
@@ -27,10 +35,13 @@ _LINKS_OF: Final = (
     .with_for_update()
 )
 _SAVE_LINK: Final = update(drone_links).where(drone_links.c.drone_id == bindparam("of_drone"))
-#: Counts one more instruction to a drone, and returns its place.
+#: Counts one more instruction to a drone that is not held at `now_ms`, and returns its place.
 COUNT_NEXT: Final = (
     update(drone_links)
-    .where(drone_links.c.drone_id == bindparam("of_drone"))
+    .where(
+        drone_links.c.drone_id == bindparam("of_drone"),
+        func.coalesce(drone_links.c.held_until_ms, 0) <= bindparam("now_ms", type_=BigInteger),
+    )
     .values(
         provider_id=bindparam("of_provider"),
         stream=case((drone_links.c.stream < 1, 1), else_=drone_links.c.stream),
@@ -55,14 +66,19 @@ async def lock_link(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> Drone
     return links[drone_id]
 
 
-async def claim_next_place(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> InstructionPlace:
-    """Lock the link to this provider's drone and claim the place of the next instruction."""
-    drone = {"of_drone": drone_id, "of_provider": provider_id}
+async def claim_next_place(
+    tx: Tx, drone_id: DroneId, provider_id: ProviderId, *, now_ms: int
+) -> InstructionPlace | None:
+    """Lock the link to this provider's drone and claim the place of the next instruction.
+
+    Returns None while the drone is held for a customer at `now_ms`, fleet time.
+    """
+    drone = {"of_drone": drone_id, "of_provider": provider_id, "now_ms": now_ms}
     claimed = (await tx.execute(COUNT_NEXT, drone)).one_or_none()
     if claimed is None:
         await _begin(tx, drone_id, provider_id)
-        claimed = (await tx.execute(COUNT_NEXT, drone)).one()
-    return InstructionPlace(*claimed)
+        claimed = (await tx.execute(COUNT_NEXT, drone)).one_or_none()
+    return None if claimed is None else InstructionPlace(*claimed)
 
 
 async def lock_links(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, DroneLink]:

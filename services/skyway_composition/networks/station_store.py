@@ -132,7 +132,8 @@ async def reserved_pads(tx: Tx, network_id: NetworkId) -> dict[StationId, int]:
     found = await tx.execute(
         select(pad_reservations.c.station_id, (func.max(pad_reservations.c.pad) + 1).label("pads"))
         .join(stations, stations.c.station_id == pad_reservations.c.station_id)
-        .where(stations.c.network_id == network_id)
+        # Held offers are planned again for the new network, so their pads may go.
+        .where(stations.c.network_id == network_id, pad_reservations.c.hold_id.is_(None))
         .group_by(pad_reservations.c.station_id)
     )
     return {row.station_id: row.pads for row in found}

@@ -6,7 +6,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from skyway.ids import MissionId, NetworkId, StationId
+from skyway.ids import HoldId, MissionId, NetworkId, StationId
 from skyway.network.columns import Rows
 from skyway.network.network import Network
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
@@ -27,7 +27,7 @@ class PadSnapshot:
     after_ms
         The moment, milliseconds since 1970.
     without
-        Missions whose pads count as free.
+        Missions and holds whose pads count as free.
     outages
         Pads that are out of order, and when; an end of `OPEN_MS` means no end.
     gap_ms
@@ -42,7 +42,7 @@ class PadSnapshot:
         network: Network,
         *,
         after_ms: int,
-        without: Collection[MissionId] = (),
+        without: Collection[MissionId | HoldId] = (),
         outages: Sequence[PadHeld] = (),
         gap_ms: int = 0,
     ) -> None:
@@ -60,14 +60,14 @@ class PadSnapshot:
         #: The reservations read so far, in milliseconds since 1970.
         self.book: PadBook = self._book_of(()) if outages else NO_RESERVATIONS
 
-    def without(self, mission_ids: Collection[MissionId]) -> Self:
-        """The same reservations but those of these missions, to be read anew."""
+    def without(self, owners: Collection[MissionId | HoldId]) -> Self:
+        """The same reservations but those of these missions and holds, to be read anew."""
         return type(self)(
             self._db,
             self._network_id,
             self._network,
             after_ms=self._after_ms,
-            without=self._without.union(mission_ids),
+            without=self._without.union(owners),
             outages=self._outages,
             gap_ms=self._gap_ms,
         )

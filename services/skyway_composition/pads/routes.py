@@ -30,7 +30,10 @@ class PadNow(JsonModel):
     ]
     mission_id: Annotated[
         MissionId | None,
-        Field(description="Mission that holds the pad now; shown to operators only."),
+        Field(
+            description="Mission that holds the pad now, shown to operators only; null while the "
+            "pad is held for an offer."
+        ),
     ]
     is_out_of_order: Annotated[bool, Field(description="Whether the pad is out of order now.")]
     works_again_at: Annotated[

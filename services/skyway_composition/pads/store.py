@@ -7,7 +7,8 @@ from typing import Any, Final
 from sqlalchemy import BigInteger, bindparam, delete, func, insert, literal, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.ids import DroneId, MissionId, NetworkId, StationId
+from skyway.ids import DroneId, HoldId, MissionId, NetworkId, StationId
+from skyway.planner.pad_book import OPEN_MS
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
@@ -19,6 +20,9 @@ from skyway_composition.tables import is_queued, missions, pad_reservations, sta
 PadHeld = tuple[StationId, int, int, int]
 
 # Built once, because every booking runs these statements and building takes longer than running.
+_OWNER: Final = func.coalesce(pad_reservations.c.mission_id, pad_reservations.c.hold_id)
+#: Whether a reservation counts at a moment: the pads of a hold that has expired are free.
+_COUNTS: Final = func.coalesce(pad_reservations.c.held_until_ms, OPEN_MS) > bindparam("moment_ms")
 _LASTING: Final = select(
     pad_reservations.c.station_id,
     pad_reservations.c.pad,
@@ -26,7 +30,8 @@ _LASTING: Final = select(
     pad_reservations.c.end_ms,
 ).where(
     pad_reservations.c.end_ms > bindparam("moment_ms"),
-    ~in_list(pad_reservations.c.mission_id, "without"),
+    _COUNTS,
+    ~in_list(_OWNER, "without"),
 )
 _BOOKED_AT: Final = _LASTING.where(in_list(pad_reservations.c.station_id, "station_ids"))
 _BOOKED_EVERYWHERE: Final = _LASTING.join(
@@ -76,7 +81,10 @@ _USED: Final = (
         func.min(pad_reservations.c.end_ms).filter(_IS_TAKEN),
     )
     .join_from(pad_reservations, stations, stations.c.station_id == pad_reservations.c.station_id)
-    .where(pad_reservations.c.end_ms > bindparam("at_ms"))
+    .where(
+        pad_reservations.c.end_ms > bindparam("at_ms"),
+        func.coalesce(pad_reservations.c.held_until_ms, OPEN_MS) > bindparam("at_ms"),
+    )
     .group_by(stations.c.station_id, stations.c.pads)
 )
 
@@ -139,9 +147,12 @@ async def booked_at(
     station_ids: Sequence[StationId],
     *,
     moment_ms: int,
-    without: Collection[MissionId] = (),
+    without: Collection[MissionId | HoldId] = (),
 ) -> list[PadHeld]:
-    """The reservations at these stations that end after a moment, but not those of `without`."""
+    """The reservations at these stations that end after a moment, but not those of `without`.
+
+    Pads that are held for an offer count until the hold expires.
+    """
     selection = {
         "station_ids": station_ids,
         "moment_ms": moment_ms,
@@ -155,7 +166,7 @@ async def booked_everywhere(
     network_id: NetworkId,
     *,
     moment_ms: int,
-    without: Collection[MissionId] = (),
+    without: Collection[MissionId | HoldId] = (),
 ) -> list[PadHeld]:
     """The reservations of a whole network that end after a moment, but not those of `without`."""
     selection = {
@@ -220,10 +231,10 @@ def _rows(
 
 @dataclass(frozen=True, slots=True)
 class Reservation:
-    """A reserved pad and the mission that holds it."""
+    """A reserved pad and the mission that holds it; None while it is held for an offer."""
 
     booked: BookedPad
-    mission_id: MissionId
+    mission_id: MissionId | None
 
 
 async def pads_of(connection: AsyncConnection, station_id: StationId) -> int | None:
@@ -243,12 +254,16 @@ async def reservations_of(
     after: tuple[int, int] | None,
     limit: int,
 ) -> list[Reservation]:
-    """A station's reservations in order of (start, pad), after a given one."""
+    """A station's reservations in order of (start, pad), after a given one.
+
+    Pads that are held for an offer count until the hold expires.
+    """
     query = (
         select(pad_reservations)
         .where(
             pad_reservations.c.station_id == station_id,
             pad_reservations.c.end_ms > ending_after_ms,
+            func.coalesce(pad_reservations.c.held_until_ms, OPEN_MS) > ending_after_ms,
         )
         .order_by(pad_reservations.c.start_ms, pad_reservations.c.pad)
         .limit(limit)

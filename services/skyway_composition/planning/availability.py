@@ -38,6 +38,7 @@ class BookedMission:
 
     Without stays none can begin now. `mission_id` is None for a drone that reports a mission which
     is over here, or has landed away from every station. `start` is given while it is QUEUED.
+    `is_held` stands for an offer that is held: nothing is booked before or after it.
     """
 
     drone_id: DroneId
@@ -45,6 +46,7 @@ class BookedMission:
     start_ms: int
     stays: tuple[Stay, ...] = ()
     start: Slot | None = None
+    is_held: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,6 +178,8 @@ def _gaps(
 ) -> Iterator[Opening]:
     """The gaps in one drone's calendar that are long enough, in order."""
     first = missions[0]
+    if missions[-1].is_held:
+        return
     if first.start is not None and first.mission_id is not None:
         # The drone is idle, and stands where its next mission begins.
         here = Slot(first.start.station_id, begins_ms, first.start.soc)

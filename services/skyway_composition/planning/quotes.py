@@ -38,28 +38,28 @@ class Quotes:
         after_ms = moment_to_ms(self.clock.now())
         world = await World.around(pickup, self.networks, db=self.db, after_ms=after_ms)
         if world is None:
-            detail = await self.networks.why_missing(pickup)
-            reasons = refused_for_all(
-                query.shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail
-            )
-            return QuoteAnswer(offers=(), infeasible=tuple(reasons))
-        offers = await self._offers(query, world)
-        if not offers.ranked:
-            return QuoteAnswer(offers=(), infeasible=offers.reasons)
-        best = BestValues.of(offer.values for offer in offers.ranked)
-        weights = query.request.qos.ranking
-        return QuoteAnswer(
-            offers=tuple(
-                terms_of(offer, best=best, weights=weights, settings=world.skyway.settings)
-                for offer in offers.ranked
-            ),
-            infeasible=offers.reasons,
-        )
-
-    async def _offers(self, query: QuoteQuery, world: World) -> Offers:
-        limits = Limits.of_whole(query.request.qos)
+            return await self.pickup_unknown(query)
         begins_ms = start_ms(self.clock, earliest_at=query.request.earliest_pickup_at)
         booked = await self.booked_missions(query.shortlist.drone_ids)
+        offers = await self.plan(query, world, booked, begins_ms=begins_ms)
+        return answer_of(query, world, offers)
+
+    async def pickup_unknown(self, query: QuoteQuery) -> QuoteAnswer:
+        """The answer when no network has the pickup station."""
+        detail = await self.networks.why_missing(query.request.pickup.station_id)
+        reasons = refused_for_all(query.shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail)
+        return QuoteAnswer(offers=(), infeasible=tuple(reasons))
+
+    async def plan(
+        self,
+        query: QuoteQuery,
+        world: World,
+        booked: Sequence[BookedMission],
+        *,
+        begins_ms: int,
+    ) -> Offers:
+        """The best offer of each provider for missions that begin at `begins_ms` or later."""
+        limits = Limits.of_whole(query.request.qos)
         return await best_of_each(
             TripFinder(self.solver, world, begins_ms, limits.latest_ms),
             query.request,
@@ -68,3 +68,20 @@ class Quotes:
             gaps=[*Availability.in_gaps(booked, begins_ms=begins_ms, clock=self.clock)],
             limits=limits,
         )
+
+
+def answer_of(query: QuoteQuery, world: World, offers: Offers, *, held: int = 0) -> QuoteAnswer:
+    """The answer with these offers, of which the first `held` are held."""
+    if not offers.ranked:
+        return QuoteAnswer(offers=(), infeasible=offers.reasons)
+    best = BestValues.of(offer.values for offer in offers.ranked)
+    settings, weights = world.skyway.settings, query.request.qos.ranking
+    terms = [
+        terms_of(each, best=best, weights=weights, settings=settings) for each in offers.ranked
+    ]
+    return QuoteAnswer(
+        offers=tuple(
+            each.model_copy(update={"is_held": number < held}) for number, each in enumerate(terms)
+        ),
+        infeasible=offers.reasons,
+    )

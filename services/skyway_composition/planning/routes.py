@@ -1,7 +1,7 @@
 """POST /v1/compositions and quotes: planning that changes nothing."""
 
 import asyncio
-from typing import Annotated, Final
+from typing import Annotated, Final, Protocol
 
 from fastapi import Depends, Request
 from pydantic import Field, create_model
@@ -18,7 +18,6 @@ from skyway.runtime.http.problem_answers import NOT_FOUND
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.networks.settings import NetworkDocument
 from skyway_composition.planning.problem_reader import NetworkReference, ProblemReader
-from skyway_composition.planning.quotes import Quotes
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import compose_in
 
@@ -37,7 +36,15 @@ CompositionProblem: Final = create_model(
 )
 
 
-def quote_routes(*, gate: ServiceGate, quotes: Quotes) -> ServiceRouter:
+class QuoteAnswerer(Protocol):
+    """Answers requests for quotes."""
+
+    async def answer(self, query: QuoteQuery) -> QuoteAnswer:
+        """The best offer of each provider, best first, and why the others make no offer."""
+        ...
+
+
+def quote_routes(*, gate: ServiceGate, quotes: QuoteAnswerer) -> ServiceRouter:
     """POST /internal/quotes, for the gateway."""
     router = ServiceRouter(tags=("quotes",))
 
@@ -46,7 +53,7 @@ def quote_routes(*, gate: ServiceGate, quotes: Quotes) -> ServiceRouter:
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[QuoteQuery, Depends(internal_body(QuoteQuery))],
     ) -> QuoteAnswer:
-        """Plan what each provider would offer for a request; nothing is reserved."""
+        """Plan what each provider would offer for a request; hold the best offers if asked to."""
         caller.must_be("service")
         return await quotes.answer(query)
 

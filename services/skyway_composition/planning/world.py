@@ -10,7 +10,7 @@ from typing import Final, Self
 import numpy as np
 
 from skyway.delivery.plan import Plan, Recharge
-from skyway.ids import MissionId, StationId
+from skyway.ids import HoldId, MissionId, StationId
 from skyway.network.columns import Rows
 from skyway.network.network import Network
 from skyway.planner.compose import DEFAULT_STRATEGY
@@ -49,9 +49,9 @@ class World:
         skyway = self.skyway
         return Present(skyway.network_id, skyway.version, self.conditions_version)
 
-    def without(self, mission_ids: Collection[MissionId]) -> Self:
-        """The same world, in which the pads of these missions count as free."""
-        return replace(self, pads=self.pads.without(mission_ids))
+    def without(self, owners: Collection[MissionId | HoldId]) -> Self:
+        """The same world, in which the pads of these missions and holds count as free."""
+        return replace(self, pads=self.pads.without(owners))
 
     @classmethod
     async def around(

@@ -2,6 +2,7 @@
 
 from skyway.runtime.outbox.outbox_store import outbox_table
 from skyway_composition.tables.alarms import alarms
+from skyway_composition.tables.holds import offer_holds
 from skyway_composition.tables.links import drone_links, instructions
 from skyway_composition.tables.metadata import metadata
 from skyway_composition.tables.missions import (
@@ -44,6 +45,7 @@ __all__ = [
     "missions",
     "network_versions",
     "networks",
+    "offer_holds",
     "outbox",
     "pad_reservations",
     "stations",

@@ -54,11 +54,22 @@ drone_links = Table(
     # Whether this state reports a mission, or a landing away from every station.
     Column("is_occupied", Boolean, nullable=False, server_default=false()),
     Column("connection", Text),  # JSON of Connection, the newest
+    # The hold that keeps the drone for a customer, and until when: no other booking gets the drone.
+    Column("held_by", Text),
+    Column("held_until_ms", BigInteger),
+    CheckConstraint("(held_by IS NULL) = (held_until_ms IS NULL)", name="drone_held"),
     # Finds occupied drones without reading the links of all others.
     Index(
         "drone_links_occupied",
         "drone_id",
         sqlite_where=text("is_occupied = 1"),
         postgresql_where=text("is_occupied"),
+    ),
+    # Finds held drones without reading the links of all others.
+    Index(
+        "drone_links_held",
+        "drone_id",
+        sqlite_where=text("held_by IS NOT NULL"),
+        postgresql_where=text("held_by IS NOT NULL"),
     ),
 )

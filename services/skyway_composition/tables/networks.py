@@ -11,6 +11,7 @@ from sqlalchemy import (
     LargeBinary,
     Table,
     Text,
+    text,
 )
 
 from skyway_composition.tables.metadata import metadata
@@ -51,7 +52,8 @@ stations = Table(
 )
 
 
-#: One pad in [start_ms, end_ms); a row exists exactly as long as its mission is live.
+#: One pad in [start_ms, end_ms). A mission's row exists exactly as long as the mission is not over.
+#: A held offer's row counts until `held_until_ms`, and is deleted soon after.
 pad_reservations = Table(
     "pad_reservations",
     metadata,
@@ -59,9 +61,22 @@ pad_reservations = Table(
     Column("pad", Integer, primary_key=True),
     Column("start_ms", BigInteger, primary_key=True),
     Column("end_ms", BigInteger, nullable=False),
-    Column("mission_id", Text, ForeignKey("missions.mission_id"), nullable=False),
+    Column("mission_id", Text, ForeignKey("missions.mission_id")),
+    Column("hold_id", Text, ForeignKey("offer_holds.hold_id")),
+    Column("held_until_ms", BigInteger),
     CheckConstraint("start_ms < end_ms", name="pad_reservation_lasts"),
+    CheckConstraint(
+        "(mission_id IS NULL) = (hold_id IS NOT NULL) "
+        "AND (hold_id IS NULL) = (held_until_ms IS NULL)",
+        name="pad_reservation_owner",
+    ),
     Index("pad_reservations_by_mission", "mission_id"),
+    Index(
+        "pad_reservations_held",
+        "hold_id",
+        sqlite_where=text("hold_id IS NOT NULL"),
+        postgresql_where=text("hold_id IS NOT NULL"),
+    ),
 )
 
 

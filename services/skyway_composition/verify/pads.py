@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from typing import Any, Final
 
-from sqlalchemy import and_, exists, or_, select
+from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.flight_step import RechargeStep
 from skyway.ids import MissionId
@@ -126,7 +126,8 @@ def _gap_ms(mission: Mapping[str, Any]) -> int:  # the JSON of a Mission
 
 async def _held_pads(survey: Survey) -> dict[MissionId, set[BookedPad]]:
     held: dict[MissionId, set[BookedPad]] = {}
-    for row in await survey.rows(select(pad_reservations)):
+    of_missions = select(pad_reservations).where(pad_reservations.c.mission_id.is_not(None))
+    for row in await survey.rows(of_missions):
         booked = BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms)
         held.setdefault(row.mission_id, set()).add(booked)
     return held
@@ -153,7 +154,8 @@ PADS: Final = (
                 _other.c.start_ms < _one.c.end_ms,
                 or_(
                     _one.c.start_ms != _other.c.start_ms,
-                    _one.c.mission_id != _other.c.mission_id,
+                    func.coalesce(_one.c.mission_id, _one.c.hold_id)
+                    != func.coalesce(_other.c.mission_id, _other.c.hold_id),
                 ),
             ),
         ),
@@ -162,10 +164,12 @@ PADS: Final = (
     Rule(
         "I1 a reserved pad is a pad of its station",
         select(pad_reservations.c.mission_id).where(
+            # The pads of a hold may go with a new network: its offer is then planned again.
+            pad_reservations.c.mission_id.is_not(None),
             ~exists().where(
                 stations.c.station_id == pad_reservations.c.station_id,
                 pad_reservations.c.pad.between(0, stations.c.pads - 1),
-            )
+            ),
         ),
         "The station has no such pad, so the drone cannot charge there. " + _REPLAN,
     ),

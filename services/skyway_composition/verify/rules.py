@@ -15,6 +15,7 @@ from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.storage_rules import storage_rules
 from skyway.runtime.verification.stored_forms import form_rule
 from skyway_composition.closures.closure import Area
+from skyway_composition.missions.booking.held_offer import HELD_OFFERS
 from skyway_composition.missions.mission.record import Aim, Proposal, Stuck, Trouble
 from skyway_composition.missions.mission.step_record import read_step
 from skyway_composition.tables import (
@@ -27,6 +28,7 @@ from skyway_composition.tables import (
     metadata,
     mission_steps,
     missions,
+    offer_holds,
     outbox,
 )
 from skyway_composition.verify.calendars import CALENDARS, read_stored_stays
@@ -57,6 +59,7 @@ _FORMS: Final = form_rule(
         drone_links.c.connection: Connection.read,
         cancellations.c.answer: Cancellation.read,
         closures.c.area: Area.read,
+        offer_holds.c.offers: HELD_OFFERS.validate_json,
         alarms.c.data: json.loads,
         outbox.c.payload: json.loads,
     }

@@ -86,7 +86,7 @@ async def test_a_claim_in_one_statement_locks_stations_in_sorted_order(
 
     async def claim(tx: Tx) -> None:
         place = await claim_in_one_statement(
-            tx, present, DRONES[0], PROVIDER, station_ids=STATIONS[::-1]
+            tx, present, DRONES[0], PROVIDER, station_ids=STATIONS[::-1], now_ms=0
         )
         assert place is not None
 

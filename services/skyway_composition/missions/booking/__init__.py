@@ -1,5 +1,10 @@
 """Booking: the best offer for a delivery becomes its missions, in one transaction.
 
-`book` runs the rounds, `engage` claims drones and pads and adds the missions, `outcome` answers
-when no mission can be booked, `routes` serves the gateway, `store` holds the SQL.
+`book` books, in `rounds` that plan and commit. `engage` claims drones and pads and adds the
+missions, `outcome` answers when no mission can be booked, `routes` serves the gateway, `store` has
+the SQL.
+
+Offers that are held: `hold_quote` holds the best offers of a quote, `keep_offer` keeps an offer
+that is being accepted, `hold_loss` decides whether it can be booked as it is held. `held_offer` is
+what is stored, `claim_hold` claims drones and pads for it, `hold_store` has the SQL.
 """

@@ -1,6 +1,6 @@
 """Claims what an offer needs, and adds its missions, steps, custody and instructions.
 
-Every transaction locks contended rows in the same order: delivery, network, drones, missions,
+Every transaction locks contended rows in the same order: delivery, hold, network, drones, missions,
 stations.
 """
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.mission import Mission
-from skyway.ids import DeliveryId, DroneId, MissionId
+from skyway.ids import DeliveryId, DroneId, HoldId, MissionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
@@ -17,6 +17,7 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import claim_next_place, lock_link
+from skyway_composition.missions.booking.hold_store import free_drones, free_pads
 from skyway_composition.missions.booking.store import booked_missions, claim_in_one_statement
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody import Custodian, Held
@@ -158,10 +159,12 @@ async def claim(
     *,
     engaged: Sequence[BookedMission],
     clock: FleetClock,
+    own_hold: HoldId | None = None,
 ) -> dict[DroneId, InstructionPlace]:
     """Lock what an offer needs; returns the place of each drone's next instruction.
 
     A drone that begins later, or after another mission, gets no instruction yet, and is left out.
+    What `own_hold` keeps is given up, so that this booking can have it.
 
     The locks on the network, the drones and the stations last until the transaction ends.
 
@@ -169,14 +172,15 @@ async def claim(
     ------
     WorldChanged
         A network was published, or a closure made or lifted, since the world was read (I11), or
-        the calendar of a drone has changed since `engaged` was read.
+        the calendar of a drone has changed since `engaged` was read, or a drone is held.
     """
+    now_ms = moment_to_ms(clock.now())
     parts = sorted(offer.parts, key=lambda each: each.candidate.drone_id)
     booked = [pad for part in parts for pad in part.trip.booked_pads]
-    send_by_ms = moment_to_ms(clock.now()) + send_ahead_ms(clock)
+    send_by_ms = now_ms + send_ahead_ms(clock)
     sent_now = {each.candidate.drone_id for each in parts if _is_sent_now(each, send_by_ms)}
     first = parts[0].candidate
-    is_only_sent = first.drone_id in sent_now and parts[0].opening is None
+    is_only_sent = first.drone_id in sent_now and parts[0].opening is None and own_hold is None
     if tx.dialect == "postgresql" and len(parts) == 1 and is_only_sent:
         place = await claim_in_one_statement(
             tx,
@@ -184,24 +188,32 @@ async def claim(
             first.drone_id,
             first.provider_id,
             station_ids=[each.station_id for each in booked],
+            now_ms=now_ms,
         )
         if place is not None:
             return {first.drone_id: place}
     if not await still_holds(tx, world):
         raise WorldChanged
+    if own_hold is not None:
+        await free_drones(tx, own_hold)
     places = {}
     for each in (part.candidate for part in parts):
         if each.drone_id in sent_now:
-            places[each.drone_id] = await claim_next_place(tx, each.drone_id, each.provider_id)
+            place = await claim_next_place(tx, each.drone_id, each.provider_id, now_ms=now_ms)
+            if place is None:
+                raise WorldChanged
+            places[each.drone_id] = place
         else:
             await lock_link(tx, each.drone_id, each.provider_id)
     await lock_stations(tx, booked)
+    if own_hold is not None:
+        await free_pads(tx, own_hold)
     in_calendars = [
         each
         for each in parts
         if each.opening is not None or each.candidate.drone_id not in sent_now
     ]
-    await _claim_openings(tx, in_calendars, engaged=engaged, hand_over_ms=hand_over_time_ms(clock))
+    await _claim_openings(tx, in_calendars, engaged=engaged, clock=clock)
     return places
 
 
@@ -212,20 +224,20 @@ def _is_sent_now(part: Part, send_by_ms: int) -> bool:
 
 
 async def _claim_openings(
-    tx: Tx, parts: Sequence[Part], *, engaged: Sequence[BookedMission], hand_over_ms: int
+    tx: Tx, parts: Sequence[Part], *, engaged: Sequence[BookedMission], clock: FleetClock
 ) -> None:
     """Check that the calendars of locked drones are as they were read, and make room in them."""
     drone_ids = {part.candidate.drone_id for part in parts}
     if not drone_ids:
         return
-    now = await booked_missions(tx.connection, drone_ids)
+    now = await booked_missions(tx.connection, drone_ids, now_ms=moment_to_ms(clock.now()))
     if set(now) != {each for each in engaged if each.drone_id in drone_ids}:
         raise WorldChanged
     for part in parts:
         after = None if part.opening is None else part.opening.after
         if after is None:
             continue
-        await end_standby_before(tx, after, part.trip.start_ms - hand_over_ms)
+        await end_standby_before(tx, after, part.trip.start_ms - hand_over_time_ms(clock))
         # The live mission may need pads of the standby that has just ended, but not those of the
         # new mission: it is the same drone.
         live = await restore_pads(tx, part.candidate.drone_id)

@@ -1,11 +1,17 @@
 """The answer when no mission could be booked: BUSY for now, or INFEASIBLE for good."""
 
+from collections.abc import Mapping
+from typing import Final
+
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import Booking, BookMissions, OfferLimits
+from skyway.contracts.offer_hold import HoldLoss, KeepOffer
 from skyway_composition.planning.refusals import refused_for_all
 
 
-def without_offer(requested: BookMissions, reasons: tuple[ProviderReason, ...]) -> Booking:
+def without_offer(
+    requested: BookMissions | KeepOffer, reasons: tuple[ProviderReason, ...]
+) -> Booking:
     """BUSY while a later attempt may succeed, else INFEASIBLE.
 
     A request for a quoted offer is INFEASIBLE: that offer is lost. Without candidates the answer
@@ -17,14 +23,14 @@ def without_offer(requested: BookMissions, reasons: tuple[ProviderReason, ...]) 
     return Booking(outcome="BUSY" if may_change else "INFEASIBLE", reasons=reasons)
 
 
-def pickup_unknown(requested: BookMissions) -> Booking:
+def pickup_unknown(requested: BookMissions | KeepOffer) -> Booking:
     """INFEASIBLE: the pickup station is in no network."""
     detail = f"pickup station {requested.request.pickup.station_id!r} is in no network"
     reasons = refused_for_all(requested.shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail)
     return Booking(outcome="INFEASIBLE", reasons=tuple(reasons))
 
 
-def all_taken(requested: BookMissions, reasons: tuple[ProviderReason, ...]) -> Booking:
+def all_taken(requested: BookMissions | KeepOffer, reasons: tuple[ProviderReason, ...]) -> Booking:
     """BUSY because others were faster in every round; a quoted offer is lost."""
     explained = {reason.provider_id for reason in reasons}
     detail = "other bookings have reserved its drones or pads"
@@ -57,3 +63,28 @@ def _offer_lost(offer: OfferLimits, reasons: tuple[ProviderReason, ...]) -> Book
         },
     )
     return Booking(outcome="INFEASIBLE", reasons=(reason,))
+
+
+def with_hold_loss(booking: Booking, loss: HoldLoss) -> Booking:
+    """The answer, which says in the reason OFFER_LOST why what was held could not be used."""
+    reasons = tuple(
+        each.model_copy(
+            update={
+                "detail": f"{_LOSSES[loss]}; then {each.detail}",
+                "data": {**each.data, "hold_loss": loss},
+            }
+        )
+        if each.code == "OFFER_LOST"
+        else each
+        for each in booking.reasons
+    )
+    return booking.model_copy(update={"reasons": reasons})
+
+
+_LOSSES: Final[Mapping[HoldLoss, str]] = {
+    "EXPIRED": "the hold of the offer expired before the booking reached composition",
+    "NETWORK_CHANGED": "the network or its closures changed after the offer was accepted",
+    "CALENDAR_CHANGED": "the missions before it in its drone's calendar changed after acceptance",
+    "DRONE_NOT_FREE": "its drone reported another mission or a landing in the open",
+    "REQUEST_CHANGED": "packages of the request were cancelled after acceptance",
+}

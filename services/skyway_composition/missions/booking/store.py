@@ -17,6 +17,7 @@ from sqlalchemy import (
     cast,
     exists,
     func,
+    literal,
     literal_column,
     null,
     select,
@@ -25,17 +26,21 @@ from sqlalchemy import (
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import Mission
-from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId, StationId
+from skyway.ids import DeliveryId, DroneId, HoldId, MissionId, ProviderId, StationId
+from skyway.planner.pad_book import OPEN_MS
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.scheduling.slots import Slot
 from skyway.scheduling.stays import read_stays
 from skyway_composition.links.link import InstructionPlace
-from skyway_composition.links.store import COUNT_NEXT, OCCUPIED
+from skyway_composition.links.store import COUNT_NEXT, HELD, OCCUPIED
 from skyway_composition.networks.store import Present
 from skyway_composition.pads.store import LOCK_STATIONS
 from skyway_composition.planning.availability import BookedMission
 from skyway_composition.tables import deliveries, is_open, is_queued, missions, networks, stations
+
+#: The start of a held offer in a calendar: it comes after every mission.
+_LAST_MS: Final = OPEN_MS
 
 #: Where and with what charge its drone begins; only a QUEUED mission is kept to that.
 _of_queued: Final = case((is_queued, missions.c.candidate)).label("candidate")
@@ -48,6 +53,13 @@ _ENGAGED: Final = union_all(
     OCCUPIED.add_columns(
         cast(null(), Text).label("mission_id"),
         cast(null(), BigInteger).label("start_ms"),
+        cast(null(), Text).label("stays"),
+        cast(null(), Text).label("candidate"),
+    ),
+    # Nothing can begin after an offer that is held: it may be accepted, or expire.
+    HELD.add_columns(
+        cast(null(), Text).label("mission_id"),
+        literal(_LAST_MS, BigInteger).label("start_ms"),
         cast(null(), Text).label("stays"),
         cast(null(), Text).label("candidate"),
     ),
@@ -142,13 +154,20 @@ async def first_look(
     attempt: int,
     drone_ids: Collection[DroneId],
     pickup: StationId,
+    now_ms: int,
+    own_hold: HoldId | None = None,
 ) -> FirstLook:
-    """All that this attempt needs to know before it plans for these drones."""
+    """All that this attempt needs to know before it plans for these drones.
+
+    Drones that are held at `now_ms`, fleet time, are engaged, but not those of `own_hold`.
+    """
     asked = {
         "delivery_id": delivery_id,
         "attempt": attempt,
         "drone_ids": [*drone_ids],
         "pickup": pickup,
+        "now_ms": now_ms,
+        "own_hold": own_hold or "",
     }
     answers: dict[str, list[tuple[Any, ...]]] = defaultdict(list)
     for question, *answer in await connection.execute(_FIRST_LOOK, asked):
@@ -175,13 +194,19 @@ async def missions_of(
 
 
 async def booked_missions(
-    connection: AsyncConnection, drone_ids: Collection[DroneId]
+    connection: AsyncConnection,
+    drone_ids: Collection[DroneId],
+    *,
+    now_ms: int,
+    own_hold: HoldId | None = None,
 ) -> tuple[BookedMission, ...]:
     """The missions of these drones that are not over, or that the drones report to fly still.
 
-    A drone that has landed away from every station is busy until people have fetched it.
+    A drone that has landed away from every station is busy until people have fetched it. A drone
+    that is held at `now_ms`, fleet time, is busy until then, unless `own_hold` holds it.
     """
-    found = await connection.execute(_ENGAGED, {"drone_ids": [*drone_ids]})
+    values = {"drone_ids": [*drone_ids], "now_ms": now_ms, "own_hold": own_hold or ""}
+    found = await connection.execute(_ENGAGED, values)
     return _booked((*row,) for row in found)
 
 
@@ -196,6 +221,7 @@ def _booked(
             start_ms=-1 if start_ms is None else start_ms,
             stays=() if stays is None else read_stays(stays),
             start=None if candidate is None else _start(candidate, start_ms),
+            is_held=start_ms == _LAST_MS,
         )
         for drone_id, mission_id, start_ms, stays, candidate in rows
     )
@@ -214,12 +240,13 @@ async def claim_in_one_statement(
     provider_id: ProviderId,
     *,
     station_ids: Collection[StationId],
+    now_ms: int,
 ) -> InstructionPlace | None:
     """The place of the next instruction to a drone, in an unchanged network.
 
     Locks the network, the drone's link and the stations, in this order. Returns None and does
-    nothing when the network has changed or the drone has no link yet. One statement, for
-    PostgreSQL only; SQLite needs several.
+    nothing when the network has changed, the drone has no link yet, or it is held at `now_ms`. One
+    statement, for PostgreSQL only; SQLite needs several.
     """
     values = {
         "of_network": present.network_id,
@@ -228,6 +255,7 @@ async def claim_in_one_statement(
         "of_drone": drone_id,
         "of_provider": provider_id,
         "station_ids": sorted(set(station_ids)),
+        "now_ms": now_ms,
     }
     claimed = (await tx.execute(_CLAIM, values)).one_or_none()
     if claimed is None:

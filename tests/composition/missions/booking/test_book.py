@@ -35,7 +35,7 @@ async def count(composition: Any, table: str) -> int:
 @pytest.fixture
 def refusals(caplog: pytest.LogCaptureFixture) -> Callable[[], list[str]]:
     """Returns the names of the database rules that refused bookings."""
-    caplog.set_level(logging.INFO, "skyway_composition.missions.booking.book")
+    caplog.set_level(logging.INFO, "skyway_composition.missions.booking.rounds")
     return lambda: [record.__dict__["by"] for record in caplog.records if "by" in record.__dict__]
 
 
@@ -150,7 +150,8 @@ async def test_the_database_refuses_a_reserved_pad(composition: Any, overlap: st
     with pytest.raises(RowRefused) as refused:
         await write(
             composition,
-            f"INSERT INTO pad_reservations SELECT station_id, pad, {overlap}, mission_id "
+            f"INSERT INTO pad_reservations (station_id, pad, start_ms, end_ms, mission_id) "
+            f"SELECT station_id, pad, {overlap}, mission_id "
             "FROM pad_reservations WHERE station_id = 'b' AND pad = 0",
         )
 
@@ -163,7 +164,8 @@ async def test_the_database_refuses_to_move_a_reservation_onto_another(
     await composition.book()
     await write(
         composition,
-        "INSERT INTO pad_reservations SELECT 'e', 0, n, n + 10, mission_id FROM missions, "
+        "INSERT INTO pad_reservations (station_id, pad, start_ms, end_ms, mission_id) "
+        "SELECT 'e', 0, n, n + 10, mission_id FROM missions, "
         "(SELECT 100 AS n UNION SELECT 200) AS starts",
     )
 
@@ -178,7 +180,8 @@ async def test_reservations_that_touch_do_not_overlap(composition: Any) -> None:
 
     await write(
         composition,
-        "INSERT INTO pad_reservations SELECT station_id, pad, end_ms, end_ms + 1, mission_id "
+        "INSERT INTO pad_reservations (station_id, pad, start_ms, end_ms, mission_id) "
+        "SELECT station_id, pad, end_ms, end_ms + 1, mission_id "
         "FROM pad_reservations WHERE station_id = 'c'",
     )
 

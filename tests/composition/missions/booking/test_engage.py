@@ -30,7 +30,7 @@ BUMP = update(networks).values(conditions=networks.c.conditions + 1)
 async def engage_mission(composition: Any, *, version: int = 1) -> Any:
     async with composition.db.write() as tx:
         return await claim_in_one_statement(
-            tx, Present(ROW, version, 0), DRONE, PROVIDER, station_ids=[StationId("a")]
+            tx, Present(ROW, version, 0), DRONE, PROVIDER, station_ids=[StationId("a")], now_ms=0
         )
 
 
@@ -85,7 +85,7 @@ async def test_a_claimed_station_stays_locked_until_the_transaction_ends(composi
 
     async with composition.db.write() as tx:
         await claim_in_one_statement(
-            tx, Present(ROW, 1, 0), DRONE, PROVIDER, station_ids=[StationId("a")]
+            tx, Present(ROW, 1, 0), DRONE, PROVIDER, station_ids=[StationId("a")], now_ms=0
         )
         await lock("b")
         waiting = asyncio.create_task(lock("a"))

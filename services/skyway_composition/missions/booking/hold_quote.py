@@ -1,0 +1,128 @@
+"""Answers requests for quotes; the best offers are held if the customer asks for that.
+
+A held offer is planned to begin when its hold has expired, at the earliest: its drone is kept on
+the ground until then, and the customer may accept at the last moment.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Final
+
+from skyway.contracts.quote import HoldTerms, QuoteAnswer, QuoteQuery
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.errors import Conflict, RowRefused
+from skyway.runtime.sql.database import Database
+from skyway.units import moment_to_ms
+from skyway_composition.missions.booking.claim_hold import claim_for_hold
+from skyway_composition.missions.booking.engage import WorldChanged
+from skyway_composition.missions.booking.held_offer import HeldOffer
+from skyway_composition.missions.booking.hold_store import Hold, add_hold, delete_expired, slots_of
+from skyway_composition.missions.booking.rounds import Rounds
+from skyway_composition.planning.availability import BookedMission, start_ms
+from skyway_composition.planning.offer import Offers
+from skyway_composition.planning.quotes import Quotes, answer_of
+from skyway_composition.planning.world import World
+
+#: At most this many offers of a quote are held, the best first. Our own choice.
+MOST_HELD_OFFERS: Final = 3
+
+#: Rounds in which others may be faster, before a quote is answered without a hold.
+_MOST_ROUNDS: Final = 3
+
+#: Wall seconds for which composition holds longer than it says, so that an offer that is accepted
+#: at its last moment is still held when composition is asked to keep it.
+_GRACE_S: Final = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class HeldQuotes:
+    """Answers requests for quotes, with and without a hold."""
+
+    db: Database
+    quotes: Quotes
+    rounds: Rounds
+    clock: FleetClock
+
+    async def answer(self, query: QuoteQuery) -> QuoteAnswer:
+        """The best offer of each provider, best first, and why the others make no offer.
+
+        Raises
+        ------
+        Conflict
+            TOO_MANY_HOLDS: the customer holds as many quotes as it may.
+        """
+        if query.hold is None:
+            return await self.quotes.answer(query)
+        for _ in range(_MOST_ROUNDS):
+            await delete_expired(self.db, now_ms=self._now_ms())
+            async with self.db.read() as connection:
+                self._free_slot(await slots_of(connection, query.hold.customer_id), query.hold)
+            answer = await self._hold_in_round(query, query.hold)
+            if answer is not None:
+                return answer
+        return await self.quotes.answer(query)
+
+    async def _hold_in_round(self, query: QuoteQuery, terms: HoldTerms) -> QuoteAnswer | None:
+        """The answer with held offers; None when another booking was faster."""
+        pickup = query.request.pickup.station_id
+        world = await World.around(
+            pickup, self.rounds.networks, db=self.db, after_ms=self._now_ms()
+        )
+        if world is None:
+            return await self.quotes.pickup_unknown(query)
+        life = timedelta(seconds=terms.life_s)
+        held_until_at = self.clock.wall_now() + life
+        begins_ms = max(
+            start_ms(self.clock, earliest_at=query.request.earliest_pickup_at),
+            start_ms(self.clock, earliest_at=None) + self._fleet_ms(terms.life_s),
+        )
+        engaged = await self.rounds.engaged(query.shortlist.drone_ids)
+        offers = await self.quotes.plan(query, world, engaged, begins_ms=begins_ms)
+        if not offers.ranked:
+            return answer_of(query, world, offers)
+        until_ms = self._now_ms() + self._fleet_ms(terms.life_s + _GRACE_S)
+        held = _held(offers, world, engaged)
+        try:
+            async with self.db.write() as tx:
+                pads = await claim_for_hold(tx, held, world, now_ms=self._now_ms())
+                slots = await slots_of(tx.connection, terms.customer_id)
+                slot = self._free_slot(slots, terms)
+                hold = Hold(terms.hold_id, until_ms, held)
+                await add_hold(tx, hold, customer_id=terms.customer_id, slot=slot, pads=pads)
+        except (RowRefused, WorldChanged):
+            return None
+        answer = answer_of(query, world, offers, held=len(held))
+        return answer.model_copy(update={"held_until_at": held_until_at})
+
+    def _free_slot(self, slots: Mapping[int, int], terms: HoldTerms) -> int:
+        """A number for one more hold of the customer; the database gives it to one call only."""
+        for slot in range(1, terms.most + 1):
+            if slot not in slots:
+                return slot
+        if not slots:
+            raise Conflict("TOO_MANY_HOLDS", f"the limit is {terms.most} quotes")
+        first_ms = min(slots.values()) - self._fleet_ms(_GRACE_S)
+        wait_s = (first_ms - self._now_ms()) / 1000 / self.clock.rate
+        expires_at = self.clock.wall_now() + timedelta(seconds=max(0.0, wait_s))
+        raise Conflict(
+            "TOO_MANY_HOLDS",
+            f"{len(slots)} quotes are held and the limit is {terms.most}; the next hold expires at "
+            f"{expires_at:%Y-%m-%dT%H:%M:%SZ}",
+        )
+
+    def _now_ms(self) -> int:
+        return moment_to_ms(self.clock.now())
+
+    def _fleet_ms(self, wall_s: float) -> int:
+        """A span of wall time, in milliseconds of fleet time."""
+        span = fleet_margin(self.clock, fleet_s=0.0, wall_s=wall_s)
+        return round(span.total_seconds() * 1000)
+
+
+def _held(
+    offers: Offers, world: World, engaged: tuple[BookedMission, ...]
+) -> tuple[HeldOffer, ...]:
+    return tuple(
+        HeldOffer.of(each, world, engaged=engaged) for each in offers.ranked[:MOST_HELD_OFFERS]
+    )

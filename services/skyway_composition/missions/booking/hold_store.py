@@ -1,0 +1,178 @@
+"""All SQL of held offers: their rows, and the drones and pads that they keep from others."""
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from sqlalchemy import BigInteger, Text, bindparam, delete, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.ids import DroneId, HoldId, SubjectId
+from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.in_list import in_list
+from skyway.scheduling.booked_pad import BookedPad
+from skyway_composition.missions.booking.held_offer import HELD_OFFERS, HeldOffer
+from skyway_composition.tables import drone_links, is_open, missions, offer_holds, pad_reservations
+
+_THIS: Final = offer_holds.c.hold_id == bindparam("this_hold")
+_FIND: Final = select(offer_holds).where(_THIS)
+_LOCK: Final = _FIND.with_for_update()
+_DELETE: Final = delete(offer_holds).where(_THIS)
+_FREE_PADS: Final = delete(pad_reservations).where(
+    pad_reservations.c.hold_id == bindparam("this_hold")
+)
+_IS_HELD_BY: Final = drone_links.c.held_by == bindparam("this_hold")
+# Drones are locked in the order of their ids, as every booking does.
+_LOCK_DRONES: Final = (
+    select(drone_links.c.drone_id)
+    .where(_IS_HELD_BY)
+    .order_by(drone_links.c.drone_id)
+    .with_for_update()
+)
+_FREE_DRONES: Final = (
+    update(drone_links).where(_IS_HELD_BY).values(held_by=None, held_until_ms=None)
+)
+_MARK_DRONES: Final = (
+    update(drone_links)
+    .where(in_list(drone_links.c.drone_id, "drone_ids"))
+    .values(
+        held_by=bindparam("this_hold", type_=Text),
+        held_until_ms=bindparam("until_ms", type_=BigInteger),
+    )
+)
+_EXTEND: Final = (
+    update(offer_holds).where(_THIS).values(until_ms=bindparam("to_ms", type_=BigInteger)),
+    update(drone_links)
+    .where(_IS_HELD_BY)
+    .values(held_until_ms=bindparam("to_ms", type_=BigInteger)),
+    update(pad_reservations)
+    .where(pad_reservations.c.hold_id == bindparam("this_hold"))
+    .values(held_until_ms=bindparam("to_ms", type_=BigInteger)),
+)
+_EXPIRED: Final = (
+    select(offer_holds.c.hold_id)
+    .where(offer_holds.c.until_ms <= bindparam("now_ms"))
+    .order_by(offer_holds.c.hold_id)
+)
+_OWN_PADS: Final = (
+    select(pad_reservations)
+    .join(missions, missions.c.mission_id == pad_reservations.c.mission_id)
+    .where(in_list(missions.c.drone_id, "drone_ids"), is_open)
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """Offers that are held until `until_ms`, fleet time; their drones and pads are one bundle."""
+
+    hold_id: HoldId
+    until_ms: int
+    offers: tuple[HeldOffer, ...]
+
+
+async def find_hold(connection: AsyncConnection, hold_id: HoldId) -> Hold | None:
+    """The hold, expired or not; None without one."""
+    row = (await connection.execute(_FIND, {"this_hold": hold_id})).one_or_none()
+    return None if row is None else _hold(row.hold_id, row.until_ms, row.offers)
+
+
+async def lock_hold(tx: Tx, hold_id: HoldId) -> Hold | None:
+    """The hold, locked until the transaction ends; None without one."""
+    row = (await tx.execute(_LOCK, {"this_hold": hold_id})).one_or_none()
+    return None if row is None else _hold(row.hold_id, row.until_ms, row.offers)
+
+
+async def add_hold(
+    tx: Tx,
+    hold: Hold,
+    *,
+    customer_id: SubjectId,
+    slot: int | None,
+    pads: Iterable[BookedPad],
+) -> None:
+    """Hold locked drones, and pads at locked stations.
+
+    The transaction's end raises `RowRefused`: `pad_taken` when a pad is reserved for some of the
+    time, `hold_slot` when another hold of the customer has the slot.
+    """
+    row = {
+        "hold_id": hold.hold_id,
+        "customer_id": customer_id,
+        "slot": slot,
+        "until_ms": hold.until_ms,
+        "offers": HELD_OFFERS.dump_json(hold.offers).decode(),
+    }
+    drone_ids = sorted({each for offer in hold.offers for each in offer.drone_ids})
+    await tx.execute(
+        _MARK_DRONES,
+        {"drone_ids": drone_ids, "this_hold": hold.hold_id, "until_ms": hold.until_ms},
+    )
+    tx.add(offer_holds, [row])
+    tx.add(
+        pad_reservations,
+        [
+            {
+                "station_id": pad.station_id,
+                "pad": pad.pad,
+                "start_ms": pad.start_ms,
+                "end_ms": pad.end_ms,
+                "hold_id": hold.hold_id,
+                "held_until_ms": hold.until_ms,
+            }
+            for pad in pads
+        ],
+    )
+
+
+async def extend_hold(tx: Tx, hold_id: HoldId, *, until_ms: int) -> None:
+    """Let a locked hold last until another moment of fleet time."""
+    for statement in _EXTEND:
+        await tx.execute(statement, {"this_hold": hold_id, "to_ms": until_ms})
+
+
+async def free_drones(tx: Tx, hold_id: HoldId) -> None:
+    """Give up the drones of a hold; its pads must follow, after their stations are locked."""
+    await tx.execute(_LOCK_DRONES, {"this_hold": hold_id})
+    await tx.execute(_FREE_DRONES, {"this_hold": hold_id})
+
+
+async def free_pads(tx: Tx, hold_id: HoldId) -> None:
+    """Give up the pads of a hold, and delete the hold."""
+    await tx.execute(_FREE_PADS, {"this_hold": hold_id})
+    await tx.execute(_DELETE, {"this_hold": hold_id})
+
+
+async def delete_expired(db: Database, *, now_ms: int) -> int:
+    """Delete the holds that have expired, each in its own transaction; how many there were."""
+    async with db.read() as connection:
+        expired = (await connection.execute(_EXPIRED, {"now_ms": now_ms})).scalars().all()
+    for hold_id in expired:
+        async with db.write() as tx:
+            hold = await lock_hold(tx, hold_id)
+            # It may have been extended meanwhile, because its offer is being accepted.
+            if hold is not None and hold.until_ms <= now_ms:
+                await free_drones(tx, hold_id)
+                await free_pads(tx, hold_id)
+    return len(expired)
+
+
+async def slots_of(connection: AsyncConnection, customer_id: SubjectId) -> dict[int, int]:
+    """The numbered holds of a customer, expired or not: until when each lasts, fleet time."""
+    found = await connection.execute(
+        select(offer_holds.c.slot, offer_holds.c.until_ms).where(
+            offer_holds.c.customer_id == customer_id, offer_holds.c.slot.is_not(None)
+        )
+    )
+    return {row.slot: row.until_ms for row in found}
+
+
+async def pads_of_drones(
+    connection: AsyncConnection, drone_ids: Collection[DroneId]
+) -> Sequence[BookedPad]:
+    """The pads that missions of these drones have reserved: a hold of the drone may share them."""
+    found = await connection.execute(_OWN_PADS, {"drone_ids": [*drone_ids]})
+    return [BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms) for row in found]
+
+
+def _hold(hold_id: HoldId, until_ms: int, offers: str) -> Hold:
+    return Hold(hold_id, until_ms, HELD_OFFERS.validate_json(offers))

@@ -1,0 +1,216 @@
+"""Rounds of planning: the best offer is committed in one transaction, or another round begins.
+
+One round reads the world (network, closures, pads, busy drones), plans offers without reserving
+anything, and then commits the best offer. If another booking was faster, the database refuses one
+of the rows. Then the next best offer is committed, or another round begins.
+"""
+
+import logging
+from collections.abc import Awaitable, Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import Final, TypeVar
+
+from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.mission import Booking, BookMissions
+from skyway.contracts.offer_hold import KeepOffer
+from skyway.contracts.shortlist import Shortlist
+from skyway.ids import DroneId, HoldId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import RowRefused
+from skyway.runtime.metrics import count
+from skyway.runtime.sql.database import Database, Tx
+from skyway.units import moment_to_ms
+from skyway_composition.missions.booking.engage import WorldChanged
+from skyway_composition.missions.booking.hold_store import delete_expired
+from skyway_composition.missions.booking.outcome import all_taken, pickup_unknown, without_offer
+from skyway_composition.missions.booking.store import FirstLook, booked_missions
+from skyway_composition.missions.booking.turns import Turn
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.availability import Availability, BookedMission, start_ms
+from skyway_composition.planning.find_trip import TripFinder
+from skyway_composition.planning.offer import Limits, Offer
+from skyway_composition.planning.plan_offers import plan_in_calendars
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.world import World
+
+log = logging.getLogger(__name__)
+
+DoneT = TypeVar("DoneT")
+
+#: Rounds before the answer is that all drones or pads are taken (docs/reference/booking.md).
+_MOST_ROUNDS: Final = 5
+
+#: The database rule that one drone has one mission. When it refuses, the pads may still be free.
+_DRONE_TAKEN: Final = "mission_drone"
+
+
+@dataclass(frozen=True, slots=True)
+class FoundOffer:
+    """The best offer of a round, and what it was planned with.
+
+    `delivery_exists` is False for a delivery that was neither booked nor closed before.
+    """
+
+    offer: Offer
+    world: World
+    engaged: Sequence[BookedMission]
+    begins_ms: int
+    delivery_exists: bool
+
+
+#: Reads what a round needs to know first.
+Look = Callable[[], Awaitable[FirstLook]]
+
+#: Commits a found offer in a transaction; it raises `WorldChanged` when another round is needed.
+Commit = Callable[[Tx, FoundOffer], Awaitable[DoneT]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Round:
+    """What one round may commit: trips of these drones within these limits."""
+
+    shortlist: Shortlist
+    world: World
+    begins_ms: int
+    limits: Limits
+    delivery_exists: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Rounds:
+    """Plans offers in rounds, until one is committed."""
+
+    db: Database
+    networks: PreparedNetworks
+    solver: SolverPool
+    clock: FleetClock
+
+    async def run(
+        self,
+        asked: BookMissions | KeepOffer,
+        seen: FirstLook,
+        turn: Turn,
+        *,
+        look: Look,
+        commit: Commit[DoneT],
+        own_hold: HoldId | None = None,
+    ) -> DoneT | Booking:
+        """What `commit` returns for the best offer; else why there is none, or what was booked.
+
+        The first round plans with what was `seen`, each later one with another look. The drones and
+        pads of `own_hold` count as free.
+        """
+        reasons: tuple[ProviderReason, ...] = ()
+        for round_number in range(_MOST_ROUNDS):
+            if round_number:
+                seen = await look()
+            if seen.booked:
+                return Booking(outcome="BOOKED", missions=seen.booked)
+            if seen.around is None:
+                return pickup_unknown(asked)
+            now_ms = moment_to_ms(self.clock.now())
+            world = await World.at(seen.around, self.networks, db=self.db, after_ms=now_ms)
+            if own_hold is not None:
+                world = world.without([own_hold])
+            this_round = self._round(
+                asked, world, round_number, delivery_exists=seen.delivery_exists
+            )
+            done, reasons = await self._commit_best(
+                asked, this_round, seen.engaged, turn, commit=commit, own_hold=own_hold
+            )
+            if done is not None:
+                return done
+        return all_taken(asked, reasons)
+
+    async def engaged(
+        self, drone_ids: Collection[DroneId], *, own_hold: HoldId | None = None
+    ) -> tuple[BookedMission, ...]:
+        """The missions of these drones that are not over, or that the drones may still fly."""
+        now_ms = moment_to_ms(self.clock.now())
+        async with self.db.read() as connection:
+            return await booked_missions(connection, drone_ids, now_ms=now_ms, own_hold=own_hold)
+
+    def _round(
+        self,
+        asked: BookMissions | KeepOffer,
+        world: World,
+        round_number: int,
+        *,
+        delivery_exists: bool,
+    ) -> _Round:
+        offer, shortlist = asked.offer, asked.shortlist
+        begins_ms = start_ms(
+            self.clock,
+            earliest_at=asked.request.earliest_pickup_at,
+            # After a round that came too late, the next round has twice the time.
+            margin_factor=2**round_number,
+        )
+        return _Round(
+            shortlist if offer is None else shortlist.of_provider(offer.provider_id),
+            world,
+            begins_ms,
+            Limits.of(asked.request.qos).within(offer, start_ms=begins_ms),
+            delivery_exists,
+        )
+
+    async def _commit_best(
+        self,
+        asked: BookMissions | KeepOffer,
+        this_round: _Round,
+        engaged: Sequence[BookedMission],
+        turn: Turn,
+        *,
+        commit: Commit[DoneT],
+        own_hold: HoldId | None,
+    ) -> tuple[DoneT | Booking | None, tuple[ProviderReason, ...]]:
+        """What became of the best offer that is still free; None when a new round is needed."""
+        begins_ms, limits = this_round.begins_ms, this_round.limits
+        finder = TripFinder(self.solver, this_round.world, begins_ms, limits.latest_ms)
+        while True:
+            # The finder keeps the trips that it has composed.
+            offers = await plan_in_calendars(
+                finder,
+                asked.request,
+                shortlist=this_round.shortlist,
+                available=Availability.of(engaged, begins_ms=begins_ms, clock=self.clock),
+                gaps=Availability.in_gaps(engaged, begins_ms=begins_ms, clock=self.clock),
+                limits=limits,
+            )
+            if not offers.ranked:
+                return without_offer(asked, offers.reasons), offers.reasons
+            found = FoundOffer(
+                offers.ranked[0],
+                this_round.world,
+                engaged,
+                begins_ms,
+                this_round.delivery_exists,
+            )
+            await turn.comes()
+            try:
+                async with self.db.write() as tx:
+                    return await self._commit(tx, found, commit), offers.reasons
+            except RowRefused as taken:
+                about = {"delivery_id": turn.order.delivery_id, "by": taken.constraint}
+                log.info("offer taken", extra=about)
+                _count_conflict(taken.constraint)
+                if taken.constraint != _DRONE_TAKEN:
+                    # Every other offer was planned around the same pads. The pads may be those of
+                    # a hold that has expired and is not deleted yet.
+                    await delete_expired(self.db, now_ms=moment_to_ms(self.clock.now()))
+                    return None, offers.reasons
+                now_engaged = await self.engaged(this_round.shortlist.drone_ids, own_hold=own_hold)
+                if set(now_engaged) == set(engaged):
+                    return None, offers.reasons
+                engaged = now_engaged
+            except WorldChanged:
+                _count_conflict("outdated")
+                return None, offers.reasons
+
+    async def _commit(self, tx: Tx, found: FoundOffer, commit: Commit[DoneT]) -> DoneT:
+        if found.begins_ms < moment_to_ms(self.clock.now()):
+            raise WorldChanged
+        return await commit(tx, found)
+
+
+def _count_conflict(by: str) -> None:
+    count("skyway_booking_conflicts", "offers that could not be booked any more", by=by)
