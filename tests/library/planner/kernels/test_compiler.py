@@ -16,12 +16,10 @@ def test_the_stamp_changes_with_any_source(tmp_path: Path) -> None:
     (source,) = skyway.planner.kernels.__path__
     shutil.copytree(source, package, ignore=shutil.ignore_patterns("__pycache__"))
 
-    before, again = _stamp(tmp_path), _stamp(tmp_path)
-    with (package / "charging.py").open("a") as file:
-        file.write("\n")
+    before, again, changed = _stamps(tmp_path, change=package / "charging.py")
 
     assert before == again
-    assert _stamp(tmp_path) != before
+    assert changed != before
 
 
 def test_every_entry_point_is_compiled_for_one_signature() -> None:
@@ -31,7 +29,17 @@ def test_every_entry_point_is_compiled_for_one_signature() -> None:
     assert [len(each.signatures) for each in entrances] == [1] * 3
 
 
-def _stamp(folder: Path) -> str:
-    code = "from kernels.compiler import _digest_of_sources; print(_digest_of_sources().hex())"
+def _stamps(folder: Path, *, change: Path) -> list[str]:
+    """The stamps of a folder's kernels: twice before a source is changed, and once afterwards."""
+    code = f"""
+from pathlib import Path
+from kernels.compiler import _digest_of_sources
+
+for text in ("", "", "\\n"):
+    with Path({str(change)!r}).open("a") as source:
+        source.write(text)
+    print(_digest_of_sources().hex())
+"""
     command = [sys.executable, "-c", code]
-    return subprocess.run(command, cwd=folder, capture_output=True, check=True, text=True).stdout
+    done = subprocess.run(command, cwd=folder, capture_output=True, check=True, text=True)
+    return done.stdout.split()
