@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
 
+from skyway.cli.demo.chain import Chain
 from skyway.cli.demo.flown import Flown
 from skyway.cli.demo.screen import DemoScreen
 from skyway.cli.demo.webhook_receiver import NotificationOrder, WebhookReceiver
@@ -57,13 +58,16 @@ async def play(system: System, screen: DemoScreen) -> None:
                 system.start_fleet("fleet", world.fleet_file)
                 await until_all_stand_ready(api, operator_key, world)
             async with _loading(api, operator_key):
+                chain = Chain(api, world, screen)
+                await chain.request()
                 await _others_request(api, world, screen)
                 await _register_webhook(api, world, receiver)
                 started = time.monotonic()
                 async with _in_time(_ENDED_WITHIN_S, "the delivery has not ended", system):
                     path = await _accept_best_offer(api, world, screen)
-                    delivery = await _follow(api, world, path, receiver, watch, screen)
+                    delivery = await _follow(api, world, path, receiver, watch, screen, chain)
             screen.end(delivery, watch.flown, wall_s=time.monotonic() - started)
+            chain.compare(watch.flown)
     if delivery["state"] != "COMPLETED":
         raise SkywayError(
             f"delivery {delivery['delivery_id']} ended {delivery['state']}: {delivery['reasons']}; "
@@ -167,8 +171,9 @@ async def _follow(
     receiver: WebhookReceiver,
     watch: _Observed,
     screen: DemoScreen,
+    chain: Chain,
 ) -> dict[str, Any]:
-    """The delivery's JSON at its end, once its last webhook has arrived."""
+    """The delivery's JSON at its end, when its last webhook has arrived and the chain has ended."""
     planned_revision: tuple[str, int] | None = None
     order, has_ended = NotificationOrder(hold_s=_HOLD_S), False
     while True:
@@ -186,7 +191,8 @@ async def _follow(
             has_ended = has_ended or notification.event["type"] in _LAST_EVENTS
         for notification in order.due(time.monotonic()):
             screen.notified(notification)
-        if has_ended and delivery["state"] in _TERMINAL:
+        await chain.look()
+        if has_ended and delivery["state"] in _TERMINAL and chain.has_ended:
             for notification in order.remaining():
                 screen.notified(notification)
             return delivery

@@ -46,8 +46,9 @@ class DemoScreen:
     def cast(self, provider_names: dict[str, str]) -> None:
         """Print the providers."""
         self._provider_names = provider_names
-        names = " and ".join(provider_names.values())
-        self._console.print(f"Registered: {names}, five drones each. Their agents connect ...")
+        *others, last = provider_names.values()
+        names = f"{', '.join(others)}, and {last} with one drone"
+        self._console.print(f"Registered: {names}. Their drones connect ...")
 
     def others(self, deliveries: list[dict[str, Any]]) -> None:
         """Print the other customer's deliveries."""
@@ -56,6 +57,20 @@ class DemoScreen:
             pickup = delivery["request"]["pickup"]["station_id"]
             flies = f"{delivery['state']}, {self._flies(delivery)}"
             self._console.print(f"[dim]  others: {pickup} to {places}: {flies}[/]")
+
+    def chained(self, delivery: dict[str, Any], *, number: int) -> None:
+        """Print the state of a delivery of the provider that has one drone."""
+        package = delivery["packages"][0]
+        pickup = delivery["request"]["pickup"]["station_id"]
+        state, when = delivery["state"], package["delivered_at"] or package["eta_at"]
+        if state == "PLANNED" and number > 1:
+            state += f" behind {number - 1}"
+        self._console.print(
+            f"[magenta]  courier {number}: {pickup} to "
+            f"{package['destination']['station_id']}: {state}, "
+            f"{'arrived' if package['delivered_at'] else 'arrives'} {_clock(when)}[/]",
+            highlight=False,
+        )
 
     def request(self, request: dict[str, Any]) -> None:
         """Print the customer's request."""
@@ -127,6 +142,10 @@ class DemoScreen:
                 f"  {package['package_id']:<10} {package['state']} at "
                 f"{package['destination']['station_id']}, {when} fleet time"
             )
+        self.compare(delivery, flown)
+
+    def compare(self, delivery: dict[str, Any], flown: Flown) -> None:
+        """Compare the plan of each mission with the flight."""
         for mission in delivery["missions"]:
             self._console.print(_comparison_table(mission, flown))
 

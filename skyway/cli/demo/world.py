@@ -1,4 +1,4 @@
-"""The demo's world: the corridor, two providers with five drones each, loaders and requests."""
+"""The demo's world: the corridor, two large providers and a small one, loaders and requests."""
 
 import asyncio
 import json
@@ -24,7 +24,10 @@ PACKAGES: Final = (
     ("books", 1.2, "san-antonio"),
 )
 
-#: Two providers: tariff in US cents, and the home stations of their five drones.
+#: The provider that has one drone.
+COURIER: Final = "Guadalupe Couriers"
+
+#: The providers: tariff in US cents, and the home stations of their drones.
 PROVIDERS: Final[tuple[dict[str, Any], ...]] = (
     {
         "name": "Hill Country Drones",
@@ -35,6 +38,11 @@ PROVIDERS: Final[tuple[dict[str, Any], ...]] = (
         "name": "Alamo Air Delivery",
         "tariff": {"currency": "USD", "base": 600, "per_km": 30, "per_recharge_minute": 1},
         "homes": ("san-marcos", "san-antonio", "mcqueeney", "seguin", "universal-city"),
+    },
+    {
+        "name": COURIER,
+        "tariff": {"currency": "USD", "base": 1500, "per_km": 40, "per_recharge_minute": 2},
+        "homes": ("new-braunfels",),
     },
 )
 
@@ -49,6 +57,12 @@ OTHER_REQUESTS: Final = (
     ("san-antonio", (("samples", 0.7, "seguin"),)),
 )
 
+#: Requests for the provider that has one drone: the second begins where the first ends.
+CHAINED_REQUESTS: Final = (
+    ("new-braunfels", (("contract", 0.4, "san-marcos"),)),
+    ("san-marcos", (("signed-contract", 0.4, "new-braunfels"),)),
+)
+
 
 @dataclass(frozen=True, slots=True)
 class World:
@@ -56,8 +70,14 @@ class World:
 
     customer_key: str
     other_customer_key: str
+    courier_customer_key: str
     provider_names: dict[str, str]
     fleet_file: Path
+
+    @property
+    def courier_id(self) -> str:
+        """The provider that has one drone."""
+        return next(key for key, name in self.provider_names.items() if name == COURIER)
 
 
 def rehearse() -> float:
@@ -93,7 +113,7 @@ async def register(api: GatewayApi, operator_key: str, *, folder: Path) -> World
     await operate("PUT", f"/v1/networks/{NETWORK_ID}", write_network(texas_corridor()))
     keys = [
         (await operate("POST", "/v1/keys", {"role": "customer", "subject_id": name}))["key"]
-        for name in ("river-books", "city-pharmacy")
+        for name in ("river-books", "city-pharmacy", "hill-country-law")
     ]
     names: dict[str, str] = {}
     drones: list[dict[str, Any]] = []
@@ -111,7 +131,7 @@ async def register(api: GatewayApi, operator_key: str, *, folder: Path) -> World
     fleet_file = folder / "fleet.json"
     fleet_file.touch(mode=0o600)
     fleet_file.write_text(json.dumps({"items": drones}))
-    return World(keys[0], keys[1], names, fleet_file)
+    return World(keys[0], keys[1], keys[2], names, fleet_file)
 
 
 async def until_all_stand_ready(api: GatewayApi, operator_key: str, world: World) -> None:
@@ -125,9 +145,13 @@ async def until_all_stand_ready(api: GatewayApi, operator_key: str, world: World
 
 
 def delivery_request(
-    pickup: str, packages: tuple[tuple[str, float, str], ...], *, objective: str
+    pickup: str,
+    packages: tuple[tuple[str, float, str], ...],
+    *,
+    objective: str,
+    pinned: str | None = None,
 ) -> dict[str, Any]:
-    """The JSON of a delivery request."""
+    """The JSON of a delivery request; `pinned` is the only provider that may serve."""
     return {
         "pickup": {"station_id": pickup},
         "packages": [
@@ -138,7 +162,7 @@ def delivery_request(
             }
             for package_id, mass_kg, destination in packages
         ],
-        "qos": {"objective": objective},
+        "qos": {"objective": objective, "providers": {"pinned": pinned}},
     }
 
 
