@@ -19,10 +19,14 @@ from skyway_composition.links.instruction_store import open_instructions
 from skyway_composition.missions.mission.end import abort, cancel
 from skyway_composition.missions.mission.instruct import hold
 from skyway_composition.missions.mission.notify import raise_alarm
-from skyway_composition.missions.mission.pickup import can_stay_at_pickup
+from skyway_composition.missions.mission.pickup import (
+    can_stay_at_pickup,
+    surely_stays_at_pickup,
+)
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.call_off import request_call_off
 from skyway_composition.missions.replanning.case import Case
 from skyway_composition.missions.replanning.outlook.situation import Situation
 from skyway_composition.missions.replanning.propose import propose, replace_plan
@@ -154,7 +158,7 @@ class Outcomes:
 
 
 async def _surely_stands(work: MissionUnitOfWork, record: MissionRecord) -> bool:
-    """Whether the drone waits for a revision, or an instruction reaches it before it loads."""
+    """Whether the drone waits for a revision, or a CANCEL is expected before it loads."""
     link = work.links[record.drone_id]
     if record.stuck is not None:
         return not link.has_unread_events
@@ -165,11 +169,13 @@ async def _surely_stands(work: MissionUnitOfWork, record: MissionRecord) -> bool
 async def give_up(
     work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
 ) -> None:
-    """End a mission whose drone stands."""
+    """End a mission whose drone stands; a drone that may begin to load must agree first."""
     if record.stuck is not None:
         await abort(work, record, at=work.clock.now(), code=code, detail=detail)
-    else:
+    elif surely_stays_at_pickup(record, link=work.links[record.drone_id]):
         await cancel(work, record, code=code, detail=detail)
+    else:
+        await request_call_off(work, record, code=code, detail=detail)
 
 
 def refusal_code(situation: Situation, trouble: Trouble, *, code: str) -> str:

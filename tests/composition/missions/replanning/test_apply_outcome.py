@@ -48,5 +48,9 @@ async def test_a_mission_that_starts_minutes_later_is_cancelled(
 
     await close_destination(composition)
     await composition.replanner.step()
+    before = await composition.state_of(instruction.mission_id)
+    (call_off,) = await composition.sent()
+    await composition.receive(drone.ack(call_off))
 
+    assert (before, call_off.kind) == ("ACCEPTED", "CANCEL")
     assert await composition.state_of(instruction.mission_id) == "CANCELLED"
