@@ -3,7 +3,7 @@
 The answer is `skyway.contracts.shortlist.Candidates`.
 """
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
@@ -90,6 +90,10 @@ ProviderReasonCode = Literal[
     "NOT_ENOUGH_DRONES",
     "OFFER_LOST",
 ]
+
+
+#: The member of a BUSY reason's data that says when the first of the provider's drones is free.
+FREE_AT: Final = "free_at"
 
 
 class ProviderReason(WireModel):

@@ -33,7 +33,7 @@ class NoTrip:
     code: ProviderReasonCode
     detail: str
     is_temporary: bool
-    data: tuple[tuple[str, float], ...] = ()
+    data: tuple[tuple[str, float | str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

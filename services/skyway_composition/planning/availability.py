@@ -82,25 +82,30 @@ class Opening:
 class Availability:
     """The drones that can begin nothing, and the openings in the calendars of the others.
 
-    Drones without an opening begin where the registry saw them. `hand_over_ms` is the time between
-    two missions of a drone, in milliseconds of fleet time.
+    A `busy` drone has the moment at which it can begin a mission, beyond the horizon; None if that
+    is not known. Drones without an opening begin where the registry saw them. `hand_over_ms` is the
+    time between two missions of a drone. All in milliseconds of fleet time.
     """
 
-    busy: frozenset[DroneId]
+    busy: Mapping[DroneId, int | None]
     openings: Mapping[DroneId, Opening]
     hand_over_ms: int
 
     @classmethod
     def of(cls, booked: Iterable[BookedMission], *, begins_ms: int, clock: FleetClock) -> Self:
         """The availability after all that is booked, from `begins_ms` on."""
-        openings, calendars, hand_over_ms = {}, _calendars(booked), hand_over_time_ms(clock)
-        for drone_id, missions in calendars.items():
+        openings: dict[DroneId, Opening] = {}
+        busy: dict[DroneId, int | None] = {}
+        hand_over_ms = hand_over_time_ms(clock)
+        for drone_id, missions in _calendars(booked).items():
             last = missions[-1]
             slot = slot_after(last.stays, not_before_ms=begins_ms, hand_over_ms=hand_over_ms)
             is_near = slot is not None and slot.at_ms <= begins_ms + _HORIZON_MS
             if slot is not None and is_near and last.mission_id is not None:
                 openings[drone_id] = Opening(slot, last.mission_id)
-        return cls(frozenset(calendars.keys() - openings.keys()), openings, hand_over_ms)
+            else:
+                busy[drone_id] = None if slot is None else slot.at_ms
+        return cls(busy, openings, hand_over_ms)
 
     @classmethod
     def in_gaps(
@@ -119,7 +124,7 @@ class Availability:
             openings = {
                 drone_id: own[number] for drone_id, own in gaps.items() if number < len(own)
             }
-            yield cls(frozenset(), openings, hand_over_ms)
+            yield cls({}, openings, hand_over_ms)
 
     def placed(self, shortlist: Shortlist) -> Shortlist:
         """The shortlist with each drone where it begins, and with the charge it has then."""

@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,7 +26,7 @@ async def plan_offers(
     request: DeliveryRequest,
     *,
     shortlist: Shortlist,
-    busy: frozenset[DroneId],
+    busy: Mapping[DroneId, int | None],
     limits: Limits,
 ) -> Offers:
     """The offers of candidates that may win, best first; the first is the best of all candidates.

@@ -1,14 +1,19 @@
 """Why providers make no offer: reasons are collected per candidate and shown per provider."""
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from skyway.contracts.candidate import Candidate, ProviderReason, ProviderReasonCode
+from skyway.contracts.candidate import (
+    FREE_AT,
+    Candidate,
+    ProviderReason,
+    ProviderReasonCode,
+)
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId, ProviderId, StationId
 from skyway.scheduling.trip import NoTrip
-from skyway.units import CHARGE_TOLERANCE
+from skyway.units import CHARGE_TOLERANCE, ms_to_moment
 from skyway_composition.planning.offer import Limits, Offer
 from skyway_composition.planning.world import World
 
@@ -65,13 +70,24 @@ class Refusals:
         return False
 
     def of_providers(self, with_offer: Collection[ProviderId]) -> tuple[ProviderReason, ...]:
-        """One reason per provider without an offer; a temporary reason is preferred."""
+        """One reason per provider without an offer; a temporary reason is preferred.
+
+        Of busy drones the one that is free first counts.
+        """
         chosen: dict[ProviderId | None, ProviderReason] = {}
         for reason in self._reasons:
             earlier = chosen.get(reason.provider_id)
-            if earlier is None or (reason.is_temporary and not earlier.is_temporary):
+            if earlier is None or _says_more(reason, earlier):
                 chosen[reason.provider_id] = reason
         return tuple(reason for provider, reason in chosen.items() if provider not in with_offer)
+
+
+def _says_more(reason: ProviderReason, earlier: ProviderReason) -> bool:
+    if reason.is_temporary != earlier.is_temporary:
+        return reason.is_temporary
+    if reason.code != "BUSY" or earlier.code != "BUSY" or FREE_AT not in reason.data:
+        return False
+    return FREE_AT not in earlier.data or reason.data[FREE_AT] < earlier.data[FREE_AT]
 
 
 def refused_for_all(
@@ -88,7 +104,7 @@ def fit_among(
     request: DeliveryRequest,
     *,
     shortlist: Shortlist,
-    busy: frozenset[DroneId],
+    busy: Mapping[DroneId, int | None],
     at_ms: int,
 ) -> Shortlist:
     """The candidates worth composing for; the reasons of the others are added to `refusals`."""
@@ -114,7 +130,7 @@ def fit_among(
     return shortlist.only(fit)
 
 
-def _may_be_unfit(world: World, shortlist: Shortlist, busy: frozenset[DroneId]) -> Iterator[bool]:
+def _may_be_unfit(world: World, shortlist: Shortlist, busy: Collection[DroneId]) -> Iterator[bool]:
     """For each candidate, whether it may be unfit for a reason other than places or ground stops.
 
     A quick test, because nearly all candidates are fit.
@@ -158,9 +174,11 @@ def _ground_stop(
     return None if stop is None else NoTrip("GROUND_STOP", stop, is_temporary=True)
 
 
-def _unfit_drone(world: World, candidate: Candidate, busy: frozenset[DroneId]) -> NoTrip | None:
+def _unfit_drone(
+    world: World, candidate: Candidate, busy: Mapping[DroneId, int | None]
+) -> NoTrip | None:
     if candidate.drone_id in busy:
-        return NoTrip("BUSY", "its drones are on missions", is_temporary=True)
+        return _busy(busy[candidate.drone_id])
     reserve_soc, currency = candidate.model.reserve_soc, world.skyway.settings.currency
     if candidate.soc < reserve_soc - CHARGE_TOLERANCE:
         detail = f"charge {candidate.soc:.3f} is below the reserve of {reserve_soc:.3f}"
@@ -173,3 +191,12 @@ def _unfit_drone(world: World, candidate: Candidate, busy: frozenset[DroneId]) -
         )
         return NoTrip("OTHER_CURRENCY", detail, is_temporary=False)
     return None
+
+
+def _busy(free_ms: int | None) -> NoTrip:
+    """A drone is on missions, until a moment beyond the horizon if that is known."""
+    if free_ms is None:
+        return NoTrip("BUSY", "its drones are on missions", is_temporary=True)
+    free_at = f"{ms_to_moment(free_ms):%Y-%m-%dT%H:%M:%SZ}"
+    detail = f"its drones have missions until {free_at}, further ahead than missions are booked"
+    return NoTrip("BUSY", detail, is_temporary=True, data=((FREE_AT, free_at),))

@@ -41,7 +41,7 @@ def test_a_drone_begins_where_its_last_mission_leaves_it() -> None:
 
     assert found.openings[DRONE].after == "msn_2"
     assert found.openings[DRONE].slot == Slot(B, BEGINS_MS + 60_000 + 30_000, 0.5)
-    assert found.busy == frozenset()
+    assert found.busy == {}
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,9 @@ def test_a_drone_that_is_free_after_the_horizon_is_busy(later_ms: int, is_busy: 
 
     found = available(last(free_ms=free_ms))
 
-    assert (DRONE in found.busy, DRONE in found.openings) == (is_busy, not is_busy)
+    free_at_ms = BEGINS_MS + DAY_MS + later_ms
+    assert found.busy == ({DRONE: free_at_ms} if is_busy else {})
+    assert (DRONE in found.openings) == (not is_busy)
 
 
 def test_a_drone_is_busy_while_the_plan_of_its_last_mission_is_in_question() -> None:
@@ -74,11 +76,11 @@ def test_a_drone_is_busy_while_the_plan_of_its_last_mission_is_in_question() -> 
 
     found = available(last(1), unsure)
 
-    assert found.busy == {DRONE}
+    assert found.busy == {DRONE: None}
 
 
 def test_a_drone_that_flies_only_a_mission_that_is_over_here_is_busy() -> None:
-    assert available(BookedMission(DRONE, None, start_ms=-1)).busy == {DRONE}
+    assert available(BookedMission(DRONE, None, start_ms=-1)).busy == {DRONE: None}
 
 
 def test_a_drone_that_reports_an_old_mission_begins_after_its_planned_ones() -> None:

@@ -1,5 +1,6 @@
 """Offers: composed as seldom as possible, ranked as the customer asks."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,12 @@ class CountingSolver(SolverPool):
         return await super().compose(problem, **options)
 
 
-async def offers_of(composition: Any, request: Any, *candidates: Any, busy: Any = ()) -> Any:
+async def offers_of(
+    composition: Any,
+    request: Any,
+    *candidates: Any,
+    busy: Mapping[DroneId, int | None] | None = None,
+) -> Any:
     """The offers, and the start stations of all compositions."""
     skyway = await composition.parts.networks.current("row")
     world = await World.of(skyway, composition.parts.db, after_ms=0)
@@ -45,7 +51,7 @@ async def offers_of(composition: Any, request: Any, *candidates: Any, busy: Any 
             TripFinder(solver, world, start_ms, limits.latest_ms),
             request,
             shortlist=Shortlist.of(candidates),
-            busy=frozenset(busy),
+            busy=busy or {},
             limits=limits,
         )
     return offers, solver.asked
@@ -171,8 +177,21 @@ async def test_a_provider_with_an_offer_gives_no_reason(composition: Any, make: 
     free = make.candidate(2)
     other = make.candidate(3, provider_id="prv_2")
 
-    offers, _ = await offers_of(
-        composition, make.request("b"), busy, free, other, busy=[DroneId("drn_1"), DroneId("drn_3")]
-    )
+    on_missions = dict.fromkeys((DroneId("drn_1"), DroneId("drn_3")))
+    offers, _ = await offers_of(composition, make.request("b"), busy, free, other, busy=on_missions)
 
     assert [(each.provider_id, each.code) for each in offers.reasons] == [("prv_2", "BUSY")]
+
+
+async def test_of_two_busy_drones_the_one_that_is_free_first_is_named(
+    composition: Any, make: Any
+) -> None:
+    drones = [make.candidate(number) for number in (1, 2, 3)]
+    noon_ms = moment_to_ms(composition.clock.now())
+    free = zip(drones, (None, noon_ms + 7_200_000, noon_ms + 3_600_000), strict=True)
+    busy = {drone.drone_id: free_ms for drone, free_ms in free}
+
+    offers, _ = await offers_of(composition, make.request("b"), *drones, busy=busy)
+
+    (reason,) = offers.reasons
+    assert (reason.code, reason.data) == ("BUSY", {"free_at": "2026-03-01T13:00:00Z"})

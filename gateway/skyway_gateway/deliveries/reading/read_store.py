@@ -11,6 +11,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.ids import ProviderId
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
+from skyway.runtime.sql.connection import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.store import owned
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, DeliveryState
@@ -75,14 +76,17 @@ async def with_places(connection: AsyncConnection, found: Sequence[Delivery]) ->
     if not queued:
         return found
     statement = select(_PLACES).where(_PLACES.c.delivery_id.in_(queued))
-    waiting = {
-        row.delivery_id: Waiting(place=row.place, since_at=ms_to_moment(row.waits_since_ms))
-        for row in await connection.execute(statement)
-    }
-    return [
-        delivery.model_copy(update={"waiting": waiting.get(delivery.delivery_id)})
-        for delivery in found
-    ]
+    rows = {row.delivery_id: row for row in await connection.execute(statement)}
+    return [_with_place(delivery, rows.get(delivery.delivery_id)) for delivery in found]
+
+
+def _with_place(delivery: Delivery, row: AnyRow | None) -> Delivery:
+    waiting = row and Waiting(
+        place=row.place,
+        since_at=ms_to_moment(row.waits_since_ms),
+        earliest_start_at=Waiting.earliest_start(delivery.reasons),
+    )
+    return delivery.model_copy(update={"waiting": waiting})
 
 
 async def _page(

@@ -7,7 +7,9 @@ from typing import Any
 import pytest
 from skyway_gateway.deliveries.booking.wake_waiting import next_try_at
 
+from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.drone_report import Connection
+from skyway.ids import ProviderId
 from tests.gateway.whole_gateway import Gateway
 
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
@@ -35,6 +37,25 @@ async def quiet(gateway: Gateway) -> None:
         while await gateway.book_next():
             pass
     assert not await gateway.book_next()
+
+
+async def test_a_waiting_request_shows_when_the_first_drone_is_free(gateway: Gateway) -> None:
+    times = ("2026-03-02T14:00:00Z", "2026-03-02T13:00:00Z")
+    gateway.composition.reasons = [
+        ProviderReason(
+            provider_id=ProviderId(f"prv_{number}"),
+            code="BUSY",
+            detail="busy",
+            is_temporary=True,
+            data={"free_at": free_at},
+        )
+        for number, free_at in enumerate(times, 1)
+    ]
+
+    delivery_id = await waiting(gateway)
+
+    shown = (await gateway.get(delivery_id))["waiting"]
+    assert shown["earliest_start_at"] == "2026-03-02T13:00:00Z"
 
 
 @pytest.mark.parametrize(
