@@ -15,13 +15,13 @@ PROCESSES = (
 )
 
 
-# Slow enough that a delivery outlasts all kills.
-@pytest.mark.fleet_rate(300.0)
+# Slow enough that a flight over two segments outlasts all kills.
+@pytest.mark.fleet_rate(60.0)
 @pytest.mark.storage_pair("embedded")
 def test_a_delivery_completes_while_every_process_is_killed_in_turn(system: Any) -> None:
     system.publish_corridor("killed")
     provider = system.start_fleet(["killed-s1"])
-    delivery_id = system.request_delivery(["killed-s2", "killed-s4"], pickup="killed-s1")
+    delivery_id = system.request_delivery(["killed-s2", "killed-s3"], pickup="killed-s1")
     system.until_state(delivery_id, "IN_PROGRESS")
 
     for package in PROCESSES:
