@@ -53,3 +53,12 @@ AnyCrossRule = (
 def broken_across(rules: Sequence[AnyCrossRule], look: Looks, later: Looks) -> list[BrokenRule]:
     """What breaks the rules by two looks; with the same look twice, what may break them."""
     return [each for rule in rules for each in rule.broken(look[rule.first], later[rule.second])]
+
+
+def still_broken(rules: Sequence[AnyCrossRule], look: Looks, later: Looks) -> list[BrokenRule]:
+    """What may break the rules by the first look, and does so by both looks.
+
+    What changed only between the looks is no fault: each service was read at another moment.
+    """
+    suspected = frozenset(broken_across(rules, look, look))
+    return [each for each in broken_across(rules, look, later) if each in suspected]

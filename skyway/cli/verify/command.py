@@ -13,7 +13,7 @@ import typer
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_folder
 from skyway.cli.gateway import fail
 from skyway.cli.system.databases import database_urls
-from skyway.cli.verify.across import AnyCrossRule, broken_across
+from skyway.cli.verify.across import AnyCrossRule, broken_across, still_broken
 from skyway.cli.verify.delivery_rules import DELIVERY_RULES
 from skyway.cli.verify.drone_rules import DRONE_RULES
 from skyway.cli.verify.looks import look
@@ -67,7 +67,7 @@ def _all_broken(
     if broken_across(RULES, first, first):
         time.sleep(_SETTLES_WITHIN_S)
         later = look(folder, urls, scratch / "later")
-        found["across services"] = broken_across(RULES, first, later)
+        found["across services"] = still_broken(RULES, first, later)
     return found
 
 

@@ -1,10 +1,13 @@
-"""The rules about drones across services, on facts made by hand: what is on its way breaks none."""
+"""The rules about drones across services, on facts made by hand: changes in progress break none."""
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import pytest
 
+from skyway.cli.verify.across import still_broken
 from skyway.cli.verify.drone_rules import DRONE_RULES
+from skyway.cli.verify.looks import ServiceLook
 from skyway.contracts.mission import LIVE_MISSION_STATES, MissionState
 from skyway.contracts.service_facts import HintFacts
 from skyway.ids import DroneId, MissionId
@@ -14,9 +17,11 @@ OVER = "the registry knows that a mission is over"
 INVENTED = "the registry knows no mission that composition does not have"
 
 
-def hint(state: MissionState, seq: int, *, waiting_reports: int = 0) -> HintFacts:
+def hint(
+    state: MissionState, seq: int, *, waiting_reports: int = 0, mission_id: str = "msn_1"
+) -> HintFacts:
     return HintFacts(
-        mission_id=MissionId("msn_1"),
+        mission_id=MissionId(mission_id),
         drone_id=DroneId("drn_1"),
         state=state,
         is_live=state in LIVE_MISSION_STATES,
@@ -76,3 +81,24 @@ def test_a_mission_may_end_after_composition_was_read() -> None:
 
 def test_a_queued_mission_may_be_sent_after_composition_was_read() -> None:
     assert broken(hint("QUEUED", 1), hint("ACCEPTED", 3)) == []
+
+
+def looks(folder: Path, **hints: Sequence[HintFacts]) -> dict[str, ServiceLook]:
+    """A look at services that have these facts about missions, which are written to a folder."""
+    for service, facts in hints.items():
+        own = folder / service
+        own.mkdir(parents=True)
+        lines = "".join(f"{each.model_dump_json()}\n" for each in facts)
+        (own / "hints.jsonl").write_text(lines)
+    return {service: ServiceLook(service, (), folder / service) for service in hints}
+
+
+def test_a_mission_that_is_deleted_between_the_looks_breaks_no_rule(tmp_path: Path) -> None:
+    lost, old = hint("ACTIVE", 4, mission_id="msn_1"), hint("COMPLETED", 5, mission_id="msn_2")
+    rules = [rule for rule in DRONE_RULES if rule.name in (BUSY, OVER, INVENTED)]
+    first = looks(tmp_path / "first", composition=[old], registry=[lost, old])
+    later = looks(tmp_path / "later", composition=[], registry=[lost])
+
+    found = still_broken(rules, first, later)
+
+    assert [(each.rule, each.subject) for each in found] == [(INVENTED, "msn_1")]
