@@ -7,6 +7,9 @@ from typing import Any
 #: Longest wait, in seconds of wall time; generous, because CI machines can be slow.
 LONGEST_WAIT_S = 300.0
 
+#: The pause before the second question, and how pauses grow: many questions keep a system busy.
+_FIRST_PAUSE_S, _LONGEST_PAUSE_S, _GROWTH = 0.05, 0.25, 1.2
+
 
 def eventually(
     condition: Callable[[], Any], what: str, *, instead: Callable[[], object] | None = None
@@ -16,10 +19,12 @@ def eventually(
     `instead` returns the present situation, for the message of a test that fails.
     """
     deadline = time.monotonic() + LONGEST_WAIT_S
+    pause_s = _FIRST_PAUSE_S
     while time.monotonic() < deadline:
         found = condition()
         if found:
             return found
-        time.sleep(0.05)
+        time.sleep(pause_s)
+        pause_s = min(_GROWTH * pause_s, _LONGEST_PAUSE_S)
     situation = "" if instead is None else f", but {instead()}"
     raise AssertionError(f"{what}: not within {LONGEST_WAIT_S:g} s{situation}")
