@@ -13,6 +13,7 @@ from skyway.errors import InvalidInput
 from skyway.ids import ProviderId
 from skyway.json_model import JsonModel
 from skyway.units import hours_to_s, ms_to_moment
+from skyway_gateway.statistics.waiting_requests import WaitingRequests
 
 Bucket = Literal["hour", "day"]
 
@@ -125,6 +126,13 @@ class DeliveryStatistics(DeliveryBucket):
     buckets: Annotated[
         tuple[DeliveryBucket, ...], Field(description="The numbers of each bucket in the span.")
     ]
+    waiting: Annotated[
+        WaitingRequests | None,
+        Field(
+            description="The requests that wait for a drone now, whenever they were requested; "
+            "null for a provider, because they have none yet."
+        ),
+    ]
 
 
 def bucket_starts(span: Span, bucket_ms: int) -> Sequence[int]:
@@ -157,6 +165,7 @@ def statistics(
     *,
     span: Span,
     provider_id: ProviderId | None,
+    waiting: WaitingRequests | None,
 ) -> DeliveryStatistics:
     """The answer, from sums by the beginning of their bucket (any key without buckets)."""
     bucket_ms = query.bucket_ms(span)
@@ -177,6 +186,7 @@ def statistics(
                 }
                 for start_ms in starts
             ],
+            "waiting": waiting,
         }
     )
 

@@ -10,6 +10,7 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
+from skyway.units import moment_to_ms
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.statistics import store
 from skyway_gateway.statistics.delivery_statistics import (
@@ -28,16 +29,20 @@ def statistics_routes(*, db: Database, gate: KeyGate, clock: FleetClock) -> Serv
     async def get_delivery_statistics(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[DeliveryQuery, Query()]
     ) -> DeliveryStatistics:
-        """Sum up the deliveries of a span; a provider sees those that its drones fly.
+        """Sum up the deliveries of a span, and the requests that wait; a provider sees its own.
 
         Callers: provider, operator.
         """
         caller.must_be("provider", "operator")
-        span, provider_id = query.span(clock.now()), _provider(caller, query.provider_id)
+        now = clock.now()
+        span, provider_id = query.span(now), _provider(caller, query.provider_id)
         counted = Counted(span, provider_id, query.bucket_ms(span))
         async with db.survey() as connection:
             found = await store.sums(connection, counted)
-        return statistics(found, query, span=span, provider_id=provider_id)
+            waiting = None
+            if provider_id is None:
+                waiting = await store.waiting(connection, now_ms=moment_to_ms(now))
+        return statistics(found, query, span=span, provider_id=provider_id, waiting=waiting)
 
     return router
 

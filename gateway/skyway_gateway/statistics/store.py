@@ -22,6 +22,11 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.contracts.statistics import Span
 from skyway.ids import ProviderId
 from skyway_gateway.statistics.delivery_statistics import Sums
+from skyway_gateway.statistics.waiting_requests import (
+    AGES_S,
+    WaitingRequests,
+    waiting_requests,
+)
 from skyway_gateway.tables import deliveries, missions, packages
 
 #: A package that is handed over at most this late is on time, milliseconds of fleet time.
@@ -168,3 +173,18 @@ def _mission_sums(counted: Counted) -> _Query:
     )
     added = (func.sum(each.c[name]).label(name) for name in ("carried_ms", *names))
     return select(each.c.bucket, *added).group_by(each.c.bucket)
+
+
+async def waiting(connection: AsyncConnection, *, now_ms: int) -> WaitingRequests:
+    """The requests that wait for a drone at this moment of fleet time, by age."""
+    since = deliveries.c.waits_since_ms
+    age = case(*((since >= now_ms - 1000 * up_to_s, up_to_s) for up_to_s in AGES_S)).label("age")
+    statement = (
+        select(age, func.count().label("requests"), func.min(since).label("first_ms"))
+        .where(since.is_not(None))
+        .group_by(age)
+    )
+    rows = (await connection.execute(statement)).all()
+    first_ms = min((row.first_ms for row in rows), default=None)
+    oldest_s = None if first_ms is None else max(0, now_ms - first_ms) / 1000
+    return waiting_requests({row.age: row.requests for row in rows}, oldest_s=oldest_s)

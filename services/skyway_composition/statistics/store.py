@@ -70,6 +70,11 @@ class Selection:
         spent = self.within(done.c.started_ms, done.c.ended_ms)
         return func.sum(case((done.c.kind.in_(kinds), spent), else_=0))
 
+    def time_beside_pads(self, done: FromClause, is_counted: ColumnElement[bool]) -> Any:
+        """The time within the span that steps took which do not recharge, milliseconds."""
+        spent = self.within(done.c.started_ms, done.c.ended_ms)
+        return func.sum(case((is_counted & (done.c.kind != "RECHARGE"), spent), else_=0))
+
     def _is_in_span(self, steps: FromClause) -> ColumnElement[bool]:
         return and_(steps.c.ended_ms > self.span.start_ms, steps.c.started_ms < self.span.end_ms)
 
@@ -148,9 +153,13 @@ def _stations(selection: Selection, network_id: NetworkId | None) -> _Query:
 
 
 def _missions(selection: Selection) -> FromClause:
-    """Each mission with its drone and the time it took for each kind of step in the span."""
+    """Each mission with its drone, and the time it took for each kind of step and phase."""
     done = selection.done
+    phases = _phases(done)
     first, last = func.min(done.c.started_ms), func.max(done.c.ended_ms)
+    approached_ms = func.coalesce(phases.c.loaded_ms, phases.c.served_ms, done.c.ended_ms)
+    is_before = done.c.started_ms < approached_ms
+    is_after = done.c.started_ms >= phases.c.served_ms
     return (
         select(
             missions.c.mission_id,
@@ -161,16 +170,48 @@ def _missions(selection: Selection) -> FromClause:
             selection.time_on(done, "RECHARGE").label("recharging_ms"),
             selection.time_on(done, "PICK_UP").label("loading_ms"),
             selection.time_on(done, "DELIVER", "RETURN").label("delivering_ms"),
+            selection.time_beside_pads(done, is_before).label("approach_ms"),
+            selection.time_beside_pads(done, is_after).label("standby_ms"),
         )
         .join(missions, missions.c.mission_id == done.c.mission_id)
+        .join(phases, phases.c.mission_id == done.c.mission_id)
         .where(selection.is_own)
         .group_by(missions.c.mission_id, missions.c.drone_id, missions.c.provider_id)
         .subquery()
     )
 
 
+def _phases(done: FromClause) -> FromClause:
+    """When each mission loaded and had served: null as long as it has not.
+
+    A mission has served when its last hand-over has ended and none is left.
+    """
+    steps = mission_steps
+    is_hand_over = steps.c.kind.in_(("DELIVER", "RETURN"))
+    left = func.sum(case((is_hand_over & steps.c.ended_ms.is_(None), 1), else_=0))
+    handed_ms = func.max(case((is_hand_over, steps.c.ended_ms)))
+    return (
+        select(
+            steps.c.mission_id,
+            func.min(case((steps.c.kind == "PICK_UP", steps.c.started_ms))).label("loaded_ms"),
+            case((left == 0, handed_ms)).label("served_ms"),
+        )
+        .where(steps.c.mission_id.in_(select(done.c.mission_id)))
+        .group_by(steps.c.mission_id)
+        .subquery("phases")
+    )
+
+
 def _sums(each: FromClause) -> list[ColumnElement[Any]]:  # numbers of either kind
-    names = ("busy_ms", "flying_ms", "recharging_ms", "loading_ms", "delivering_ms")
+    names = (
+        "busy_ms",
+        "flying_ms",
+        "recharging_ms",
+        "loading_ms",
+        "delivering_ms",
+        "approach_ms",
+        "standby_ms",
+    )
     return [
         func.count().label("missions"),
         *(func.sum(each.c[name]).label(name) for name in names),

@@ -63,6 +63,29 @@ class DroneTotals(JsonModel):
         float, Field(description="Time to hand over or return packages, seconds.")
     ]
     waiting_s: Annotated[float, Field(description="All other time of missions, seconds.")]
+    approach_s: Annotated[
+        float,
+        Field(description="Time before a mission's first pick-up, without recharging, seconds."),
+    ]
+    service_s: Annotated[
+        float,
+        Field(
+            description="Time from a mission's first pick-up to its last hand-over, without "
+            "recharging, seconds. All time of missions that is in no other activity counts here."
+        ),
+    ]
+    standby_s: Annotated[
+        float,
+        Field(description="Time after a mission's last hand-over, without recharging, seconds."),
+    ]
+    idle_s: Annotated[
+        float,
+        Field(
+            description="Time without a mission in the part of the span that is over, seconds. "
+            "approach_s, service_s, standby_s, recharging_s and idle_s add up to this part for "
+            "each drone."
+        ),
+    ]
     utilisation: Annotated[
         Share,
         Field(description="Share of the drones' time that they were busy, 0 to 1; null if none."),
@@ -121,11 +144,18 @@ def drone_totals(
     names = ("busy", "flying", "recharging", "loading", "delivering")
     spent_s = {f"{name}_s": float((getattr(row, f"{name}_ms") or 0) / 1000) for name in names}
     busy_s = spent_s.pop("busy_s")
+    approach_s, standby_s = (
+        float((each or 0) / 1000) for each in (row.approach_ms, row.standby_ms)
+    )
     return {
         "missions": int(row.missions or 0),
         "busy_s": busy_s,
         **spent_s,
         "waiting_s": max(0.0, busy_s - sum(spent_s.values())),
+        "approach_s": approach_s,
+        "service_s": max(0.0, busy_s - approach_s - standby_s - spent_s["recharging_s"]),
+        "standby_s": standby_s,
+        "idle_s": max(0.0, drones * elapsed_s - busy_s),
         "utilisation": _share(busy_s, drones * elapsed_s),
     }
 

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
+from skyway.scheduling.utilisation import StepTime, spent_ms
 from skyway.units import moment_to_ms
 
 OPERATOR = "operator:op"
@@ -157,6 +158,10 @@ async def test_drone_use_is_counted(flown: Any) -> None:
         "loading_s": 2 * 60.0,
         "delivering_s": 60.0,
         "waiting_s": (5 + 1) * 60.0,
+        "approach_s": 5 * 60.0,
+        "service_s": (2 + 8 + 5 + 1 + 4 + 1) * 60.0,
+        "standby_s": 0.0,
+        "idle_s": 14 * 60.0,
         "utilisation": 46 / 60,
     }
     assert second["drone_id"] == "drn_2"
@@ -165,6 +170,54 @@ async def test_drone_use_is_counted(flown: Any) -> None:
     assert (found["total"]["drones"], found["total"]["missions"]) == (2, 3)
     assert found["total"]["busy_s"] == 106 * 60.0
     assert found["total"]["utilisation"] == pytest.approx(106 / 120)
+
+
+#: To the pickup with a recharge on the way, a delivery with a recharge, the way home, a recharge.
+WHOLE_MISSION: Sequence[Step] = (
+    ("FLY", None, None, 0, 4),
+    ("RECHARGE", "b", 0, 4, 8),
+    ("FLY", None, None, 8, 10),
+    ("PICK_UP", "a", None, 10, 12),
+    ("FLY", None, None, 12, 16),
+    ("RECHARGE", "b", 0, 16, 20),
+    ("DELIVER", "c", None, 20, 21),
+    ("FLY", None, None, 21, 30),
+    ("WAIT", "d", None, 30, 31),
+    ("RECHARGE", "d", 0, 31, 50),
+)
+
+
+@pytest.mark.parametrize(("start", "to"), [(0, 60), (0, 11), (13, 25), (22, 40)])
+async def test_the_time_of_drones_is_divided_as_in_the_simulation(
+    composition: Any, start: int, to: int
+) -> None:
+    await add_mission(composition, "msn_1", WHOLE_MISSION)
+    composition.began_at = composition.clock.now() + timedelta(minutes=start)
+    composition.clock.advance(timedelta(hours=2))
+
+    [used] = (await ask(composition, "drones", to=to - start))["items"]
+
+    steps = [StepTime(step[0], int(60 * step[3]), int(60 * step[4])) for step in WHOLE_MISSION]
+    spent = spent_ms(steps, served_ms=60 * 21, from_ms=60 * start, until_ms=60 * to)
+    assert used["recharging_s"] == spent["charging"]
+    assert {each: used[f"{each}_s"] for each in ("approach", "service", "standby")} == {
+        each: spent[each] for each in ("approach", "service", "standby")
+    }
+    assert used["idle_s"] == 60 * (to - start) - sum(spent.values())
+
+
+async def test_a_mission_with_a_hand_over_left_is_in_service(composition: Any) -> None:
+    await add_mission(composition, "msn_1", WHOLE_MISSION)
+    async with composition.db.write() as tx:
+        values = {"changed": 7}
+        not_ended = "UPDATE mission_steps SET ended_ms = NULL WHERE step_id = :changed"
+        await tx.execute(text(not_ended), values)
+    composition.began_at = composition.clock.now()
+    composition.clock.advance(timedelta(hours=2))
+
+    [used] = (await ask(composition, "drones"))["items"]
+
+    assert used["standby_s"] == 0.0
 
 
 async def test_only_the_part_of_a_step_within_the_span_counts(flown: Any) -> None:

@@ -239,6 +239,35 @@ async def test_a_provider_sees_numbers_of_its_own_deliveries(
     assert found["recharging_share"] == pytest.approx(600 / carried_s)
 
 
+async def test_requests_that_wait_for_a_drone_are_counted_by_age(flown: Any) -> None:
+    now_ms = moment_to_ms(flown.clock.now())
+    ages_s = {"dlv_1": 60, "dlv_2": 61, "dlv_3": 7200, "dlv_4": 0}
+    for delivery_id, age_s in ages_s.items():
+        await flown.execute(
+            "UPDATE deliveries SET waits_since_ms = :since_ms WHERE delivery_id = :delivery_id",
+            since_ms=now_ms - 1000 * age_s,
+            delivery_id=delivery_id,
+        )
+
+    waiting = (await stats(flown))["waiting"]
+
+    assert (waiting["requests"], waiting["oldest_s"]) == (4, 7200.0)
+    assert [(each["up_to_s"], each["requests"]) for each in waiting["by_age"]] == [
+        (60, 2),
+        (300, 1),
+        (900, 0),
+        (3600, 0),
+        (None, 1),
+    ]
+    assert (await stats(flown, by="provider"))["waiting"] is None
+
+
+async def test_no_age_is_known_when_no_request_waits(flown: Any) -> None:
+    waiting = (await stats(flown))["waiting"]
+
+    assert (waiting["requests"], waiting["oldest_s"]) == (0, None)
+
+
 async def test_refused_missions_do_not_count(flown: Any) -> None:
     await flown.execute("UPDATE missions SET provider_id = 'prv_9' WHERE mission_id = 'msn_0'")
     assert (await stats(flown, "&provider_id=prv_9"))["deliveries"] == 0
