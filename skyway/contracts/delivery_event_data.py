@@ -63,7 +63,11 @@ class ScheduledData(WireModel):
     """From when a drone is looked for; nothing is held before."""
 
     earliest_pickup_at: Annotated[
-        FleetMoment, Field(description="The drone does not begin to load before, fleet time.")
+        FleetMoment,
+        Field(
+            description="The earliest pickup, or the first opening of a window if all packages "
+            "have one and it is later, fleet time."
+        ),
     ]
     books_from_at: Annotated[
         FleetMoment, Field(description="From then on a drone is looked for, fleet time.")
@@ -127,6 +131,9 @@ class LatePackage(WireModel):
     deadline_at: Annotated[
         FleetMoment | None, Field(description="The deadline of the request; null without one.")
     ]
+    latest_at: Annotated[
+        FleetMoment | None, Field(description="The end of the package's window; null without one.")
+    ] = None
 
 
 class DelayedData(WireModel):

@@ -109,6 +109,21 @@ class Infeasibility(JsonModel):
         Field(description="Why, for programs."),
     ]
     detail: Annotated[str, Field(description="Why, for people.")]
+    #: In the JSON only of WINDOW_MISSED.
+    station_id: Annotated[
+        StationId | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="Where the window is missed; only with WINDOW_MISSED.",
+        ),
+    ] = None
+    late_s: Annotated[
+        float | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="Seconds by which the window is missed; only with WINDOW_MISSED.",
+        ),
+    ] = None
 
 
 class Plan(JsonModel):

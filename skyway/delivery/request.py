@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Annotated, Final, Literal, Self
 
 from pydantic import AwareDatetime, Field, field_validator, model_validator
@@ -36,7 +37,8 @@ class Place(JsonModel):
 class Package(JsonModel):
     """What is carried; its id is the customer's and unique within the request.
 
-    With nobody at the destination it goes to the `alternative`, or back to the pickup.
+    With nobody at the destination it goes to the `alternative`, or back to the pickup. The window
+    from `not_before_at` to `latest_at` holds the whole hand-over at the destination.
     """
 
     package_id: PackageId
@@ -51,6 +53,14 @@ class Package(JsonModel):
     alternative: Annotated[
         Place | None,
         Field(description="Where it goes if nobody is at the destination; the pickup if null."),
+    ] = None
+    not_before_at: Annotated[
+        AwareDatetime | None,
+        Field(description="The hand-over does not begin before, RFC 3339 UTC, fleet time."),
+    ] = None
+    latest_at: Annotated[
+        AwareDatetime | None,
+        Field(description="The hand-over is over by then, RFC 3339 UTC, fleet time."),
     ] = None
 
 
@@ -180,6 +190,13 @@ class DeliveryRequest(JsonModel):
         AwareDatetime | None,
         Field(description="The drone does not begin to load before, RFC 3339 UTC, fleet time."),
     ] = None
+    latest_pickup_at: Annotated[
+        AwareDatetime | None,
+        Field(
+            description="Loading is over by then, RFC 3339 UTC, fleet time. Then the drone may "
+            "set out for the pickup before `earliest_pickup_at`."
+        ),
+    ] = None
     reference: Annotated[
         Annotated[str, Field(max_length=200)] | None,
         Field(description="The customer's own word for it, up to 200 characters."),
@@ -204,6 +221,42 @@ class DeliveryRequest(JsonModel):
     def destinations(self) -> tuple[StationId, ...]:
         """The distinct destinations, in the order of the packages."""
         return tuple(dict.fromkeys(package.destination.station_id for package in self.packages))
+
+    @property
+    def has_windows(self) -> bool:
+        """Whether loading has to be over by some moment, or a hand-over has a window."""
+        return self.latest_pickup_at is not None or any(
+            each.not_before_at is not None or each.latest_at is not None for each in self.packages
+        )
+
+    @property
+    def begins_after(self) -> datetime | None:
+        """The moment before which no plan may begin; None without one.
+
+        A plan begins at `earliest_pickup_at` or later. With `latest_pickup_at` it may begin before,
+        and only loading waits.
+        """
+        return None if self.latest_pickup_at is not None else self.earliest_pickup_at
+
+    @property
+    def first_hand_over_at(self) -> datetime | None:
+        """The moment before which no package changes hands for the last time it has to.
+
+        The earliest pickup, or the first opening of a window if every package has one, whichever is
+        later; None without either.
+        """
+        openings = [each.not_before_at for each in self.packages if each.not_before_at is not None]
+        moments = [] if self.earliest_pickup_at is None else [self.earliest_pickup_at]
+        if len(openings) == len(self.packages):
+            moments.append(min(openings))
+        return max(moments, default=None)
+
+    @property
+    def latest_at(self) -> datetime | None:
+        """The first moment at which some limit of the request has passed; None without limits."""
+        limits = [self.qos.deadline_at, self.latest_pickup_at]
+        limits += [each.latest_at for each in self.packages]
+        return min((each for each in limits if each is not None), default=None)
 
     @property
     def payload_kg(self) -> float:

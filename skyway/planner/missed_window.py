@@ -42,7 +42,12 @@ def window_missed(situation: Situation, effort: Effort) -> Infeasibility:
         ending = _try(situation, kept, effort)
         if ending is Ending.EXHAUSTED:
             late_s = _least_lateness_s(situation, kept, place, effort)
-            return Infeasibility(code="WINDOW_MISSED", detail=_detail(situation, place, late_s))
+            return Infeasibility(
+                code="WINDOW_MISSED",
+                detail=_detail(situation, place, late_s),
+                station_id=place,
+                late_s=late_s,
+            )
         if ending is Ending.PAUSED:
             break
     return Infeasibility(code="WINDOW_MISSED", detail="the windows cannot all be met")

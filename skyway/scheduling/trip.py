@@ -7,6 +7,7 @@ from typing import Final
 
 from skyway.contracts.candidate import ProviderReasonCode
 from skyway.delivery.plan import Fly, Plan, PlanStatus, Recharge, Step
+from skyway.ids import StationId
 from skyway.planner.pad_book import booked_from_ms, booked_until_ms
 from skyway.scheduling.booked_pad import BookedPad, merged
 from skyway.units import ms_to_moment
@@ -27,13 +28,15 @@ NOTHING_TO_DELIVER: Final = Plan(
 class NoTrip:
     """Why there is no trip; `is_temporary` when other reservations may be the cause.
 
-    `data` holds the numbers behind the code, by name.
+    `data` holds the numbers behind the code, by name. `missed_at` is the station of a window that
+    is missed.
     """
 
     code: ProviderReasonCode
     detail: str
     is_temporary: bool
     data: tuple[tuple[str, float | str], ...] = ()
+    missed_at: StationId | None = None
 
 
 @dataclass(frozen=True, slots=True)

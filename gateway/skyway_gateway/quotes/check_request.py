@@ -20,6 +20,7 @@ from skyway.ids import StationId
 from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
 from skyway_gateway.clients import Composition, Registry
+from skyway_gateway.quotes.check_windows import check_windows
 from skyway_gateway.quotes.short_wait import ShortWait
 
 #: How long a limit is used without asking again, wall time. Fleets hardly change meanwhile, and
@@ -110,6 +111,7 @@ class RequestChecks:
             Composition does not answer now, and never said whether the stations exist.
         """
         self._check_times(request)
+        check_windows(request, now=self.clock.now())
         _check_destinations(request)
         position = await self._check_stations(request)
         has_provider = await self._check_payload(request)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from skyway.contracts.candidate import Candidate
 from skyway.delivery.plan import Deliver, Plan
 from skyway.delivery.request import DeliveryRequest
+from skyway.errors import InvalidProblem
 from skyway.ids import DroneId, StationId
 from skyway.planner.problem import DroneAtStart, Problem
 from skyway.scheduling.booked_pad import BookedPad
@@ -32,6 +33,7 @@ from skyway_composition.planning.problem_for import (
     with_margins,
 )
 from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.windows import begun_later, missed_in_words
 from skyway_composition.planning.world import World, compose_in
 
 
@@ -209,22 +211,27 @@ class TripFinder:
         if latest_ms is not None and latest_ms < start_ms:
             detail = "the deadline lies before the earliest start"
             return self._with_deadline(NoTrip("TOO_LATE", detail, is_temporary=False), start_ms)
-        problem = delivery_problem(
-            world,
-            Standing(candidate.model, candidate.soc, candidate.station_id),
-            pickup=request.pickup.station_id,
-            packages=request.packages,
-            start_ms=start_ms,
-            latest_ms=latest_ms,
-            held=held,
-        )
-        trip = await round_trip(
-            self.solver,
-            world,
-            problem,
-            standby=standby,
-            held=held,
-        )
+        standing = Standing(candidate.model, candidate.soc, candidate.station_id)
+
+        async def begun_at(begins_ms: int) -> Trip | NoTrip:
+            problem = delivery_problem(
+                world,
+                standing,
+                request=request,
+                start_ms=begins_ms,
+                latest_ms=latest_ms,
+                held=held,
+            )
+            return await round_trip(self.solver, world, problem, standby=standby, held=held)
+
+        try:
+            trip = await begun_at(start_ms)
+        except InvalidProblem as error:
+            return NoTrip("WINDOW_MISSED", str(error), is_temporary=False)
+        if request.has_windows and opening is None and isinstance(trip, Trip):
+            trip = await begun_later(trip, begun_at)
+        if isinstance(trip, NoTrip) and trip.code == "WINDOW_MISSED":
+            return replace(trip, detail=missed_in_words(trip, request))
         if ready is not None and isinstance(trip, Trip):
             return fitted(trip, soc=candidate.soc, ready=ready) or _TOO_SHORT
         if isinstance(trip, NoTrip) and trip.code in ("TOO_LATE", "NO_PAD_IN_TIME"):

@@ -6,15 +6,16 @@ Every problem includes the energy margin of its network.
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from datetime import datetime
 from functools import lru_cache
 from typing import Final
 
-from skyway.delivery.request import Package
+from skyway.delivery.request import DeliveryRequest, Package
 from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
 from skyway.planner.problem import DroneAtStart, PackageToDeliver, PadReservation, Problem
 from skyway.scheduling.booked_pad import BookedPad
-from skyway.units import ms_to_moment
+from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.planning.world import World
 
 #: The package that stands for an empty drone on its way (docs/reference/booking.md).
@@ -57,13 +58,14 @@ def delivery_problem(
     world: World,
     drone: Standing,
     *,
-    pickup: StationId,
-    packages: Iterable[Package],
+    request: DeliveryRequest,
     start_ms: int,
     latest_ms: int | None,
     held: Iterable[BookedPad] = (),
 ) -> Problem:
     """Fly to the pickup, load, and deliver everything, the last package by `latest_ms`.
+
+    Loading and each hand-over keep the windows of the request.
 
     Pads in `held` will be booked for other drones in the same transaction as this trip.
     """
@@ -71,11 +73,20 @@ def delivery_problem(
         network=world.skyway.network,
         start_at=ms_to_moment(start_ms),
         drone=_at_start(with_margins(world, drone)),
-        source=pickup,
-        packages=tuple(_to_deliver(each, each.destination.station_id) for each in packages),
+        source=request.pickup.station_id,
+        packages=tuple(
+            _to_deliver(each, each.destination.station_id, start_ms=start_ms)
+            for each in request.packages
+        ),
         loading_s=world.skyway.settings.loading_s,
         dropoff_s=world.skyway.settings.dropoff_s,
         latest_delivery_s=None if latest_ms is None else (latest_ms - start_ms) / 1000,
+        pickup_not_before_s=(
+            None
+            if request.latest_pickup_at is None
+            else _seconds(request.earliest_pickup_at, start_ms)
+        ),
+        pickup_latest_s=_seconds(request.latest_pickup_at, start_ms),
         pad_reservations=_reserved(world, held, start_ms=start_ms),
         closures=world.conditions.problem_closures(start_ms),
     )
@@ -86,14 +97,17 @@ def onward_problem(
 ) -> Problem:
     """Hand over the packages on board, each at the station it goes to now.
 
-    There is no deadline, because a late package is better than a stranded one.
+    There is no deadline, because a late package is better than a stranded one. A package on its way
+    to its destination keeps its window.
     """
     return Problem(
         network=world.skyway.network,
         start_at=ms_to_moment(start_ms),
         drone=_at_start(with_margins(world, drone)),
         source=drone.station_id,
-        packages=tuple(_to_deliver(each.package, each.aim_station_id) for each in loads),
+        packages=tuple(
+            _to_deliver(each.package, each.aim_station_id, start_ms=start_ms) for each in loads
+        ),
         dropoff_s=world.skyway.settings.dropoff_s,
         closures=world.conditions.problem_closures(start_ms),
     )
@@ -150,7 +164,7 @@ def _flight_to(
     held: Iterable[BookedPad] = (),
 ) -> Problem:
     nothing = PackageToDeliver(package_id=_NOTHING, mass_kg=0.0, destination=station_id)
-    on_board = tuple(_to_deliver(each, station_id) for each in packages)
+    on_board = tuple(_only_carried(each, station_id) for each in packages)
     return Problem(
         network=world.skyway.network,
         start_at=ms_to_moment(start_ms),
@@ -183,10 +197,27 @@ def _at_start(drone: Standing) -> DroneAtStart:
     return DroneAtStart(model=drone.model, soc=drone.soc, station_id=drone.station_id)
 
 
-def _to_deliver(package: Package, station_id: StationId) -> PackageToDeliver:
+def _to_deliver(package: Package, station_id: StationId, *, start_ms: int) -> PackageToDeliver:
+    carried = _only_carried(package, station_id)
+    if station_id != package.destination.station_id:
+        # Its window belongs to its destination: elsewhere it is handed over when it arrives.
+        return carried
+    limits = {
+        "not_before_s": _seconds(package.not_before_at, start_ms),
+        "latest_s": _seconds(package.latest_at, start_ms),
+    }
+    return carried.model_copy(update=limits)
+
+
+def _only_carried(package: Package, station_id: StationId) -> PackageToDeliver:
     return PackageToDeliver(
         package_id=package.package_id, mass_kg=package.mass_kg, destination=station_id
     )
+
+
+def _seconds(moment: datetime | None, start_ms: int) -> float | None:
+    """A moment as seconds of a problem that begins at this millisecond."""
+    return None if moment is None else (moment_to_ms(moment) - start_ms) / 1000
 
 
 @lru_cache(maxsize=1_000)

@@ -39,7 +39,7 @@ class Quotes:
         world = await World.around(pickup, self.networks, db=self.db, after_ms=after_ms)
         if world is None:
             return await self.pickup_unknown(query)
-        begins_ms = start_ms(self.clock, earliest_at=query.request.earliest_pickup_at)
+        begins_ms = start_ms(self.clock, earliest_at=query.request.begins_after)
         booked = await self.booked_missions(query.shortlist.drone_ids)
         offers = await self.plan(query, world, booked, begins_ms=begins_ms)
         return answer_of(query, world, offers)

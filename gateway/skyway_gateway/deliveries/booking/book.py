@@ -123,7 +123,7 @@ class Booker:
             await self._line_up(queued)
             return
         is_over = self.clock.now() >= queued.give_up_at
-        if is_over and delivery.request.qos.deadline_at is not None:
+        if is_over and delivery.request.latest_at is not None:
             await self._give_up_late(queued, delivery.reasons)
             return
         candidates = await self.registry.candidates(candidate_query(queued))

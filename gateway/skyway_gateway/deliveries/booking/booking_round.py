@@ -152,9 +152,9 @@ def reasons_of_round(booking: Booking, candidates: Candidates) -> tuple[Provider
 def no_reason_given(request: DeliveryRequest, detail: str) -> ProviderReason:
     """The reason of a delivery that is given up before any provider gave one.
 
-    It is TOO_LATE only if the customer has set a deadline.
+    It is TOO_LATE only if the customer has set a deadline or the end of a window.
     """
-    code: ProviderReasonCode = "NO_PROVIDER" if request.qos.deadline_at is None else "TOO_LATE"
+    code: ProviderReasonCode = "NO_PROVIDER" if request.latest_at is None else "TOO_LATE"
     return ProviderReason(provider_id=None, code=code, detail=detail, is_temporary=False)
 
 

@@ -24,8 +24,12 @@ _BATCH: Final = 100
 
 
 def books_from(request: DeliveryRequest, horizon: timedelta) -> datetime | None:
-    """The moment from which a drone may be booked, fleet time; None without an earliest pickup."""
-    return None if request.earliest_pickup_at is None else request.earliest_pickup_at - horizon
+    """The moment from which a drone may be booked, fleet time.
+
+    None without an earliest pickup, and without windows that all open later.
+    """
+    first_at = request.first_hand_over_at
+    return None if first_at is None else first_at - horizon
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,15 +39,15 @@ _BUSY_WALL_S: Final = 60.0
 
 
 def give_up_at(request: DeliveryRequest, clock: FleetClock) -> datetime:
-    """The request's deadline; without one, an hour after now or after the earliest pickup.
+    """The first limit of the request; without one, an hour after now or the earliest pickup.
 
     The hour is fleet time, and at least a minute of wall time.
     """
-    if request.qos.deadline_at is not None:
-        return request.qos.deadline_at
+    if request.latest_at is not None:
+        return request.latest_at
     now = clock.now()
     margin = fleet_margin(clock, fleet_s=_BUSY_FLEET_S, wall_s=_BUSY_WALL_S)
-    return max(now, request.earliest_pickup_at or now) + margin
+    return max(now, request.first_hand_over_at or now) + margin
 
 
 def after_booking(delivery: Delivery, missions: Sequence[Mission], *, at: datetime) -> Progress:

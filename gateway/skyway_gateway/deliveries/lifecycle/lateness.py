@@ -61,8 +61,8 @@ def _with_lateness(delivery: Delivery, *, at: datetime) -> tuple[Delivery, tuple
 def _is_late(package: PackageStatus, delivery: Delivery) -> bool:
     if package.is_settled or package.eta_at is None or package.promised_at is None:
         return False
-    deadline_at = delivery.request.qos.deadline_at
-    if deadline_at is not None and package.eta_at > deadline_at:
+    limits = (delivery.request.qos.deadline_at, _latest_at(package, delivery))
+    if any(limit is not None and package.eta_at > limit for limit in limits):
         return True
     promised_s = (package.promised_at - _start_at(package, delivery)).total_seconds()
     tolerance_s = max(TOLERANCE_S, _TOLERANCE_SHARE * promised_s)
@@ -78,11 +78,24 @@ def _start_at(package: PackageStatus, delivery: Delivery) -> datetime:
 
 def _lateness(package: PackageStatus, delivery: Delivery) -> dict[str, object]:
     late = package.eta_at and package.promised_at and package.eta_at - package.promised_at
-    deadline_at = delivery.request.qos.deadline_at
+    deadline_at, latest_at = delivery.request.qos.deadline_at, _latest_at(package, delivery)
     return {
         "package_id": package.package_id,
         "promised_at": package.promised_at and utc_text(package.promised_at),
         "eta_at": package.eta_at and utc_text(package.eta_at),
         "late_s": late and late.total_seconds(),
         "deadline_at": deadline_at and utc_text(deadline_at),
+        "latest_at": latest_at and utc_text(latest_at),
     }
+
+
+def _latest_at(package: PackageStatus, delivery: Delivery) -> datetime | None:
+    """The end of the package's window; None without one."""
+    return next(
+        (
+            each.latest_at
+            for each in delivery.request.packages
+            if each.package_id == package.package_id
+        ),
+        None,
+    )

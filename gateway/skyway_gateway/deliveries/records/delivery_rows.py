@@ -44,7 +44,7 @@ def new_delivery(queued: QueuedDelivery) -> Values:
         "pickup_position": _POSITION.dump_json(queued.pickup_position).decode(),
         "created_ms": moment_to_ms(delivery.created_at),
         "give_up_ms": moment_to_ms(queued.give_up_at),
-        "earliest_pickup_ms": _ms(delivery.request.earliest_pickup_at),
+        "earliest_pickup_ms": _ms(delivery.request.first_hand_over_at),
         "offer": delivery.offer and delivery.offer.model_dump_json(),
         "traceparent": queued.traceparent,
         "has_idempotency_key": queued.has_idempotency_key,

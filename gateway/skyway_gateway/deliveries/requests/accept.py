@@ -214,8 +214,9 @@ class Acceptance:
         request, at = delivery.request, delivery.created_at
         first = [Happening(DeliveryEventType.REQUESTED, at, event_data.requested(delivery))]
         later_at = self._books_later(request, at)
-        if later_at is not None and request.earliest_pickup_at is not None:
-            data = event_data.scheduled(request.earliest_pickup_at, books_from_at=later_at)
+        first_at = request.first_hand_over_at
+        if later_at is not None and first_at is not None:
+            data = event_data.scheduled(first_at, books_from_at=later_at)
             first.append(Happening(DeliveryEventType.SCHEDULED, at, data))
         return first
 

@@ -74,7 +74,7 @@ class HeldQuotes:
         life = timedelta(seconds=terms.life_s)
         held_until_at = self.clock.wall_now() + life
         begins_ms = max(
-            start_ms(self.clock, earliest_at=query.request.earliest_pickup_at),
+            start_ms(self.clock, earliest_at=query.request.begins_after),
             start_ms(self.clock, earliest_at=None) + self._fleet_ms(terms.life_s),
         )
         engaged = await self.rounds.engaged(query.shortlist.drone_ids)

@@ -141,7 +141,7 @@ class Rounds:
         offer, shortlist = asked.offer, asked.shortlist
         begins_ms = start_ms(
             self.clock,
-            earliest_at=asked.request.earliest_pickup_at,
+            earliest_at=asked.request.begins_after,
             # After a round that came too late, the next round has twice the time.
             margin_factor=2**round_number,
         )

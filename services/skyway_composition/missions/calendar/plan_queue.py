@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Final
 
+from skyway.errors import InvalidProblem
 from skyway.planner.problem import Problem
 from skyway.runtime.clock import FleetClock
 from skyway.scheduling.fit_gap import fitted, standby_for
@@ -61,9 +62,13 @@ async def plan_queue(
             _end_last_standby(changed, record.start.at_ms - hand_over_time_ms(clock))
             break
         fitting = None
-        if later is not None and later.planned_in == planned_in:
-            fitting = await _trip_before(solver, world, record, slot, later=later, clock=clock)
-        trip = fitting or await _trip(solver, world, record, slot)
+        try:
+            if later is not None and later.planned_in == planned_in:
+                fitting = await _trip_before(solver, world, record, slot, later=later, clock=clock)
+            trip = fitting or await _trip(solver, world, record, slot)
+        except InvalidProblem as error:
+            # A newer version of the network has hand-overs that are longer than the window.
+            trip = NoTrip("WINDOW_MISSED", str(error), is_temporary=False)
         if isinstance(trip, NoTrip) and trip.is_temporary:
             return []
         if isinstance(trip, NoTrip):
@@ -112,7 +117,7 @@ async def _trip_before(
     ready = Slot(start.station_id, start.at_ms - hand_over_time_ms(clock), start.soc)
     if ready.at_ms <= max(slot.at_ms, record.earliest_ms):
         return None
-    problem = _problem(world, record, slot, latest_ms=ready.at_ms)
+    problem = _problem(world, record, slot, from_ms=record.earliest_ms, latest_ms=ready.at_ms)
     trip = await round_trip(solver, world, problem, standby=standby_for(ready))
     return None if isinstance(trip, NoTrip) else fitted(trip, soc=slot.soc, ready=ready)
 
@@ -122,16 +127,23 @@ async def _trip(
 ) -> Trip | NoTrip:
     deadline_at = record.request.qos.deadline_at
     latest_ms = None if deadline_at is None else moment_to_ms(deadline_at)
-    problem = _problem(world, record, slot, latest_ms=latest_ms)
-    return await round_trip(solver, world, problem, standby=StandbyChoice.of(record.candidate))
+    standby = StandbyChoice.of(record.candidate)
+    problem = _problem(world, record, slot, from_ms=record.earliest_ms, latest_ms=latest_ms)
+    trip = await round_trip(solver, world, problem, standby=standby)
+    if isinstance(trip, NoTrip) and record.request.has_windows:
+        # The trip may need to begin sooner than before to meet its windows.
+        sooner = _problem(world, record, slot, from_ms=record.allowed_from_ms, latest_ms=latest_ms)
+        trip = await round_trip(solver, world, sooner, standby=standby)
+    return trip
 
 
-def _problem(world: World, record: MissionRecord, slot: Slot, *, latest_ms: int | None) -> Problem:
+def _problem(
+    world: World, record: MissionRecord, slot: Slot, *, from_ms: int, latest_ms: int | None
+) -> Problem:
     return delivery_problem(
         world,
         Standing(record.candidate.model, slot.soc, slot.station_id),
-        pickup=record.request.pickup.station_id,
-        packages=record.request.packages,
-        start_ms=max(slot.at_ms, record.earliest_ms),
+        request=record.request,
+        start_ms=max(slot.at_ms, from_ms),
         latest_ms=latest_ms,
     )

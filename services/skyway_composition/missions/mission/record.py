@@ -167,10 +167,20 @@ class MissionRecord:
         return Slot(candidate.station_id, moment_to_ms(self.mission.start_at), candidate.soc)
 
     @property
-    def earliest_ms(self) -> int:
+    def allowed_from_ms(self) -> int:
         """The earliest start that the customer allows; 0 if every start is allowed."""
-        earliest_at = self.request.earliest_pickup_at
+        earliest_at = self.request.begins_after
         return 0 if earliest_at is None else moment_to_ms(earliest_at)
+
+    @property
+    def earliest_ms(self) -> int:
+        """The earliest start that serves the customer; 0 if every start does.
+
+        A request with windows was booked to begin when they need it, so it begins no earlier.
+        """
+        if not self.request.has_windows:
+            return self.allowed_from_ms
+        return max(self.allowed_from_ms, self.start.at_ms)
 
     @property
     def served_ms(self) -> int:

@@ -145,13 +145,14 @@ def _late_by_s(predicted: PredictedStep) -> float:
 
 
 def _misses_deadline(record: MissionRecord, predicted: PredictedStep) -> bool:
-    """Whether a delivery that was planned before the deadline comes after it."""
-    deadline_at, step = record.request.qos.deadline_at, predicted.step
-    return (
-        deadline_at is not None
-        and isinstance(step, DeliverStep)
-        and step.planned_end_at <= deadline_at < ms_to_moment(predicted.end_ms)
-    )
+    """Whether a delivery that was planned before its deadline, or its window's end, is later."""
+    step = predicted.step
+    if not isinstance(step, DeliverStep):
+        return False
+    limits = [record.request.qos.deadline_at]
+    limits += [each.latest_at for each in record.packages(frozenset(step.package_ids))]
+    end_at = ms_to_moment(predicted.end_ms)
+    return any(limit is not None and step.planned_end_at <= limit < end_at for limit in limits)
 
 
 def _closed_by_then(

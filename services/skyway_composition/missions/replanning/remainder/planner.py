@@ -10,9 +10,11 @@ The planner tries in this order:
 
 from dataclasses import dataclass, replace
 
-from skyway.delivery.request import Package, Place
+from skyway.delivery.request import DeliveryRequest, Package, Place
 from skyway.drone.model import DroneModel
+from skyway.errors import InvalidProblem
 from skyway.ids import StationId
+from skyway.planner.problem import Problem
 from skyway.scheduling.fit_gap import fitted, standby_for
 from skyway.scheduling.slots import Slot
 from skyway.scheduling.standby_choice import StandbyChoice
@@ -39,6 +41,7 @@ from skyway_composition.planning.problem_for import (
     with_margin,
 )
 from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.windows import without_missed_window
 from skyway_composition.planning.world import World, compose_in
 
 
@@ -172,13 +175,7 @@ class RemainderPlanner:
     ) -> Trip | NoTrip:
         record, start_ms = self.record, anchor.at_ms
         drone = self._standing(anchor)
-        if anchor.carried:
-            aimed = replace(record, aims=aims)
-            loads = [
-                AimedPackage(each, aimed.aim_of(each)) for each in record.packages(anchor.carried)
-            ]
-            problem = onward_problem(self.world, drone, loads=loads, start_ms=start_ms)
-        elif anchor.has_loaded or trouble.code == CALLED_HOME:
+        if not anchor.carried and (anchor.has_loaded or trouble.code == CALLED_HOME):
             return await way_home(
                 self.solver,
                 self.world,
@@ -187,16 +184,29 @@ class RemainderPlanner:
                 standby=standby,
                 start_ms=start_ms,
             )
-        else:
-            problem = delivery_problem(
-                self.world,
-                drone,
-                pickup=record.request.pickup.station_id,
-                packages=_as_aimed(replace(record, aims=aims)),
-                start_ms=start_ms,
-                latest_ms=None,
-            )
-        return await round_trip(self.solver, self.world, problem, standby=standby)
+        aimed = replace(record, aims=aims)
+        try:
+            problem = self._problem(aimed, drone, anchor)
+        except InvalidProblem:
+            # A newer version of the network has hand-overs that are longer than the window.
+            problem = self._problem(_without_ends(aimed), drone, anchor)
+        while True:
+            trip = await round_trip(self.solver, self.world, problem, standby=standby)
+            # A window that cannot be met any more loses its end: its package comes late.
+            later = without_missed_window(problem, trip) if isinstance(trip, NoTrip) else None
+            if later is None:
+                return trip
+            problem = later
+
+    def _problem(self, aimed: MissionRecord, drone: Standing, anchor: Anchor) -> Problem:
+        if anchor.carried:
+            loads = [
+                AimedPackage(each, aimed.aim_of(each)) for each in aimed.packages(anchor.carried)
+            ]
+            return onward_problem(self.world, drone, loads=loads, start_ms=anchor.at_ms)
+        return delivery_problem(
+            self.world, drone, request=_as_aimed(aimed), start_ms=anchor.at_ms, latest_ms=None
+        )
 
     async def _trip_to(self, anchor: Anchor, station_id: StationId) -> Trip | NoTrip:
         """A trip to a station with everything on board, to stand there."""
@@ -226,15 +236,29 @@ class RemainderPlanner:
         return Standing(model, soc, anchor.station_id, self._energy_margin)
 
 
-def _as_aimed(record: MissionRecord) -> tuple[Package, ...]:
-    """The mission's packages, each with its present aim as its destination.
+def _without_ends(record: MissionRecord) -> MissionRecord:
+    """The mission as if no window of its request had an end."""
+    request = record.request
+    packages = tuple(each.model_copy(update={"latest_at": None}) for each in request.packages)
+    open_ended = {"packages": packages, "latest_pickup_at": None}
+    return replace(record, request=request.model_copy(update=open_ended))
 
-    A package that was cancelled too late to stay off is returned where it is picked up.
+
+def _as_aimed(record: MissionRecord) -> DeliveryRequest:
+    """The mission's request with the present aim of each package as its destination.
+
+    A package that was cancelled too late to stay off is returned where it is picked up. A package
+    that goes elsewhere has no window.
     """
-    return tuple(
-        each.model_copy(update={"destination": Place(station_id=record.aim_of(each))})
-        for each in record.request.packages
-    )
+    packages = tuple(_aimed_at(each, record.aim_of(each)) for each in record.request.packages)
+    return record.request.model_copy(update={"packages": packages})
+
+
+def _aimed_at(package: Package, station_id: StationId) -> Package:
+    if station_id == package.destination.station_id:
+        return package
+    elsewhere = {"destination": Place(station_id=station_id)}
+    return package.model_copy(update={**elsewhere, "not_before_at": None, "latest_at": None})
 
 
 def _is_temporary(found: Remainder | NoTrip) -> bool:

@@ -1,0 +1,101 @@
+"""Checks the windows of a request: each alone, and those that have to be met together."""
+
+from collections.abc import Iterator
+from datetime import datetime, timedelta
+from typing import Final, NamedTuple
+
+from skyway.delivery.request import DeliveryRequest, Package
+from skyway.errors import InvalidInput
+
+#: The furthest end or opening of a window, the same as of a pickup (docs/reference/booking.md).
+_FURTHEST: Final = timedelta(days=30)
+
+
+class _Window(NamedTuple):
+    """A window by the names of its fields; None without a limit."""
+
+    first_field: str
+    first_at: datetime | None
+    last_field: str
+    last_at: datetime | None
+
+
+def check_windows(request: DeliveryRequest, *, now: datetime) -> None:
+    """Refuse windows that nobody can meet, whatever the network and the fleets.
+
+    Raises
+    ------
+    InvalidInput
+        A window is reversed, has ended, lies more than 30 days ahead, opens after the deadline or
+        ends before the pickup, or shares no moment with another window of the same destination.
+    """
+    pickup_at, deadline_at = request.earliest_pickup_at, request.qos.deadline_at
+    for window in _windows(request):
+        _check_alone(window, now=now)
+        if (
+            deadline_at is not None
+            and window.first_at is not None
+            and window.first_at > deadline_at
+        ):
+            detail = f"{window.first_at} is {window.first_at - deadline_at} after the deadline"
+            raise InvalidInput(window.first_field, f"{detail} {deadline_at}")
+        if pickup_at is not None and window.last_at is not None and window.last_at < pickup_at:
+            detail = f"{window.last_at} is {pickup_at - window.last_at} before earliest_pickup_at"
+            raise InvalidInput(window.last_field, f"{detail} {pickup_at}")
+    _check_shared_destinations(request)
+
+
+def _windows(request: DeliveryRequest) -> Iterator[_Window]:
+    yield _Window(
+        "earliest_pickup_at",
+        request.earliest_pickup_at if request.latest_pickup_at is not None else None,
+        "latest_pickup_at",
+        request.latest_pickup_at,
+    )
+    for number, package in enumerate(request.packages):
+        prefix = f"packages.{number}"
+        yield _Window(
+            f"{prefix}.not_before_at",
+            package.not_before_at,
+            f"{prefix}.latest_at",
+            package.latest_at,
+        )
+
+
+def _check_alone(window: _Window, *, now: datetime) -> None:
+    if window.last_at is not None and window.last_at <= now:
+        detail = f"{window.last_at} is {now - window.last_at} in the past: fleet time is {now}"
+        raise InvalidInput(window.last_field, detail)
+    for field, moment in (
+        (window.first_field, window.first_at),
+        (window.last_field, window.last_at),
+    ):
+        if moment is not None and moment > now + _FURTHEST:
+            detail = f"{moment} is later than the limit of {now + _FURTHEST}"
+            raise InvalidInput(field, f"{detail}, {_FURTHEST.days} days ahead")
+    first_at, last_at = window.first_at, window.last_at
+    if first_at is not None and last_at is not None and last_at < first_at:
+        detail = f"{last_at} is {first_at - last_at} before {window.first_field} {first_at}"
+        raise InvalidInput(window.last_field, detail)
+
+
+def _check_shared_destinations(request: DeliveryRequest) -> None:
+    """Packages for one destination are handed over together."""
+    for number, package in enumerate(request.packages):
+        for other_number, other in enumerate(request.packages):
+            if _are_apart(package, other):
+                raise InvalidInput(
+                    f"packages.{number}.latest_at",
+                    f"{package.latest_at} is before packages.{other_number}.not_before_at "
+                    f"{other.not_before_at}: both go to {package.destination.station_id!r} and are "
+                    "handed over together; ask for them in two requests",
+                )
+
+
+def _are_apart(package: Package, other: Package) -> bool:
+    return (
+        package.destination == other.destination
+        and package.latest_at is not None
+        and other.not_before_at is not None
+        and package.latest_at < other.not_before_at
+    )
