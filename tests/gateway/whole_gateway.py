@@ -1,7 +1,7 @@
 """A whole gateway on a new database, with a fake registry and a fake composition."""
 
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -79,7 +79,7 @@ class Gateway:
             "/v1/deliveries", json=body, headers={**self.customer, **headers}
         )
 
-    async def accepted(self, *, packages: int = 1, **changes: object) -> DeliveryId:
+    async def accepted(self, *, packages: int = 1, **changes: Any) -> DeliveryId:
         """The id of a delivery that was just accepted."""
         answer = await self.post(make_request(packages=packages, **changes))
         assert answer.status_code == 202, answer.text
@@ -215,8 +215,10 @@ class Gateway:
         return await broken_rules(self.parts.db, RULES, wall_at=self.clock.wall_now())
 
 
-def make_request(*, packages: int = 1, **changes: object) -> dict[str, Any]:
-    """A request for packages to stations in turn."""
+def make_request(
+    *, packages: int = 1, window: Mapping[str, str] | None = None, **changes: Any
+) -> dict[str, Any]:
+    """A request for packages to stations in turn, all with this window."""
     stations = STATIONS[1:4]
     return {
         "pickup": {"station_id": "san-marcos"},
@@ -225,6 +227,7 @@ def make_request(*, packages: int = 1, **changes: object) -> dict[str, Any]:
                 "package_id": f"p{number}",
                 "mass_kg": 0.5,
                 "destination": {"station_id": stations[(number - 1) % 3]},
+                **(window or {}),
             }
             for number in range(1, packages + 1)
         ],

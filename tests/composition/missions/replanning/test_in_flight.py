@@ -336,3 +336,48 @@ async def test_a_package_goes_back_when_its_recipient_is_absent(
         ("REPLANNED", "RECIPIENT_ABSENT"),
     ]
     assert (await composition.reports())[-1].detail == "no recipient took p1 at 'c' within 300 s"
+
+
+def with_window(request: Any, **limits: Any) -> Any:
+    """The request with this window for its first package."""
+    first, *others = request.packages
+    return request.model_copy(update={"packages": (first.model_copy(update=limits), *others)})
+
+
+async def test_a_package_whose_window_has_passed_is_still_delivered(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    latest_at = composition.clock.now() + timedelta(hours=2)
+    request = with_window(make.request("c"), latest_at=latest_at)
+    instruction = await take_off(composition, drone, make=make, request=request)
+    composition.clock.advance(timedelta(hours=3))
+    await composition.receive(flying(drone, instruction, 2))
+
+    await composition.replanner.step()
+
+    (revision,) = await composition.sent()
+    delivered = [step for step in revision.steps if step.kind == "DELIVER"]
+    assert [(step.station_id, step.package_ids) for step in delivered] == [("c", ("p1",))]
+    assert delivered[0].planned_end_at > latest_at
+
+
+async def test_a_new_plan_still_waits_for_the_window_of_a_package(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    now = composition.clock.now()
+    opens_at = now + timedelta(hours=4)
+    request = with_window(make.request("b", "c"), latest_at=now + timedelta(minutes=20))
+    near, far = request.packages
+    far = far.model_copy(update={"not_before_at": opens_at})
+    request = request.model_copy(update={"packages": (near, far)})
+    instruction = await take_off(composition, drone, make=make, request=request)
+    composition.clock.advance(timedelta(minutes=40))
+    await composition.receive(flying(drone, instruction, 2, package_ids=("p1", "p2")))
+
+    await composition.replanner.step()
+
+    (revision,) = await composition.sent()
+    late, waiting = [step for step in revision.steps if step.kind == "DELIVER"]
+    assert (late.package_ids, waiting.package_ids) == (("p1",), ("p2",))
+    assert late.planned_end_at > now + timedelta(minutes=40)
+    assert waiting.planned_start_at == opens_at

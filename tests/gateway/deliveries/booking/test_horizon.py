@@ -36,6 +36,17 @@ async def test_a_pickup_beyond_the_horizon_waits_as_scheduled(gateway_on_both: G
     }
 
 
+async def test_a_request_whose_windows_all_open_later_waits_as_scheduled(gateway: Gateway) -> None:
+    opens_at = (gateway.clock.now() + timedelta(hours=72)).isoformat()
+
+    delivery_id = await gateway.accepted(window={"not_before_at": opens_at})
+
+    assert (await gateway.get(delivery_id))["state"] == "SCHEDULED"
+    assert (await gateway.events(delivery_id))[-1]["data"]["books_from_at"] == (
+        "2026-03-03T12:00:00.000Z"
+    )
+
+
 async def test_a_pickup_within_the_horizon_is_booked_immediately(gateway: Gateway) -> None:
     delivery_id = await scheduled(gateway, hours=24)
 

@@ -7,7 +7,7 @@ from typing import Any
 from tests.gateway.whole_gateway import Gateway, make_request
 
 
-async def under_way(gateway: Gateway, *, packages: int = 1, **changes: object) -> str:
+async def under_way(gateway: Gateway, *, packages: int = 1, **changes: Any) -> str:
     delivery_id = str(await gateway.accepted(packages=packages, **changes))
     return await started(gateway, delivery_id)
 
@@ -133,6 +133,20 @@ async def test_an_eta_after_the_deadline_is_a_delay_immediately(gateway: Gateway
     assert last["type"] == "delivery.delayed"
     [reported] = last["data"]["packages"]
     assert (reported["late_s"], reported["deadline_at"]) == (2, "2026-03-01T12:11:01.000Z")
+
+
+async def test_an_eta_after_the_window_of_a_package_is_a_delay_immediately(
+    gateway: Gateway,
+) -> None:
+    delivery_id = await under_way(gateway, window={"latest_at": "2026-03-01T12:11:01Z"})
+    mission = gateway.composition.booked[delivery_id, 1]
+    etas = [eta.model_dump() for eta in later(mission, seconds=2).packages]
+
+    await gateway.report(delivery_id, "ACTIVITY", seq=4, activity="WAITING", etas=etas)
+
+    last = (await gateway.events(delivery_id))[-1]
+    assert last["type"] == "delivery.delayed"
+    assert last["data"]["packages"][0]["latest_at"] == "2026-03-01T12:11:01.000Z"
 
 
 async def test_a_passed_eta_without_reports_is_one_delay_event(gateway_on_both: Gateway) -> None:

@@ -1,0 +1,92 @@
+"""Windows that nobody can meet are refused, with their field, their limit and by how much."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+from skyway_gateway.quotes.check_windows import check_windows
+
+from skyway.delivery.request import DeliveryRequest
+from skyway.errors import InvalidInput
+
+NOW = datetime(2026, 3, 1, 12, tzinfo=UTC)
+
+
+def make_request(*packages: dict[str, str], **members: Any) -> DeliveryRequest:
+    """A request with a package to b for each of these windows; hours without a date are today."""
+    asked = [
+        {"package_id": f"p{number}", "mass_kg": 1, "destination": {"station_id": "b"}, **window}
+        for number, window in enumerate(packages)
+    ]
+    document = {"pickup": {"station_id": "a"}, "packages": asked, **members}
+    return DeliveryRequest.model_validate(document)
+
+
+def at(hour: int, day: int = 1, month: int = 3) -> str:
+    return datetime(2026, month, day, hour, tzinfo=UTC).isoformat()
+
+
+def test_windows_that_can_be_met_pass() -> None:
+    window = {"not_before_at": at(14), "latest_at": at(15)}
+
+    check_windows(
+        make_request(
+            window, window, {}, earliest_pickup_at=at(10), latest_pickup_at=at(14),
+            qos={"deadline_at": at(16)},
+        ),
+        now=NOW,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("packages", "members", "field", "detail"),
+    [
+        (
+            [{"not_before_at": at(15), "latest_at": at(14)}],
+            {},
+            "packages.0.latest_at",
+            "is 1:00:00 before packages.0.not_before_at",
+        ),
+        ([{}, {"latest_at": at(11)}], {}, "packages.1.latest_at", "is 1:00:00 in the past"),
+        ([{}], {"latest_pickup_at": at(12)}, "latest_pickup_at", "is 0:00:00 in the past"),
+        (
+            [{}],
+            {"earliest_pickup_at": at(16), "latest_pickup_at": at(14)},
+            "latest_pickup_at",
+            "is 2:00:00 before earliest_pickup_at",
+        ),
+        (
+            [{"not_before_at": at(13, day=1, month=4)}],
+            {},
+            "packages.0.not_before_at",
+            "later than the limit of 2026-03-31 12:00:00+00:00, 30 days ahead",
+        ),
+        ([{"latest_at": at(13, month=5)}], {}, "packages.0.latest_at", "later than the limit"),
+        (
+            [{"not_before_at": at(18)}],
+            {"qos": {"deadline_at": at(15)}},
+            "packages.0.not_before_at",
+            "is 3:00:00 after the deadline",
+        ),
+        (
+            [{"latest_at": at(14)}],
+            {"earliest_pickup_at": at(15)},
+            "packages.0.latest_at",
+            "is 1:00:00 before earliest_pickup_at",
+        ),
+        (
+            [{"latest_at": at(14)}, {"not_before_at": at(15)}],
+            {},
+            "packages.0.latest_at",
+            "both go to 'b' and are handed over together; ask for them in two requests",
+        ),
+    ],
+)
+def test_a_window_that_cannot_be_met_is_named(
+    packages: list[dict[str, str]], members: dict[str, Any], field: str, detail: str
+) -> None:
+    with pytest.raises(InvalidInput) as raised:
+        check_windows(make_request(*packages, **members), now=NOW)
+
+    assert raised.value.faults[0].field == field
+    assert detail in raised.value.faults[0].detail
