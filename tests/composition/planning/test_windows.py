@@ -72,7 +72,7 @@ async def test_a_window_that_cannot_be_met_is_named_with_its_lateness(
 
     assert isinstance(reason, NoTrip)
     assert (reason.code, reason.is_temporary) == ("WINDOW_MISSED", False)
-    late_s = dict(reason.data)["late_s"]
+    late_s = float(dict(reason.data)["late_s"])
     assert late_s > 60
     assert reason.detail == (
         f"package 'p1' would miss its latest_at 2026-03-01T12:05:00.000Z at 'b' by {late_s:.0f} s"
