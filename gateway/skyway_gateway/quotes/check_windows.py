@@ -21,7 +21,7 @@ class _Window(NamedTuple):
 
 
 def check_windows(request: DeliveryRequest, *, now: datetime) -> None:
-    """Refuse windows that nobody can meet, whatever the network and the fleets.
+    """Refuse windows that nobody can meet in any network with any fleet.
 
     Raises
     ------
