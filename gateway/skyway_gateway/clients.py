@@ -13,11 +13,12 @@ from skyway.contracts.mission import (
     CancelMissions,
     ClosedDelivery,
 )
+from skyway.contracts.offer_hold import KeepOffer, KeptOffer
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.contracts.shortlist import Candidates
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
-from skyway.ids import DeliveryId, DroneId, SubjectId
+from skyway.ids import DeliveryId, DroneId, HoldId, SubjectId
 from skyway.json_model import WireModel
 from skyway.runtime.http.client import ServiceClient
 
@@ -48,7 +49,15 @@ class Composition(Protocol):
         ...
 
     async def quote(self, query: QuoteQuery) -> QuoteAnswer:
-        """The offers of all providers now, the best first; nothing is reserved."""
+        """The offers of all providers now, the best first; some are held if the query asks."""
+        ...
+
+    async def keep(self, asked: KeepOffer) -> KeptOffer:
+        """Hold an offer until it is booked, or say why it cannot be kept."""
+        ...
+
+    async def release(self, hold_id: HoldId) -> None:
+        """Give up what a hold keeps."""
         ...
 
     async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
@@ -121,10 +130,18 @@ class RestComposition:
         )
 
     async def quote(self, query: QuoteQuery) -> QuoteAnswer:
-        """The offers of all providers now, the best first; nothing is reserved."""
+        """The offers of all providers now, the best first; some are held if the query asks."""
         return await self._client.call(
             "POST", "/internal/quotes", body=query, answer=QuoteAnswer, timeout_s=_COMPOSING_S
         )
+
+    async def keep(self, asked: KeepOffer) -> KeptOffer:
+        """Hold an offer until it is booked, or say why it cannot be kept."""
+        return await self._client.call("POST", "/internal/offers", body=asked, answer=KeptOffer)
+
+    async def release(self, hold_id: HoldId) -> None:
+        """Give up what a hold keeps."""
+        await self._client.call("DELETE", f"/internal/holds/{hold_id}")
 
     async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
         """Book the best plan; asked again for the same attempt, the answer is the same."""

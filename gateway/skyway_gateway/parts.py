@@ -33,7 +33,8 @@ from skyway_gateway.notifications.webhooks.post_webhook import WebhookPost
 from skyway_gateway.notifications.webhooks.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhooks.targets import Targets
 from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks
-from skyway_gateway.quotes.make_quote import QuoteMaker
+from skyway_gateway.quotes.keep_offer import OfferKeeper
+from skyway_gateway.quotes.make_quote import HoldLimits, QuoteMaker
 from skyway_gateway.quotes.network_store import keep_network
 from skyway_gateway.quotes.short_wait import ShortWait
 from skyway_gateway.settings import GatewaySettings
@@ -64,6 +65,7 @@ class Parts:
     sender: WebhookSender
     booking: BookingLoop
     horizon: timedelta
+    hold_limits: HoldLimits
     waker: Waker
 
     @property
@@ -112,13 +114,16 @@ class Parts:
             self.checks,
             self.clock,
             mint,
+            self.horizon,
+            self.hold_limits,
         )
 
     @property
     def acceptance(self) -> Acceptance:
         """Accepts delivery requests."""
+        keeper = OfferKeeper(self.registry, self.composition, self.clock, mint)
         return Acceptance(
-            self.db, self.checks, self.writer, self.clock, mint, self.booking, self.horizon
+            self.db, self.checks, keeper, self.writer, self.clock, mint, self.booking, self.horizon
         )
 
     @property
@@ -176,6 +181,7 @@ def build_parts(
         sender=WebhookSender(db, post, notifications, clock, mint),
         booking=BookingLoop(queued, claimant=mint("bkr"), most=settings.bookings_at_once),
         horizon=timedelta(hours=settings.booking_horizon_h),
+        hold_limits=HoldLimits(settings.hold_s, settings.held_quotes_per_customer),
         waker=Waker(db, clock, networks.cached, queued),
     )
 

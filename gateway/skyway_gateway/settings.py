@@ -37,6 +37,19 @@ class GatewaySettings(ServiceSettings):
         "waits as SCHEDULED and holds nothing.",
     )
 
+    hold_s: float = Field(
+        default=120.0,
+        ge=1.0,
+        le=600.0,
+        description="Seconds of wall time for which the offers of a quote with `hold` are held.",
+    )
+    held_quotes_per_customer: int = Field(
+        default=3,
+        ge=0,
+        le=1000,
+        description="Quotes with `hold` that one customer may hold at the same time. 0 holds none.",
+    )
+
     @field_validator("webhook_allow_networks", mode="before")
     @classmethod
     def _read_networks(cls, value: object) -> object:

@@ -48,6 +48,10 @@ class CandidateQuery(WireModel):
     excluded_drone_ids: Annotated[
         tuple[DroneId, ...], Field(description="Drones that refused before.")
     ] = ()
+    kept_drone_ids: Annotated[
+        tuple[DroneId, ...],
+        Field(description="Drones of a held offer: named if they are able, even if others rank."),
+    ] = ()
 
 
 class Candidate(WireModel):

@@ -1,6 +1,6 @@
 """Gateway and composition about offers that are held: for a quote, or to be accepted."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
@@ -10,6 +10,10 @@ from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import HoldId, SubjectId
 from skyway.json_model import WireModel
+
+#: Wall seconds for which composition holds an offer longer than the customer is told, so that an
+#: offer that is accepted at its last moment is still held when composition is asked to keep it.
+HOLD_GRACE_S: Final = 5.0
 
 #: Why a booking did not use the drones and pads that were held for its offer.
 HoldLoss = Literal[

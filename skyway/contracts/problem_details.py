@@ -26,6 +26,7 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "NOT_LOADING": "The drone does not wait at the pickup for its packages.",
     "NO_NETWORK": "No network is published: skyway network import bundled.",
     "NOT_YET": "An earlier report is missing; send this report again later.",
+    "OFFER_LOST": "The offer cannot be kept any more; `next_offer` is the next best one.",
     "ON_MISSION": "The drone is on a mission.",
     "QUOTE_EXPIRED": "The offer is no longer valid; ask for another quote.",
     "QUOTE_TAKEN": "Another offer of this quote was accepted before.",

@@ -58,12 +58,21 @@ class Conflict(SkywayError):
         A stable UPPER_SNAKE reason, for programs: ``TOO_LATE``.
     detail
         The same for people, with the values in question.
+    members
+        Further members of the problem document, as JSON values.
     """
 
-    def __init__(self, code: str, detail: str) -> None:
+    def __init__(
+        self,
+        code: str,
+        detail: str,
+        *,
+        members: Mapping[str, Any] | None = None,  # every code has members of its own
+    ) -> None:
         super().__init__(f"{code}: {detail}")
         self.code = code
         self.detail = detail
+        self.members = dict(members or {})
 
 
 class PreconditionFailed(SkywayError):

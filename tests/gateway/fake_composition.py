@@ -15,8 +15,10 @@ from skyway.contracts.mission import (
     ClosedDelivery,
     Margins,
     Mission,
+    OfferHold,
     PackageEta,
 )
+from skyway.contracts.offer_hold import KeepOffer, KeptOffer
 from skyway.contracts.quote import OfferTerms, QuoteAnswer, QuoteQuery
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
@@ -122,6 +124,11 @@ class FakeComposition:
     further: dict[tuple[str, int], tuple[Mission, ...]] = field(default_factory=dict)
     closed: set[str] = field(default_factory=set)
     quote_queries: list[QuoteQuery] = field(default_factory=list)
+    #: The offers that are kept while they are accepted, and why the next ones are lost.
+    kept: list[KeepOffer] = field(default_factory=list)
+    lost: list[ProviderReason] = field(default_factory=list)
+    #: The ids of all holds.
+    holds: set[str] = field(default_factory=set)
     #: What each booking asked for, repeated ones included.
     asked: list[BookMissions] = field(default_factory=list)
     #: Packages that are on board, and those that are with their recipients.
@@ -152,12 +159,35 @@ class FakeComposition:
     async def quote(self, query: QuoteQuery) -> QuoteAnswer:
         self._answer()
         self.quote_queries.append(query)
+        held_until_at = None
+        if query.hold is not None:
+            if len(self.holds) >= query.hold.most:
+                raise Conflict("TOO_MANY_HOLDS", f"the limit is {query.hold.most} quotes")
+            self.holds.add(query.hold.hold_id)
+            held_until_at = self.clock.wall_now() + timedelta(seconds=query.hold.life_s)
         return QuoteAnswer(
             offers=tuple(
-                make_terms(query.request, one, self.clock.now()) for one in query.candidates
+                make_terms(query.request, one, self.clock.now()).model_copy(
+                    update={"is_held": query.hold is not None}
+                )
+                for one in query.candidates
             ),
             infeasible=tuple(self.reasons),
+            held_until_at=held_until_at,
         )
+
+    async def keep(self, asked: KeepOffer) -> KeptOffer:
+        self._answer()
+        self.kept.append(asked)
+        if self.lost:
+            return KeptOffer(hold=None, reasons=tuple(self.lost))
+        held = asked.offer.hold or OfferHold(hold_id=asked.hold_id, number=0)
+        self.holds.add(held.hold_id)
+        return KeptOffer(hold=held)
+
+    async def release(self, hold_id: str) -> None:
+        self._answer()
+        self.holds.discard(hold_id)
 
     async def book(self, delivery_id: str, requested: BookMissions) -> Booking:
         self._answer()

@@ -19,6 +19,7 @@ from skyway.contracts.mission import (
     BookMissions,
     CancelMissions,
 )
+from skyway.contracts.offer_hold import KeepOffer
 from skyway.contracts.quote import QuoteQuery
 from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.contracts.station_check import StationCheckQuery
@@ -170,6 +171,14 @@ class Peers:
             (
                 "composition POST /internal/quotes()",
                 lambda request, _: composition.quote(QuoteQuery.read(request.content)),
+            ),
+            (
+                "composition POST /internal/offers()",
+                lambda request, _: composition.keep(KeepOffer.read(request.content)),
+            ),
+            (
+                "composition DELETE /internal/holds/([^/]+)",
+                lambda _, hold_id: composition.release(hold_id),
             ),
             (
                 f"composition PUT {delivery}/missions",

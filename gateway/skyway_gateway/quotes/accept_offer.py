@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 from datetime import datetime
 
-from skyway.contracts.mission import OfferLimits
+from skyway.contracts.mission import OfferHold, OfferLimits
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, OfferId, QuoteId
-from skyway.runtime.errors import Conflict, NotFound
+from skyway.runtime.errors import Conflict
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.sql.database import Tx
 from skyway_gateway.quotes import store
-from skyway_gateway.quotes.store import Offer, Quote
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +27,12 @@ async def accept_offer(
     offer_id: OfferId,
     *,
     delivery_id: DeliveryId,
+    hold: OfferHold | None = None,
     wall_now: datetime,
 ) -> AcceptedOffer:
     """Accept an offer for a delivery that is written in the same transaction.
+
+    `hold` is what composition holds for the offer until it is booked.
 
     Raises
     ------
@@ -40,20 +42,16 @@ async def accept_offer(
         QUOTE_TAKEN: an offer of the quote was accepted before. QUOTE_EXPIRED.
     """
     quote = await store.one_of(tx.connection, caller, quote_id)
-    offer = _offer(quote, offer_id)
+    offer = quote.offers[quote.number_of(offer_id)]
     if quote.taken_offer_id is None and wall_now >= offer.expires_at:
         raise Conflict("QUOTE_EXPIRED", f"offer {offer_id} expired at {offer.expires_at}")
     # The write decides, not the read above: two calls may accept at the same time.
     if not await store.mark_accepted(tx, quote_id, offer_id, delivery_id=delivery_id):
         raise Conflict("QUOTE_TAKEN", f"an offer of quote {quote_id} was accepted before")
     promised = OfferLimits(
-        provider_id=offer.provider_id, price=offer.price, within_s=offer.delivery_time_s
+        provider_id=offer.provider_id,
+        price=offer.price,
+        within_s=offer.delivery_time_s,
+        hold=hold,
     )
     return AcceptedOffer(quote.request, promised)
-
-
-def _offer(quote: Quote, offer_id: OfferId) -> Offer:
-    for offer in quote.offers:
-        if offer.offer_id == offer_id:
-            return offer
-    raise NotFound("offer", offer_id)

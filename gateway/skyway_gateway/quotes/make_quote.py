@@ -1,17 +1,22 @@
 """Makes quotes: checks the request, asks for candidates, has composition plan, writes once."""
 
+import contextlib
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from typing import Annotated, Final
+
+from pydantic import Field
 
 from skyway.contracts.candidate import CandidateQuery
-from skyway.contracts.quote import OfferTerms, QuoteAnswer, QuoteQuery
+from skyway.contracts.quote import HoldTerms, OfferTerms, QuoteAnswer, QuoteQuery
 from skyway.delivery.request import DeliveryRequest
-from skyway.errors import SkywayError
+from skyway.errors import InvalidInput, SkywayError
 from skyway.geo import Position
-from skyway.ids import OfferId, QuoteId, SubjectId
+from skyway.ids import HoldId, OfferId, QuoteId, SubjectId
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.idempotency.once import Answer, once
+from skyway.runtime.idempotency.once import Answer, answered_before, once
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
@@ -19,6 +24,45 @@ from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.check_request import NO_PROVIDER, RequestChecks
 from skyway_gateway.quotes.store import OFFER_LIFE_S, Offer, Quote
+
+
+class QuoteRequest(DeliveryRequest):
+    """A delivery request, and whether its best offers are held until they expire."""
+
+    hold: Annotated[
+        bool,
+        Field(
+            strict=True,
+            description="Whether the drones and pads of the best 3 offers are kept for the "
+            "customer until the offers expire. They then begin after that.",
+        ),
+    ] = False
+
+    @property
+    def delivery(self) -> DeliveryRequest:
+        """The delivery request alone."""
+        return DeliveryRequest(**{name: getattr(self, name) for name in _OF_DELIVERY})
+
+
+_OF_DELIVERY: Final = tuple(DeliveryRequest.model_fields)
+
+_ROUTE: Final = "POST /v1/quotes"
+
+
+@dataclass(frozen=True, slots=True)
+class HoldLimits:
+    """How long offers are held, wall seconds, and how many quotes one customer may hold."""
+
+    life_s: float
+    most: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Made:
+    """A quote, and what composition holds for it."""
+
+    quote: Quote
+    hold_id: HoldId | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +75,13 @@ class QuoteMaker:
     checks: RequestChecks
     clock: FleetClock
     mint: Mint
+    horizon: timedelta
+    limits: HoldLimits
 
     async def make(
         self,
         caller: Caller,
-        request: DeliveryRequest,
+        requested: QuoteRequest,
         *,
         idempotency_key: str | None,
         body: bytes,
@@ -45,47 +91,76 @@ class QuoteMaker:
         Raises
         ------
         InvalidInput
-            A field is impossible now: an unknown station, too heavy, a deadline in the past.
+            A field is impossible now: an unknown station, too heavy, a deadline in the past; or
+            offers are to be held for a pickup beyond the booking horizon.
+        Conflict
+            TOO_MANY_HOLDS: the customer holds as many quotes as it may.
         ServiceUnavailable
             The registry or composition does not answer now.
         """
+        if requested.hold:
+            # A repeated call must not hold other drones.
+            before = await answered_before(
+                self.db,
+                caller=str(caller),
+                route=_ROUTE,
+                key=idempotency_key,
+                body=body,
+                clock=self.clock,
+            )
+            if before is not None:
+                return before
         try:
-            quote: Quote | SkywayError = await self._quote(request)
+            made: _Made | SkywayError = await self._quote(caller, requested)
         except SkywayError as refusal:
             # First look whether this call was answered before.
-            quote = refusal
+            made = refusal
+        written: list[Quote] = []
 
         async def write(tx: Tx) -> Answer:
-            if isinstance(quote, SkywayError):
-                raise quote
-            await store.add(tx, quote, customer_id=SubjectId(caller.subject_id))
-            tx.after_commit(lambda: _count(quote))
+            if isinstance(made, SkywayError):
+                raise made
+            quote, customer_id = made.quote, SubjectId(caller.subject_id)
+            await store.add(tx, quote, customer_id=customer_id, hold_id=made.hold_id)
+            tx.after_commit(lambda: written.append(quote))
             location = {"Location": f"/v1/quotes/{quote.quote_id}"}
             return Answer(201, quote.model_dump_json().encode(), location)
 
-        return await once(
+        answer = await once(
             self.db,
             caller=str(caller),
-            route="POST /v1/quotes",
+            route=_ROUTE,
             key=idempotency_key,
             body=body,
             act=write,
             clock=self.clock,
         )
+        if written:
+            _count(written[0])
+        elif isinstance(made, _Made) and made.hold_id is not None:
+            await self._release(made.hold_id)
+        return answer
 
-    async def _quote(self, request: DeliveryRequest) -> Quote:
+    async def _release(self, hold_id: HoldId) -> None:
+        """Give up what is held for a quote that nobody gets."""
+        with contextlib.suppress(ServiceUnavailable, RemoteProblem):
+            await self.composition.release(hold_id)
+
+    async def _quote(self, caller: Caller, requested: QuoteRequest) -> _Made:
+        request, hold = requested.delivery, self._hold_terms(caller, requested)
         checked = await self.checks.check(request)
         found = await self.registry.candidates(_candidate_query(request, checked.pickup_position))
         answer = QuoteAnswer(offers=(), infeasible=())
         if not found.shortlist.is_empty:
-            query = QuoteQuery(request=request, shortlist=found.shortlist)
+            query = QuoteQuery(request=request, shortlist=found.shortlist, hold=hold)
             answer = await self.composition.quote(query)
         infeasible = (*answer.infeasible, *found.infeasible)
         if not answer.offers and not infeasible:
             infeasible = (NO_PROVIDER,)
         # Offers expire this long after composition has answered.
         expires_at = self.clock.wall_now() + timedelta(seconds=OFFER_LIFE_S)
-        return Quote(
+        expires_at = answer.held_until_at or expires_at
+        quote = Quote(
             quote_id=QuoteId(self.mint("quo")),
             request=request,
             made_at=self.clock.now(),
@@ -95,6 +170,26 @@ class QuoteMaker:
                 for terms in answer.offers
             ),
             infeasible=infeasible,
+        )
+        is_held = hold is not None and answer.held_until_at is not None
+        return _Made(quote, hold.hold_id if hold is not None and is_held else None)
+
+    def _hold_terms(self, caller: Caller, requested: QuoteRequest) -> HoldTerms | None:
+        if not requested.hold:
+            return None
+        pickup_at = requested.earliest_pickup_at
+        if pickup_at is not None and pickup_at > self.clock.now() + self.horizon:
+            hours = self.horizon.total_seconds() / 3600
+            raise InvalidInput(
+                "hold",
+                f"offers are held only for pickups within the booking horizon of {hours:g} hours; "
+                f"earliest_pickup_at is {pickup_at}",
+            )
+        return HoldTerms(
+            hold_id=HoldId(self.mint("hld")),
+            customer_id=SubjectId(caller.subject_id),
+            life_s=self.limits.life_s,
+            most=self.limits.most,
         )
 
 

@@ -4,7 +4,6 @@ from typing import Annotated
 
 from fastapi import Depends, Request, Response
 
-from skyway.delivery.request import DeliveryRequest
 from skyway.ids import QuoteId
 from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller
@@ -13,7 +12,7 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.quotes import store
-from skyway_gateway.quotes.make_quote import QuoteMaker
+from skyway_gateway.quotes.make_quote import QuoteMaker, QuoteRequest
 from skyway_gateway.quotes.store import Quote
 
 
@@ -25,15 +24,15 @@ def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRo
         "/v1/quotes",
         status_code=201,
         response_model=Quote,
-        responses=conflicts("NO_NETWORK"),
+        responses=conflicts("NO_NETWORK", "TOO_MANY_HOLDS"),
     )
     async def create_quote(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
-        requested: DeliveryRequest,
+        requested: QuoteRequest,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
-        """Ask for offers, the best first; an offer reserves nothing, and one can be accepted.
+        """Ask for offers, the best first; they reserve nothing unless held; one can be accepted.
 
         Callers: customer, operator.
         """

@@ -11,7 +11,7 @@ from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.message import FleetMoment, WallMoment
 from skyway.contracts.quote import OfferTerms
 from skyway.delivery.request import DeliveryRequest
-from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
+from skyway.ids import DeliveryId, HoldId, OfferId, QuoteId, SubjectId
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
@@ -26,7 +26,10 @@ OFFER_LIFE_S: Final = 120.0
 
 
 class Offer(OfferTerms):
-    """What one provider offers; its price and time hold if it is accepted before `expires_at`."""
+    """What one provider offers; its price and time hold if it is accepted before `expires_at`.
+
+    The drones and pads of an offer that `is_held` are kept for the customer until then.
+    """
 
     offer_id: Annotated[OfferId, Field(description="The id of the offer, to accept it with.")]
     expires_at: WallMoment
@@ -54,13 +57,28 @@ class Quote(JsonModel):
         Field(description="The delivery of the accepted offer; null while none is accepted."),
     ] = None
 
+    def number_of(self, offer_id: OfferId) -> int:
+        """The place of an offer in the quote, from 0.
+
+        Raises
+        ------
+        NotFound
+            The quote holds no such offer.
+        """
+        for number, offer in enumerate(self.offers):
+            if offer.offer_id == offer_id:
+                return number
+        raise NotFound("offer", offer_id)
+
 
 _OFFERS: Final = TypeAdapter(tuple[Offer, ...])
 _REASONS: Final = TypeAdapter(tuple[ProviderReason, ...])
 
 
-async def add(tx: Tx, quote: Quote, *, customer_id: SubjectId) -> None:
-    """Add a new quote."""
+async def add(
+    tx: Tx, quote: Quote, *, customer_id: SubjectId, hold_id: HoldId | None = None
+) -> None:
+    """Add a new quote; `hold_id` names what composition holds for its offers."""
     row = {
         "quote_id": quote.quote_id,
         "customer_id": customer_id,
@@ -69,6 +87,7 @@ async def add(tx: Tx, quote: Quote, *, customer_id: SubjectId) -> None:
         "infeasible": _REASONS.dump_json(quote.infeasible).decode(),
         "made_ms": moment_to_ms(quote.made_at),
         "expires_wall_ms": moment_to_ms(quote.expires_at),
+        "hold_id": hold_id,
     }
     await tx.execute(insert(quotes).values(row))
 
@@ -88,6 +107,22 @@ async def one_of(connection: AsyncConnection, caller: Caller, quote_id: QuoteId)
     if row is None:
         raise NotFound("quote", quote_id)
     return _quote(row)
+
+
+async def hold_of(connection: AsyncConnection, quote_id: QuoteId) -> HoldId | None:
+    """What composition holds, or held, for the offers of a quote; None if it never did."""
+    found = await connection.execute(select(quotes.c.hold_id).where(quotes.c.quote_id == quote_id))
+    hold_id: HoldId | None = found.scalar_one_or_none()
+    return hold_id
+
+
+async def has_hold_ended(connection: AsyncConnection, *, after: datetime, until: datetime) -> bool:
+    """Whether the hold of a quote ended between two moments of wall time and was not accepted."""
+    is_between = quotes.c.expires_wall_ms.between(moment_to_ms(after) + 1, moment_to_ms(until))
+    ended = select(quotes.c.quote_id).where(
+        quotes.c.hold_id.is_not(None), is_between, quotes.c.taken_offer_id.is_(None)
+    )
+    return (await connection.execute(ended.limit(1))).first() is not None
 
 
 async def mark_accepted(

@@ -1,10 +1,10 @@
 """Quotes, and the networks that requests are checked against."""
 
-from sqlalchemy import BigInteger, Column, Index, Integer, Table, Text
+from sqlalchemy import BigInteger, Column, Index, Integer, Table, Text, text
 
 from skyway_gateway.tables.metadata import metadata
 
-#: Offers to customers, which reserve nothing.
+#: Offers to customers, which reserve nothing unless they are held.
 quotes = Table(
     "quotes",
     metadata,
@@ -17,7 +17,15 @@ quotes = Table(
     Column("expires_wall_ms", BigInteger, nullable=False),
     Column("taken_offer_id", Text),
     Column("delivery_id", Text),
+    # What composition holds for its first offers until they expire; null if nothing is held.
+    Column("hold_id", Text),
     Index("quotes_by_expiry", "expires_wall_ms"),
+    Index(
+        "quotes_held",
+        "expires_wall_ms",
+        sqlite_where=text("hold_id IS NOT NULL"),
+        postgresql_where=text("hold_id IS NOT NULL"),
+    ),
 )
 
 #: The last known version of each network, for the time in which composition is away.

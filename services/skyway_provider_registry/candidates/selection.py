@@ -64,8 +64,9 @@ def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int, now_ms: int
     obstacles = _obstacles(query, columns, lifting.drones, elsewhere, wall_now_ms=wall_now_ms)
     able = np.flatnonzero((obstacles == 0) & admitted[columns.column("provider")])
     ranked = Ranked.of(query, columns, able, lifting.split, now_ms=now_ms)
-    chosen = in_turn(ranked, len(columns.providers))
-    candidates = [columns.drones[row] for row in chosen.tolist()]
+    chosen = in_turn(ranked, len(columns.providers)).tolist()
+    kept = [row for row in columns.rows_of(query.kept_drone_ids) if row in able]
+    candidates = [columns.drones[row] for row in dict.fromkeys((*chosen, *kept))]
     compared = {drone.provider_id for drone in candidates}
     found = _found_by_provider(columns, obstacles)
     passing: Flags = np.any(found[:, _PASSING] != _NONE, axis=1)

@@ -84,7 +84,8 @@ def problem_of(error: SkywayError) -> ProblemDetails:
         at_fault = tuple(FieldProblem(field=one.field, detail=one.detail) for one in error.faults)
         return _problem(kind, _summary(at_fault), errors=at_fault)
     if isinstance(error, Conflict):
-        return _problem(kind, error.detail, code=error.code)
+        problem = _problem(kind, error.detail, code=error.code)
+        return ProblemDetails.model_validate({**error.members, **problem.model_dump()})
     return _problem(kind, str(error))
 
 

@@ -17,7 +17,7 @@ from skyway.runtime.idempotency.answer_store import StoredAnswer
 from skyway.runtime.idempotency.key_secrets import Answer, KeySecrets
 from skyway.runtime.sql.database import Database, Tx
 
-__all__ = ["Act", "Answer", "once"]
+__all__ = ["Act", "Answer", "answered_before", "once"]
 
 _FIRST_SERVER_ERROR: Final = 500
 
@@ -67,6 +67,23 @@ async def once(
         if isinstance(error, _Failed):
             return error.answer
         raise
+
+
+async def answered_before(
+    db: Database, *, caller: str, route: str, key: str | None, body: bytes, clock: FleetClock
+) -> Answer | None:
+    """The stored answer to this caller's same call; None without one, or without a key.
+
+    An act that asks other services first looks here, so that a repeated call asks them nothing.
+
+    Raises
+    ------
+    IdempotencyKeyReused, InvalidInput
+        As for `once`.
+    """
+    if key is None:
+        return None
+    return await StoredAnswer(KeySecrets.derive(caller, route, key), body, clock).load(db)
 
 
 async def _act(db: Database, act: Act, stored: StoredAnswer | None) -> Answer:

@@ -9,7 +9,7 @@ from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvi
 from skyway_provider_registry.candidates.selection import select as select_from
 
 from skyway.announced_networks import CachedNetworks
-from skyway.contracts.candidate import CandidateQuery
+from skyway.contracts.candidate import MAX_CANDIDATES_PER_PROVIDER, CandidateQuery
 from skyway.contracts.shortlist import Candidates
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import ProviderChoice
@@ -362,3 +362,25 @@ def test_a_suspended_provider_gets_no_missions() -> None:
 
     assert found.shortlist.candidates == ()
     assert [reason.code for reason in found.infeasible] == ["NOT_ADMITTED"]
+
+
+def test_the_drone_of_a_held_offer_is_named_although_others_are_nearer() -> None:
+    drones = [make_drone(f"d{number}") for number in range(MAX_CANDIDATES_PER_PROVIDER + 1)]
+    query = make_query()
+    usual = select(query, providers=[make_provider("p")], drones=drones).shortlist.drone_ids
+    (last,) = {drone.drone_id for drone in drones} - set(usual)
+
+    kept = query.model_copy(update={"kept_drone_ids": (last,)})
+    found = select(kept, providers=[make_provider("p")], drones=drones)
+
+    assert found.shortlist.drone_ids == (*usual, last)
+
+
+def test_the_drone_of_a_held_offer_is_not_named_while_it_cannot_fly() -> None:
+    query = make_query().model_copy(update={"kept_drone_ids": ("d",)})
+
+    found = select(
+        query, providers=[make_provider("p")], drones=[make_drone("d", online_until_ms=0)]
+    )
+
+    assert found.shortlist.drone_ids == ()

@@ -119,7 +119,8 @@ class Booker:
         if has_too_many_refusals(delivery.refusals):
             await self._give_up(queued.stored, (), detail="too many drones refused to fly it")
             return
-        if not queued.is_waiting and self.waker.has_waiting(queued.network_id):
+        is_held = delivery.offer is not None and delivery.offer.hold is not None
+        if not (queued.is_waiting or is_held) and self.waker.has_waiting(queued.network_id):
             await self._line_up(queued)
             return
         is_over = self.clock.now() >= queued.give_up_at
@@ -138,6 +139,9 @@ class Booker:
         stored, delivery = queued.stored, queued.delivery
         if booking.outcome == "BOOKED":
             await self._plan(stored, booking.missions)
+            if delivery.offer is not None and delivery.offer.hold is not None:
+                # The other offers of its quote are held no longer.
+                self.waker.note_change(queued.network_id)
         elif booking.outcome == "CLOSED":  # an earlier round gave it up, and died
             await self._give_up(stored, delivery.reasons, detail="no provider can fly it")
         elif infeasible := why_infeasible(delivery.offer, booking, candidates):

@@ -11,16 +11,21 @@ from typing import Final, Never
 
 from skyway.announced_networks import CachedNetworks
 from skyway.contracts.drone_report import Connection
+from skyway.contracts.offer_hold import HOLD_GRACE_S
 from skyway.ids import NetworkId, StationId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.loops import Wake
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
 from skyway_gateway.deliveries.booking.waiting_store import waiting_networks, wake_first
+from skyway_gateway.quotes.store import has_hold_ended
 
 #: Shortest and longest wait for the next try, wall time.
 _SHORTEST: Final = timedelta(seconds=0.5)
 _LONGEST: Final = timedelta(seconds=10)
+
+#: Composition holds an offer so much longer than its quote says.
+_GRACE: Final = timedelta(seconds=HOLD_GRACE_S)
 
 
 def next_try_at(*, woken_at: datetime, now: datetime) -> datetime:
@@ -45,6 +50,7 @@ class Waker:
         self._queued = queued
         self._changed = set[NetworkId | None]()
         self._waiting = frozenset[NetworkId | None]()
+        self._holds_seen_until: datetime | None = None
 
     def note_change_around(self, station_id: StationId) -> None:
         """Note a change that may help requests in the network of this station."""
@@ -68,6 +74,8 @@ class Waker:
         changed, self._changed = self._changed, set()
         try:
             self._waiting = await waiting_networks(self._db)
+            if self._waiting and await self._has_hold_ended():
+                changed.add(None)
             for network_id in changed if self._waiting else ():
                 if await wake_first(self._db, network_id, wall_at=self._clock.wall_now()):
                     self._queued.set()
@@ -75,6 +83,13 @@ class Waker:
             self._changed |= changed
             raise
         return False
+
+    async def _has_hold_ended(self) -> bool:
+        """Whether offers have stopped being held since the last look: their drones are free."""
+        until = self._clock.wall_now() - _GRACE
+        after, self._holds_seen_until = self._holds_seen_until or until - _LONGEST, until
+        async with self._db.read() as connection:
+            return await has_hold_ended(connection, after=after, until=until)
 
     async def follow(self, connections: AsyncIterator[list[Received[Connection]]]) -> Never:
         """Note each batch in which a drone came online, for ever."""

@@ -6,22 +6,23 @@ The row is the queue: once it is written, booking finds it, even if this process
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import Field
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.delivery_event_data import Custodian
-from skyway.contracts.mission import OfferLimits
+from skyway.contracts.mission import OfferHold, OfferLimits
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import SkywayError
 from skyway.geo import Position
 from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.idempotency.once import Answer, once
+from skyway.runtime.idempotency.once import Answer, answered_before, once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.claims import FREE
 from skyway.runtime.sql.database import Database, Tx
@@ -38,7 +39,8 @@ from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.notifications.record_events import Happening
 from skyway_gateway.quotes.accept_offer import accept_offer
 from skyway_gateway.quotes.check_request import CheckedRequest, RequestChecks
-from skyway_gateway.quotes.store import one_of
+from skyway_gateway.quotes.keep_offer import OfferKeeper
+from skyway_gateway.quotes.store import hold_of, one_of
 
 
 class OfferChoice(JsonModel):
@@ -90,12 +92,28 @@ def new_delivery(
     )
 
 
+_ROUTE: Final = "POST /v1/deliveries"
+
+
+@dataclass(frozen=True, slots=True)
+class _Checked:
+    """A request that may be accepted, and what composition holds for its offer.
+
+    A hold that `is_new` was made for this call, not for the quote.
+    """
+
+    request: CheckedRequest
+    hold: OfferHold | None = None
+    is_new: bool = False
+
+
 @dataclass(frozen=True, slots=True)
 class Acceptance:
     """Accepts requests and hands them to the booking loop."""
 
     db: Database
     checks: RequestChecks
+    keeper: OfferKeeper
     writer: DeliveryWriter
     clock: FleetClock
     mint: Mint
@@ -119,49 +137,86 @@ class Acceptance:
         NotFound
             There is no such quote or offer, or it is not the caller's.
         Conflict
-            QUOTE_TAKEN, QUOTE_EXPIRED: the offer can no longer be accepted.
+            QUOTE_TAKEN, QUOTE_EXPIRED: the offer can no longer be accepted. OFFER_LOST: its drone
+            or pads are gone; nothing is written.
         ServiceUnavailable
-            Composition does not answer now, and never said whether the stations exist.
+            Composition does not answer now, and never said whether the stations exist. For an
+            offer: registry or composition do not answer now.
         """
+        if isinstance(requested, OfferChoice):
+            # A repeated call must not hold other drones.
+            before = await answered_before(
+                self.db,
+                caller=str(caller),
+                route=_ROUTE,
+                key=idempotency_key,
+                body=body,
+                clock=self.clock,
+            )
+            if before is not None:
+                return before
         try:
-            checked: CheckedRequest | SkywayError = await self._check(caller, requested)
+            checked: _Checked | SkywayError = await self._check(caller, requested)
         except SkywayError as refusal:
             # First look whether this call was accepted before: a deadline that has passed
             # meanwhile, or a service that is away, must not change that answer.
             checked = refusal
+        written: list[DeliveryId] = []
 
         async def write(tx: Tx) -> Answer:
             delivery = await self._write(
                 tx, caller, requested, checked, has_key=idempotency_key is not None
             )
+            tx.after_commit(lambda: written.append(delivery.delivery_id))
             location = {"Location": f"/v1/deliveries/{delivery.delivery_id}"}
             return Answer(202, delivery.model_dump_json().encode(), location)
 
-        return await once(
-            self.db,
-            caller=str(caller),
-            route="POST /v1/deliveries",
-            key=idempotency_key,
-            body=body,
-            act=write,
-            clock=self.clock,
-        )
+        try:
+            answer = await once(
+                self.db,
+                caller=str(caller),
+                route=_ROUTE,
+                key=idempotency_key,
+                body=body,
+                act=write,
+                clock=self.clock,
+            )
+        except (Conflict, NotFound):
+            await self._release(checked)
+            raise
+        if not written:
+            await self._release(checked)
+        return answer
 
-    async def _check(
-        self, caller: Caller, requested: DeliveryRequest | OfferChoice
-    ) -> CheckedRequest:
+    async def _check(self, caller: Caller, requested: DeliveryRequest | OfferChoice) -> _Checked:
         if isinstance(requested, DeliveryRequest):
-            return await self.checks.check(requested)
+            return _Checked(await self.checks.check(requested))
         async with self.db.read() as connection:
             quote = await one_of(connection, caller, requested.quote_id)
-        return await self.checks.check(quote.request)
+            hold_id = await hold_of(connection, requested.quote_id)
+        checked = await self.checks.check(quote.request)
+        if self._books_later(quote.request, self.clock.now()) is not None:
+            return _Checked(checked)
+        hold = await self.keeper.keep(
+            caller, quote, requested.offer_id, checked=checked, hold_id=hold_id
+        )
+        is_new = hold is not None and hold.hold_id != hold_id
+        return _Checked(checked, hold, is_new=is_new)
+
+    async def _release(self, checked: _Checked | SkywayError) -> None:
+        """Give up what was held for an offer that was not accepted after all.
+
+        The hold of a quote stays: another call may have accepted one of its offers.
+        """
+        if isinstance(checked, _Checked) and checked.is_new and checked.hold is not None:
+            await self.keeper.release(checked.hold)
 
     async def _write(
         self,
         tx: Tx,
         caller: Caller,
         requested: DeliveryRequest | OfferChoice,
-        checked: CheckedRequest | SkywayError,
+        checked: _Checked | SkywayError,
         *,
         has_key: bool,
     ) -> Delivery:
@@ -174,6 +229,7 @@ class Acceptance:
                 requested.quote_id,
                 requested.offer_id,
                 delivery_id=delivery_id,
+                hold=None if isinstance(checked, SkywayError) else checked.hold,
                 wall_now=self.clock.wall_now(),
             )
             offer = chosen.limits
@@ -182,13 +238,13 @@ class Acceptance:
         delivery = new_delivery(
             delivery_id,
             customer_id=SubjectId(caller.subject_id),
-            request=checked.request,
+            request=checked.request.request,
             offer=offer,
-            reasons=checked.reasons,
-            is_scheduled=self._books_later(checked.request, now) is not None,
+            reasons=checked.request.reasons,
+            is_scheduled=self._books_later(checked.request.request, now) is not None,
             at=now,
         )
-        self._add(tx, delivery, checked.pickup_position, has_key=has_key)
+        self._add(tx, delivery, checked.request.pickup_position, has_key=has_key)
         return delivery
 
     def _add(self, tx: Tx, delivery: Delivery, pickup: Position, *, has_key: bool) -> None:

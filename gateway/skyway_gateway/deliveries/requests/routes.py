@@ -38,7 +38,10 @@ def delivery_routes(*, gate: KeyGate, acceptance: Acceptance) -> ServiceRouter:
         "/v1/deliveries",
         status_code=202,
         response_model=Delivery,
-        responses={**NOT_FOUND, **conflicts("NO_NETWORK", "QUOTE_EXPIRED", "QUOTE_TAKEN")},
+        responses={
+            **NOT_FOUND,
+            **conflicts("NO_NETWORK", "OFFER_LOST", "QUOTE_EXPIRED", "QUOTE_TAKEN"),
+        },
     )
     async def create_delivery(
         request: Request,

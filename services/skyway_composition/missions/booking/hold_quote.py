@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final
 
+from skyway.contracts.offer_hold import HOLD_GRACE_S
 from skyway.contracts.quote import HoldTerms, QuoteAnswer, QuoteQuery
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import Conflict, RowRefused
@@ -29,10 +30,6 @@ MOST_HELD_OFFERS: Final = 3
 
 #: Rounds in which others may be faster, before a quote is answered without a hold.
 _MOST_ROUNDS: Final = 3
-
-#: Wall seconds for which composition holds longer than it says, so that an offer that is accepted
-#: at its last moment is still held when composition is asked to keep it.
-_GRACE_S: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +78,7 @@ class HeldQuotes:
         offers = await self.quotes.plan(query, world, engaged, begins_ms=begins_ms)
         if not offers.ranked:
             return answer_of(query, world, offers)
-        until_ms = self._now_ms() + self._fleet_ms(terms.life_s + _GRACE_S)
+        until_ms = self._now_ms() + self._fleet_ms(terms.life_s + HOLD_GRACE_S)
         held = _held(offers, world, engaged)
         try:
             async with self.db.write() as tx:
@@ -102,7 +99,7 @@ class HeldQuotes:
                 return slot
         if not slots:
             raise Conflict("TOO_MANY_HOLDS", f"the limit is {terms.most} quotes")
-        first_ms = min(slots.values()) - self._fleet_ms(_GRACE_S)
+        first_ms = min(slots.values()) - self._fleet_ms(HOLD_GRACE_S)
         wait_s = (first_ms - self._now_ms()) / 1000 / self.clock.rate
         expires_at = self.clock.wall_now() + timedelta(seconds=max(0.0, wait_s))
         raise Conflict(

@@ -83,8 +83,8 @@ def with_hold_loss(booking: Booking, loss: HoldLoss) -> Booking:
 
 _LOSSES: Final[Mapping[HoldLoss, str]] = {
     "EXPIRED": "the hold of the offer expired before the booking reached composition",
-    "NETWORK_CHANGED": "the network or its closures changed after the offer was accepted",
-    "CALENDAR_CHANGED": "the missions before it in its drone's calendar changed after acceptance",
-    "DRONE_NOT_FREE": "its drone reported another mission or a landing in the open",
-    "REQUEST_CHANGED": "packages of the request were cancelled after acceptance",
+    "NETWORK_CHANGED": "the network or its closures changed while the offer was held",
+    "CALENDAR_CHANGED": "its drone's calendar changed while the offer was held",
+    "DRONE_NOT_FREE": "its drone is not free, or can no longer fly it",
+    "REQUEST_CHANGED": "packages of the request were cancelled while the offer was held",
 }

@@ -37,6 +37,7 @@ async def test_an_accepted_offer_is_booked_within_its_limits(
         "provider_id": offer["provider_id"],
         "price": offer["price"],
         "within_s": offer["delivery_time_s"],
+        "hold": {"hold_id": gateway.composition.kept[0].hold_id, "number": 0},
     }
     await gateway.book_next()
     assert (await gateway.get(delivery["delivery_id"]))["state"] == "PLANNED"
