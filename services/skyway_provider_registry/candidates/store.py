@@ -14,6 +14,7 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvider
 from skyway_provider_registry.change_store import ONLY_ROW, ChangeMarks
 from skyway_provider_registry.presence.drone_presence import SILENCE
+from skyway_provider_registry.presence.mission_hint_store import IS_LAST_MISSION, LAST_MISSION
 from skyway_provider_registry.providers import store as providers
 from skyway_provider_registry.tables import changes, drones, mission_hints, presence
 
@@ -29,17 +30,6 @@ _own_mission_is_over = exists().where(
     mission_hints.c.mission_id == presence.c.mission_id, mission_hints.c.is_live.is_(False)
 )
 _is_busy = or_(_has_live_mission, presence.c.mission_id.is_not(None) & ~_own_mission_is_over)
-
-_waiting = mission_hints.c.mission_state == literal_column("'QUEUED'")
-#: The mission of the drone that ends last, of those that are not over.
-_last_mission = (
-    select(mission_hints.c.mission_id)
-    .where(mission_hints.c.drone_id == drones.c.drone_id, or_(mission_hints.c.is_live, _waiting))
-    .order_by(mission_hints.c.free_ms.desc().nulls_first(), mission_hints.c.mission_id.desc())
-    .limit(literal_column("1"))
-    .scalar_subquery()
-)
-_last: Final = mission_hints.alias("last_mission")
 
 _columns: Final = (
     drones.c.drone_id,
@@ -59,13 +49,13 @@ _columns: Final = (
     presence.c.latitude_deg,
     presence.c.soc,
     _is_busy.label("is_busy"),
-    _last.c.free_ms,
-    _last.c.free_station_id,
-    _last.c.free_soc,
+    LAST_MISSION.c.free_ms,
+    LAST_MISSION.c.free_station_id,
+    LAST_MISSION.c.free_soc,
 )
 _drones_with_presence: Final = drones.join(
     presence, presence.c.drone_id == drones.c.drone_id
-).outerjoin(_last, _last.c.mission_id == _last_mission)
+).outerjoin(LAST_MISSION, IS_LAST_MISSION)
 _EVERY_DRONE: Final = select(*_columns).select_from(_drones_with_presence)
 #: PostgreSQL expects few rows from a range with two ends. From an open range it expects a third of
 #: the table, and then it reads all mission hints.

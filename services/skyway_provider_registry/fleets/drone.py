@@ -8,6 +8,7 @@ from pydantic import AwareDatetime, Field, field_validator
 from skyway.contracts.candidate import Standby
 from skyway.contracts.drone_health import ActiveFailsafe, DroneHealth, Fault
 from skyway.contracts.message import Soc
+from skyway.contracts.mission_reports import FreeFrom
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, DroneModelId, MissionId, ProviderId, StationId
@@ -182,6 +183,13 @@ class Drone(JsonModel):
     position: Annotated[Position | None, Field(description="last longitude and latitude, degrees")]
     activity: Annotated[Activity | None, Field(description="what the drone does now")]
     mission_id: Annotated[MissionId | None, Field(description="the mission it is reserved for")]
+    free_from: Annotated[
+        FreeFrom | None,
+        Field(
+            description="when, where and with what charge it can begin another mission after all "
+            "its missions; a moment that has passed means now; null without missions, or if unknown"
+        ),
+    ]
     health: Annotated[DroneHealth | None, Field(description="what the drone reports of itself")]
     faults: Annotated[tuple[Fault, ...], Field(description="faults that are present now")]
     failsafe: Annotated[

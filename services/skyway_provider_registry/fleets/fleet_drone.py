@@ -5,6 +5,7 @@ from datetime import datetime
 from typing import Any
 
 from skyway.contracts.candidate import Standby
+from skyway.contracts.mission_reports import FreeFrom
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
@@ -37,6 +38,7 @@ class FleetDrone:
     is_in_maintenance: bool
     created_at: datetime
     presence: Presence
+    free_from: FreeFrom | None = None
 
     def state(self, wall_now: datetime) -> DroneStateName:
         """Its state at this moment of wall time."""
@@ -74,6 +76,7 @@ class FleetDrone:
             "position": position,
             "activity": reported.activity if reported else None,
             "mission_id": self.presence.mission_id,
+            "free_from": self.free_from,
             "health": condition.health,
             "faults": condition.faults,
             "failsafe": condition.failsafe,

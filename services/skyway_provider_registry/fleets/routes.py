@@ -135,14 +135,20 @@ def fleet_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetCloc
 
     @router.get("/v1/stats/fleets")
     async def get_fleet_statistics(caller: Annotated[Caller, Depends(gate)]) -> FleetStatistics:
-        """Count the drones in each state, and measure how late their messages arrive."""
+        """Count the drones in each state, and measure how late their messages arrive.
+
+        Also shows when the next busy drone is free.
+        """
         caller.must_be("provider", "operator")
         provider_id = ProviderId(caller.subject_id) if caller.role == "provider" else None
-        since_ms = moment_to_ms(clock.wall_now() - SILENCE)
+        now, since_ms = clock.now(), moment_to_ms(clock.wall_now() - SILENCE)
         async with db.read() as connection:
             rows = await statistics_store.groups(
                 connection, provider_id, received_since_wall_ms=since_ms
             )
-        return totals(rows, at=clock.now(), rate=clock.rate)
+            next_free_ms = await statistics_store.next_free_ms(
+                connection, provider_id, now_ms=moment_to_ms(now)
+            )
+        return totals(rows, at=now, rate=clock.rate, next_free_ms=next_free_ms)
 
     return router

@@ -13,7 +13,9 @@ from skyway.contracts.message import FleetMoment
 from skyway.ids import ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.sql.connection import AnyRow
+from skyway.units import ms_to_moment
 from skyway_provider_registry.fleets.drone import DroneStateName, state_named
+from skyway_provider_registry.presence.mission_hint_store import IS_LAST_MISSION, LAST_MISSION
 from skyway_provider_registry.presence.store import PRESENCE
 from skyway_provider_registry.tables import drones
 
@@ -39,6 +41,13 @@ class FleetStatistics(JsonModel):
     by_state: Annotated[
         dict[DroneStateName, int], Field(description="number of drones in each state")
     ]
+    next_free_at: Annotated[
+        FleetMoment | None,
+        Field(
+            description="the next moment at which a busy drone can begin another mission, fleet "
+            "time; null if no drone is busy, or if unknown"
+        ),
+    ]
     states: Annotated[
         int, Field(description="state messages that drones sent in their present sessions")
     ]
@@ -55,7 +64,9 @@ class FleetStatistics(JsonModel):
     ]
 
 
-def totals(rows: Sequence[Any], *, at: datetime, rate: float) -> FleetStatistics:
+def totals(
+    rows: Sequence[Any], *, at: datetime, rate: float, next_free_ms: int | None
+) -> FleetStatistics:
     """The statistics of these groups of drones. Any: rows of a query."""
     by_state: Counter[DroneStateName] = Counter()
     for row in rows:
@@ -68,6 +79,7 @@ def totals(rows: Sequence[Any], *, at: datetime, rate: float) -> FleetStatistics
         at=at,
         drones=sum(by_state.values()),
         by_state=dict(sorted(by_state.items())),
+        next_free_at=None if next_free_ms is None else ms_to_moment(next_free_ms),
         states=sum(int(row.states) for row in rows),
         samples=sum(int(row.samples) for row in rows),
         lag_mean_s=late_ms / received / 1000 / rate if received else None,
@@ -134,6 +146,21 @@ async def groups(
         .group_by(*columns)
     )
     return (await connection.execute(query)).all()
+
+
+async def next_free_ms(
+    connection: AsyncConnection, provider_id: ProviderId | None, *, now_ms: int
+) -> int | None:
+    """The next moment at which a drone that has missions is free after all of them, if known."""
+    query = (
+        select(func.min(LAST_MISSION.c.free_ms))
+        .join_from(drones, LAST_MISSION, IS_LAST_MISSION)
+        .where(LAST_MISSION.c.free_ms > now_ms)
+    )
+    if provider_id is not None:
+        query = query.where(drones.c.provider_id == provider_id)
+    found: int | None = (await connection.execute(query)).scalar()
+    return found
 
 
 def _sum_of_positive(column: ColumnElement[int]) -> ColumnElement[int]:

@@ -18,6 +18,11 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.change_store import mark_removal
 from skyway_provider_registry.fleets import drone_model_store as drone_models
 from skyway_provider_registry.fleets.fleet_drone import FleetDrone
+from skyway_provider_registry.presence.mission_hint_store import (
+    IS_LAST_MISSION,
+    LAST_MISSION,
+    free_from_of,
+)
 from skyway_provider_registry.presence.store import PRESENCE, presence_of, touch
 from skyway_provider_registry.providers.store import owned
 from skyway_provider_registry.tables import drones
@@ -26,8 +31,11 @@ from skyway_provider_registry.tables import drones
 _CHUNK: Final = 500
 
 _presence = PRESENCE.subquery("drone_presence")
-_fleet = select(drones, *(c for c in _presence.c if c.name != "drone_id")).join_from(
-    drones, _presence, _presence.c.drone_id == drones.c.drone_id
+_free = tuple(LAST_MISSION.c[name] for name in ("free_ms", "free_station_id", "free_soc"))
+_fleet = (
+    select(drones, *(c for c in _presence.c if c.name != "drone_id"), *_free)
+    .join_from(drones, _presence, _presence.c.drone_id == drones.c.drone_id)
+    .outerjoin(LAST_MISSION, IS_LAST_MISSION)
 )
 
 
@@ -184,4 +192,5 @@ def _drone(row: AnyRow, models: Mapping[DroneModelId, DroneModel]) -> FleetDrone
         is_in_maintenance=row.is_in_maintenance,
         created_at=ms_to_moment(row.created_ms),
         presence=presence_of(row),
+        free_from=free_from_of(row),
     )

@@ -4,16 +4,29 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Final
 
-from sqlalchemy import BigInteger, Insert, Text, bindparam, delete, or_, select
+from sqlalchemy import BigInteger, Insert, Text, bindparam, delete, literal_column, or_, select
 from sqlalchemy.dialects import postgresql
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.mission_reports import FreeFrom, MissionReport
+from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
-from skyway.units import moment_to_ms
+from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.presence.store import TOUCH
 from skyway_provider_registry.tables import drones, mission_hints
+
+_waiting = mission_hints.c.mission_state == literal_column("'QUEUED'")
+_last_of_drone = (
+    select(mission_hints.c.mission_id)
+    .where(mission_hints.c.drone_id == drones.c.drone_id, or_(mission_hints.c.is_live, _waiting))
+    .order_by(mission_hints.c.free_ms.desc().nulls_first(), mission_hints.c.mission_id.desc())
+    .limit(literal_column("1"))
+    .scalar_subquery()
+)
+#: The mission of a drone that ends last, of those that are not over. A query over drones joins it.
+LAST_MISSION: Final = mission_hints.alias("last_mission")
+IS_LAST_MISSION: Final = LAST_MISSION.c.mission_id == _last_of_drone
 
 _FREE_COLUMNS: Final = ("free_ms", "free_station_id", "free_soc")
 
@@ -47,6 +60,13 @@ async def store_reports(tx: Tx, reports: Sequence[MissionReport], *, wall_at: da
     ended = [{"about": row["about"], "before_ms": before_ms} for row in rows if not row["is_live"]]
     if ended:
         await tx.execute(_DELETE_OLD, ended)
+
+
+def free_from_of(row: AnyRow) -> FreeFrom | None:
+    """When and where the drone of a row of `LAST_MISSION` can begin another mission."""
+    if row.free_ms is None:
+        return None
+    return FreeFrom(at=ms_to_moment(row.free_ms), station_id=row.free_station_id, soc=row.free_soc)
 
 
 def _free(free_from: FreeFrom | None) -> dict[str, object]:

@@ -1,7 +1,7 @@
 """Reads the numbers for `skyway top`: a few small answers of the gateway each second."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Final, Self
@@ -31,6 +31,10 @@ class Picture:
     drones: Mapping[str, int]
     missions: Mapping[str, int]
     deliveries: Mapping[str, int]
+    #: Requests that wait for a drone, by how long they have waited.
+    waiting: Mapping[str, int]
+    #: When the next busy drone can begin another mission; None if that is not known.
+    next_free_at: str | None
     alarms: tuple[Alarm, ...]
     lag_mean_s: float | None
     lag_max_s: float | None
@@ -84,6 +88,7 @@ class TopReader:
             transport=transport,
         )
         self._deliveries: Mapping[str, int] = {}
+        self._waiting: Mapping[str, int] = {}
         self._deliveries_due_s = 0.0
         self._before: MessageCounts | None = None
 
@@ -111,13 +116,16 @@ class TopReader:
         counts = MessageCounts(time.monotonic(), states=fleets["states"], samples=fleets["samples"])
         before, self._before = self._before, counts
         missions = self._ask("/v1/stats/missions").json()
+        self._read_deliveries()
         alarms = self._ask(f"/v1/alarms?state=OPEN&limit={_ALARMS}").json()["items"]
         return Picture(
             url=self._url,
             at=fleets["at"],
             drones=fleets["by_state"],
             missions=missions["by_state"],
-            deliveries=self._read_deliveries(),
+            deliveries=self._deliveries,
+            waiting=self._waiting,
+            next_free_at=fleets["next_free_at"],
             alarms=tuple(_alarm(alarm) for alarm in alarms),
             lag_mean_s=fleets["lag_mean_s"],
             lag_max_s=fleets["lag_max_s"],
@@ -127,12 +135,14 @@ class TopReader:
             unsent=missions["unsent"],
         )
 
-    def _read_deliveries(self) -> Mapping[str, int]:
+    def _read_deliveries(self) -> None:
+        """Read deliveries and waiting requests again if they were read long ago."""
         now_s = time.monotonic()
         if now_s >= self._deliveries_due_s:
-            self._deliveries = self._ask("/v1/stats/deliveries").json()["by_state"]
+            found = self._ask("/v1/stats/deliveries").json()
+            self._deliveries = found["by_state"]
+            self._waiting = _by_age(found["waiting"]["by_age"])
             self._deliveries_due_s = now_s + _DELIVERIES_EVERY_S
-        return self._deliveries
 
     def _ask(self, path: str) -> httpx.Response:
         try:
@@ -143,6 +153,18 @@ class TopReader:
         if not answer.is_success:
             raise NoAnswer(f"GET {path} was answered {answer.status_code}: {answer.text}")
         return answer
+
+
+def _by_age(ages: Sequence[Mapping[str, Any]]) -> Mapping[str, int]:  # ages as JSON
+    """The number of requests of each age, in words; the last age has no end."""
+    words, longest_min = {}, 0.0
+    for age in ages:
+        if age["up_to_s"] is not None:
+            longest_min = age["up_to_s"] / 60
+            words[f"up to {longest_min:g} min"] = age["requests"]
+        else:
+            words[f"over {longest_min:g} min"] = age["requests"]
+    return words
 
 
 def _alarm(row: Mapping[str, Any]) -> Alarm:  # an alarm as JSON

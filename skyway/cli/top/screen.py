@@ -72,10 +72,13 @@ class TopScreen:
         heading = Text.assemble(
             ("Skyway ", "bold"), f"{picture.url}  fleet time {_clock(picture.at)}"
         )
+        if picture.next_free_at is not None:
+            heading.append(f"  next busy drone free {_clock(picture.next_free_at)}")
         counts = {
             "drones": picture.drones,
             "missions": picture.missions,
             "deliveries, 24 h": picture.deliveries,
+            "requests that wait": picture.waiting,
         }
         tables = [_count_table(name, counted) for name, counted in counts.items()]
         return Group(
@@ -91,7 +94,7 @@ def _count_table(name: str, counted: Mapping[str, int]) -> Table:
     table = Table(box=None, header_style="bold", padding=(0, 1))
     table.add_column(name)
     table.add_column(f"{sum(counted.values()):,}", justify="right")
-    order = _ORDERS[name]
+    order = _ORDERS.get(name, tuple(counted))
     for state in (*order, *sorted(counted.keys() - set(order))):
         if counted.get(state):
             table.add_row(state, f"{counted[state]:,}")

@@ -207,3 +207,50 @@ async def test_only_services_may_report(api: Any, drone: dict[str, Any]) -> None
     )
 
     assert answer.status_code == 403
+
+
+def free_from(at: str, station_id: str = "seguin") -> dict[str, object]:
+    return {"at": at, "station_id": station_id, "soc": 0.5}
+
+
+async def test_a_drone_shows_when_it_is_free_after_all_its_missions(
+    api: Any, drone: dict[str, Any]
+) -> None:
+    first, last = free_from("2026-03-01T15:00:00Z", "kyle"), free_from("2026-03-01T18:00:00Z")
+    queued = {"mission_id": "msn_2", "kind": "QUEUED", "mission_state": "QUEUED"}
+    path = f"/v1/providers/{drone['provider_id']}/drones/{drone['drone_id']}"
+    shown = []
+    for report in (
+        make_report(drone, 1),
+        make_report(drone, 2, **{**ACTIVE, "free_from": first}),
+        make_report(drone, 1, **{**queued, "free_from": last}),
+        make_report(drone, 3, **ENDED),
+    ):
+        await report_to(api, report)
+        answer = await api(f"provider:{drone['provider_id']}", "GET", path)
+        shown.append(answer.json()["free_from"])
+
+    assert shown == [None, first, last, last]
+
+
+async def test_the_next_busy_drone_that_is_free_is_shown(api: Any) -> None:
+    mine, other = await api.provider(), await api.provider()
+    # The clock shows 12:00: the first of these moments has passed.
+    for provider_id, hour in ((mine, 11), (mine, 16), (mine, 15), (other, 14)):
+        made = await api.drone(provider_id)
+        free = free_from(f"2026-03-01T{hour}:00:00Z")
+        members = {"mission_id": f"msn_{hour}", "free_from": free}
+        await report_to(api, make_report(made, 1, **members))
+
+    found = [
+        (await api(caller, "GET", "/v1/stats/fleets")).json()["next_free_at"]
+        for caller in ("operator:op", f"provider:{mine}")
+    ]
+
+    assert found == ["2026-03-01T14:00:00Z", "2026-03-01T15:00:00Z"]
+
+
+async def test_no_moment_is_shown_when_no_drone_is_busy(api: Any, drone: dict[str, Any]) -> None:
+    found = (await api("operator:op", "GET", "/v1/stats/fleets")).json()
+
+    assert (found["drones"], found["next_free_at"]) == (1, None)

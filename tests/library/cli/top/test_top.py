@@ -54,6 +54,7 @@ class Gateway:
                 "at": "2026-03-01T12:35:00Z",
                 "drones": 1_040,
                 "by_state": {"AVAILABLE": 1_039, "GROUNDED": 1},
+                "next_free_at": "2026-03-01T13:02:40Z",
                 "states": self.states,
                 "samples": 50,
                 "lag_mean_s": 0.25,
@@ -62,7 +63,12 @@ class Gateway:
         return {
             "/v1/stats/missions": {"by_state": {"ACTIVE": 24}, "unsent": {"mqtt": 5}},
             "/v1/alarms": {"items": [ALARM], "next_cursor": None},
-            "/v1/stats/deliveries": {"by_state": {"COMPLETED": 17}},
+            "/v1/stats/deliveries": {
+                "by_state": {"COMPLETED": 17},
+                "waiting": {
+                    "by_age": [{"up_to_s": 60, "requests": 6}, {"up_to_s": None, "requests": 2}]
+                },
+            },
         }[path]
 
 
@@ -95,6 +101,8 @@ def test_all_numbers_are_on_the_screen(printed: Callable[[], str]) -> None:
     for words in ("0.25 s", "1.50 s", "CRITICAL", "FORCED_LANDING", "drn_01m7zr11rd", "12:34:56"):
         assert words in screen
     assert "waiting to leave, mqtt" in screen
+    for words in ("next busy drone free 13:02:40", "up to 1 min", "over 1 min"):
+        assert words in screen
 
 
 def test_an_alarm_can_be_read_on_a_narrow_screen(reader: TopReader) -> None:
