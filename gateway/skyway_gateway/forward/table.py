@@ -111,6 +111,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded("GET", "/v1/missions", "composition", _FLEETS_OR_DRONE),
     Forwarded("GET", "/v1/missions/{mission_id}", "composition", _FLEETS_OR_DRONE),
     Forwarded("GET", "/v1/drones/{drone_id}/schedule", "composition", _FLEETS),
+    Forwarded("GET", "/v1/stations/{station_id}/schedule", "composition", _ANY),
     Forwarded("GET", "/v1/providers/{provider_id}/schedule", "composition", _FLEETS),
     Forwarded("POST", "/v1/missions/{mission_id}/loading", "composition", _FLEETS),
     Forwarded("POST", "/v1/missions/{mission_id}/commands", "composition", _OPERATOR),

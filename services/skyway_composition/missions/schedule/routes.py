@@ -1,11 +1,11 @@
 """Schedules over REST: operators see those of all drones, a provider those of its own."""
 
 from collections import defaultdict
-from typing import Annotated
+from typing import Annotated, Final
 
 from fastapi import Depends, Query
 
-from skyway.ids import DroneId, ProviderId
+from skyway.ids import DroneId, ProviderId, StationId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller, ServiceGate
@@ -21,12 +21,46 @@ from skyway_composition.missions.schedule.schedule import (
     ProviderSchedule,
     schedule_of,
 )
-from skyway_composition.missions.schedule.schedule_query import ScheduleQuery
+from skyway_composition.missions.schedule.schedule_query import FutureSpanQuery, ScheduleQuery
+from skyway_composition.missions.schedule.station_schedule import (
+    StationSchedule,
+    station_schedule,
+)
+from skyway_composition.pads.store import pads_of, reservations_of
+
+#: More than a station's pads can hold in the time that missions are booked ahead.
+_MOST_RESERVATIONS: Final = 10_000
 
 
 def schedule_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
-    """GET /v1/drones/{drone_id}/schedule and /v1/providers/{provider_id}/schedule."""
+    """GET .../schedule of a drone, of a provider and of a station."""
     router = ServiceRouter(tags=("missions",))
+
+    @router.get("/v1/stations/{station_id}/schedule")
+    async def get_station_schedule(
+        station_id: StationId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[FutureSpanQuery, Query()],
+    ) -> StationSchedule:
+        """Show the reservations of a station's pads in a span that are not over."""
+        caller.must_be("customer", "provider", "operator", "service")
+        now = clock.now()
+        span = query.span(now)
+        async with db.read() as connection:
+            pads = await pads_of(connection, station_id)
+            if pads is None:
+                raise NotFound("station", station_id)
+            reservations = await reservations_of(
+                connection,
+                station_id,
+                ending_after_ms=moment_to_ms(now),
+                after=None,
+                limit=_MOST_RESERVATIONS,
+            )
+        shows_missions = caller.role == "operator"
+        return station_schedule(
+            station_id, pads, reservations, span=span, shows_missions=shows_missions
+        )
 
     @router.get("/v1/drones/{drone_id}/schedule")
     async def get_drone_schedule(

@@ -1,4 +1,4 @@
-"""The span of fleet time that a provider's schedule shows."""
+"""The span of fleet time that a schedule shows."""
 
 from datetime import datetime, timedelta
 from typing import Annotated, Final
@@ -8,6 +8,7 @@ from pydantic import Field
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.statistics import Span
 from skyway.errors import InvalidInput
+from skyway.json_model import JsonModel
 from skyway.runtime.http.paging import PageQuery
 from skyway.units import moment_to_ms
 
@@ -15,7 +16,7 @@ from skyway.units import moment_to_ms
 LONGEST_SPAN: Final = timedelta(days=31)
 
 
-class ScheduleQuery(PageQuery):
+class FutureSpanQuery(JsonModel):
     """``?from=&to=``: from now on, and 31 days, unless said otherwise."""
 
     from_at: Annotated[
@@ -54,3 +55,7 @@ class ScheduleQuery(PageQuery):
                 "to", f"the span is {days:.1f} days long; the limit is {LONGEST_SPAN.days} days"
             )
         return Span(moment_to_ms(from_at), moment_to_ms(to_at))
+
+
+class ScheduleQuery(FutureSpanQuery, PageQuery):
+    """A span, and a page of the drones that have missions in it."""

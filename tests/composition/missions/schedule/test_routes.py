@@ -130,6 +130,40 @@ async def test_a_mission_that_is_over_ends_when_its_last_step_ended(
     assert ended_at - moment(entry["standby"]["until_at"]) < timedelta(milliseconds=1)
 
 
+@pytest.mark.parametrize(("caller", "shows"), [(OPERATOR, True), ("customer:c", False)])
+async def test_a_stations_schedule_lists_the_reservations_of_each_pad(
+    chained: Any, caller: str, shows: bool
+) -> None:
+    reserved = (await shown(chained, "/v1/stations/c/reservations"))["items"]
+    assert reserved
+
+    found = await shown(chained, "/v1/stations/c/schedule", caller)
+
+    listed = [
+        {"station_id": "c", "pad": pad["pad"], **entry}
+        for pad in found["pads"]
+        for entry in pad["entries"]
+    ]
+    expected = [each if shows else {**each, "mission_id": None} for each in reserved]
+    assert sorted(listed, key=str) == sorted(expected, key=str)
+
+
+async def test_a_stations_schedule_shows_the_reservations_of_the_span_only(chained: Any) -> None:
+    (first, *_) = (await shown(chained, "/v1/stations/c/reservations"))["items"]
+
+    span = f"from=2026-03-01T00:00:00Z&to={first['start_at']}"
+    before = await shown(chained, f"/v1/stations/c/schedule?{span}")
+
+    assert [pad["entries"] for pad in before["pads"]] == [[]] * len(before["pads"])
+    assert before["to_at"] == first["start_at"]
+
+
+async def test_an_unknown_station_has_no_schedule(chained: Any) -> None:
+    answer = await chained(OPERATOR, "GET", "/v1/stations/nowhere/schedule")
+
+    assert answer.status_code == 404
+
+
 @pytest.mark.parametrize(
     ("query", "field", "words"),
     [
