@@ -5,11 +5,10 @@ BIN := $(VENV)/bin
 UV := $(shell command -v uv 2>/dev/null)
 # A system is a dozen processes: each would compile anew all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
-# Whole systems mostly wait, so three workers more than cores; what runs where: tests/lanes.py.
-WORKERS := $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 3)))
+CORES := $(shell getconf _NPROCESSORS_ONLN)
 # Beside the kernels, where numba keeps what it compiles: an environment may outlive its checkout.
 COMPILED := skyway/planner/kernels/__pycache__/.compiled
-PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 5 --no-loadscope-reorder
+PYTEST := $(BIN)/python -m pytest --maxprocesses 5 --no-loadscope-reorder
 
 setup: $(COMPILED)
 
@@ -29,15 +28,17 @@ demo: setup
 up: setup
 	@$(BIN)/skyway up
 
+# Whole systems mostly wait, so three workers more than cores; what runs where: tests/lanes.py.
 test: setup
-	@$(PYTEST)
+	@$(PYTEST) -n $$(($(CORES) + 3))
 
-# The import rules are among the unit tests.
+# Everything without brokers, databases and whole systems: about three minutes on two cores.
+# The import rules are among these tests.
 check: setup
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
-	@$(PYTEST) -m "not integration and not end_to_end"
+	@$(PYTEST) -n $(CORES) -m "not integration and not end_to_end"
 
 openapi: setup
 	@$(BIN)/python tools/write_openapi.py
