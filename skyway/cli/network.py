@@ -171,6 +171,7 @@ def _facts(network: Network) -> list[tuple[str, str]]:
         ("stations", str(len(network.stations))),
         ("pads", str(int(columns.pads.sum()))),
         ("parking stations", str(len(columns.parking))),
+        ("stations with opening hours", str(len(network.opening_hours))),
         ("segments (directed)", str(len(network.segments))),
         ("zones", str(len(network.zones))),
     ]

@@ -8,6 +8,7 @@ from skyway.geo import Position, distance_m
 from skyway.ids import StationId, ZoneId
 from skyway.network import fields
 from skyway.network.network import DEFAULT_PADS, MAX_PADS, Segment, Station, Zone
+from skyway.network.opening_hours import HOURS, read_opening_hours
 
 #: Longest segment that a document may hold, metres: half the Earth's circumference, rounded up.
 MAX_SEGMENT_LENGTH_M = 20_100_000.0
@@ -71,6 +72,9 @@ def read_station(feature: Feature) -> Station:
         high=MAX_PADS,
     )
     parking = feature.properties.get("parking", False)
+    if HOURS in feature.properties:
+        # The network keeps them among the properties, and reads them again.
+        read_opening_hours(feature.properties[HOURS], feature.property_path(HOURS))
     return Station(
         station_id=StationId(feature.property_identifier("station_id")),
         position=fields.position(feature.coordinates, f"{feature.path}.geometry.coordinates"),

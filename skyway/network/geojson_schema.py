@@ -3,6 +3,7 @@
 A network may hold a million features, so `read_network` reads the JSON by columns, not by these.
 """
 
+from datetime import date
 from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
@@ -11,6 +12,8 @@ from skyway.geo import Position
 from skyway.ids import StationId, ZoneId
 from skyway.network.geojson_features import MAX_SEGMENT_LENGTH_M
 from skyway.network.network import DEFAULT_PADS, MAX_PADS
+
+Weekday = Literal["mon", "tue", "wed", "thu", "fri", "sat", "sun"]
 
 
 class _Open(BaseModel):
@@ -24,6 +27,30 @@ class StationPoint(_Open):
 
     type: Annotated[Literal["Point"], Field(description="Always Point.")]
     coordinates: Annotated[Position, Field(description="Longitude and latitude in degrees.")]
+
+
+class StationHours(BaseModel):
+    """When a station is open for landings, loading and hand-overs."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    time_zone: Annotated[
+        str, Field(description="The IANA name of the zone of all hours.", examples=["US/Central"])
+    ] = "UTC"
+    weekly: Annotated[
+        dict[Weekday, tuple[str, ...]],
+        Field(
+            description="The spans of each weekday, such as 08:00-17:30; a missing day is closed.",
+            examples=[{"mon": ["08:00-12:00", "13:00-17:30"]}],
+        ),
+    ]
+    exceptions: Annotated[
+        dict[date, tuple[str, ...]],
+        Field(
+            description="Dates with other spans than their weekday; an empty list is closed.",
+            examples=[{"2026-12-25": []}],
+        ),
+    ] = {}
 
 
 class StationProperties(_Open):
@@ -40,6 +67,9 @@ class StationProperties(_Open):
         bool,
         Field(description="Whether idle drones may gather here; then it needs at least one pad."),
     ] = False
+    opening_hours: Annotated[
+        StationHours | None, Field(description="When it is open; always if missing.")
+    ] = None
 
 
 class StationFeature(_Open):

@@ -9,6 +9,7 @@ import numpy as np
 from skyway.errors import InvalidNetwork
 from skyway.ids import StationId
 from skyway.network.columns import Adjacency, Columns, Rows, refuse_contradictions
+from skyway.network.opening_hours import HOURS, OpeningHours, read_opening_hours
 from skyway.network.parts import DEFAULT_PADS, MAX_PADS, Segment, Station, Zone
 from skyway.network.views import SegmentView, StationView
 
@@ -25,7 +26,7 @@ class Network:
     ------
     InvalidNetwork
         A segment names a station that is not there, starts where it ends, or repeats another;
-        a parking station has no pad; or two zones share an id.
+        a parking station has no pad; opening hours are wrong; or two zones share an id.
     """
 
     def __init__(
@@ -58,6 +59,11 @@ class Network:
         self._row_of = {station_id: row for row, station_id in enumerate(columns.station_ids)}
         self._stations = StationView(columns, self._row_of)
         self._leaving: dict[StationId, tuple[Segment, ...]] = {}
+        self._opening_hours = {
+            columns.station_ids[row]: read_opening_hours(each[HOURS], f"stations.{row}.{HOURS}")
+            for row, each in columns.station_properties.items()
+            if HOURS in each
+        }
         if len({zone.zone_id for zone in self._zones}) < len(self._zones):
             raise InvalidNetwork("zones", "two zones share an id")
         refuse_contradictions(columns, self._row_of)
@@ -86,6 +92,11 @@ class Network:
     def zones(self) -> tuple[Zone, ...]:
         """The zones in the order of the document."""
         return self._zones
+
+    @property
+    def opening_hours(self) -> Mapping[StationId, OpeningHours]:
+        """The opening hours of the stations that have some; the others are always open."""
+        return self._opening_hours
 
     @property
     def settings(self) -> Mapping[str, Any]:

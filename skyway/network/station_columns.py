@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from skyway.errors import InvalidNetwork
 from skyway.ids import StationId
 from skyway.network import column_fields
 from skyway.network.column_fields import Doubtful
 from skyway.network.columns import Floats, Rows, parking_without_pads
 from skyway.network.geojson_features import STATION_PROPERTIES
+from skyway.network.opening_hours import HOURS, read_opening_hours
 from skyway.network.parts import DEFAULT_PADS, MAX_PADS
 
 _KNOWN = frozenset(STATION_PROPERTIES)
@@ -69,6 +71,7 @@ class StationColumns:
             if name is not None:
                 self.names[row] = name
         for index, unread in column_fields.unknown_members(properties, _KNOWN).items():
+            _check_hours(unread)
             self.unread[first + index] = unread
 
     def placed(self) -> PlacedStations:
@@ -80,3 +83,12 @@ class StationColumns:
     def pads(self) -> Rows:
         """The pads of each station, ``(n,)``."""
         return np.concatenate(self._pads).astype(np.int32)
+
+
+def _check_hours(properties: Mapping[str, Any]) -> None:
+    """Doubt opening hours with a fault; the network keeps them among the properties."""
+    try:
+        if HOURS in properties:
+            read_opening_hours(properties[HOURS], HOURS)
+    except InvalidNetwork as error:
+        raise Doubtful from error

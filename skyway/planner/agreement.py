@@ -45,6 +45,9 @@ def _of_start(network: Network, start_at: datetime | None) -> Iterator[FieldFaul
             if zone.active_from is not None or zone.active_until is not None:
                 yield FieldFault("start_at", f"is required: zone {zone.zone_id!r} has dates")
                 return
+        for station_id in network.opening_hours:
+            yield FieldFault("start_at", f"is required: station {station_id!r} has opening hours")
+            return
 
 
 def _of_drone(network: Network, drone: DroneAtStart) -> Iterator[FieldFault]:

@@ -9,10 +9,8 @@ from datetime import datetime
 from skyway.ids import StationId
 from skyway.network.network import Zone
 from skyway.planner.airspace import Airspace, SegmentEnds
+from skyway.planner.open_hours import Interval, closed_hours_s
 from skyway.planner.problem import Problem, StationClosure
-
-#: A closed time: from its start until before its end, seconds.
-Interval = tuple[float, float]
 
 #: Seconds by which a drone may leave early because a sum of floats fell short of a closure's end.
 _ROUNDING_S = 1e-9
@@ -36,7 +34,7 @@ class Departure:
 
 
 class Closures:
-    """The closed times of all segments and stations: the zones' and the problem's own, merged."""
+    """The closed times of segments and stations: zones, opening hours and the problem's own."""
 
     def __init__(self, closed: Mapping[SegmentEnds | StationId, Iterable[Interval]]) -> None:
         self._closed = {what: _merged(intervals) for what, intervals in closed.items()}
@@ -57,6 +55,8 @@ class Closures:
                 closed[closure.station_id].append((closure.start_s, end_s))
             else:
                 closed[closure.from_id, closure.to_id].append((closure.start_s, end_s))
+        for station_id in problem.network.opening_hours:
+            closed[station_id].extend(closed_hours_s(problem, station_id))
         return cls(closed)
 
     def intervals(self) -> Mapping[SegmentEnds | StationId, tuple[Interval, ...]]:

@@ -115,13 +115,15 @@ def _closed_at_the_wrong_time(free: Situation, effort: Effort) -> Infeasibility 
     """DESTINATION_UNREACHABLE if there would be a plan with nothing closed."""
     if not free.closures.intervals():
         return None
-    opened = replace(free, closures=Closures({}))
+    opened = replace(free, closures=Closures({}), windows=free.windows.always())
     search = ExactSearch(opened, method=Method())
     if search.run(effort, most_labels=effort.room) is not Ending.PROVEN:
         return None
+    has_hours = bool(free.network.opening_hours)
+    what = "closures, zones and opening hours" if has_hours else "closures and zones"
     return Infeasibility(
         code="DESTINATION_UNREACHABLE",
-        detail="closures and zones leave no way to deliver everything; with nothing closed it "
+        detail=f"{what} leave no way to deliver everything; with nothing closed it "
         f"would take {search.lower_bound_s:.3f} s",
     )
 

@@ -11,12 +11,12 @@ import numpy as np
 from skyway.drone.model import DroneModel
 from skyway.ids import StationId
 from skyway.network.network import Network
-from skyway.planner.closures import Interval
 from skyway.planner.exact_bounds import bounds_of, legs_of
 from skyway.planner.exact_windows import windows_of
 from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.memory import Floats, Ints
 from skyway.planner.kernels.records import Book, Closed, Task
+from skyway.planner.open_hours import Interval
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.situation import Situation
 from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S

@@ -24,18 +24,18 @@ def window_missed(situation: Situation, effort: Effort) -> Infeasibility:
     The windows' ends are added one by one, the earliest first. The first end that leaves no plan
     is named, with the least lateness at which there is a plan.
     """
-    if not all(situation.windows.starts.values()):
-        detail = "the window of loading leaves no time for the packages for the source"
+    if not all(map(situation.windows.starts_at, situation.windows.limits)):
+        detail = "no moment lies in all windows and opening hours of one station"
         return Infeasibility(code="WINDOW_MISSED", detail=detail)
     kept: dict[StationId, float] = {}
     ending = _try(situation, kept, effort)
     if ending is Ending.EXHAUSTED:
-        detail = "closures and zones leave no way to deliver everything after each not_before_s"
+        detail = "what is closed leaves no way to deliver everything after each not_before_s"
         return Infeasibility(code="WINDOW_MISSED", detail=detail)
     ends = sorted(
-        (starts[-1][1], place)
-        for place, starts in situation.windows.starts.items()
-        if starts[-1][1] < math.inf
+        (until_s, place)
+        for place, (_, until_s) in situation.windows.limits.items()
+        if until_s < math.inf
     )
     for until_s, place in ends:
         kept[place] = until_s
@@ -57,8 +57,8 @@ def _detail(situation: Situation, place: StationId, late_s: float | None) -> str
     what = _act(situation, place)
     by = "" if late_s is None else f"; with every pad free it is over {late_s:.0f} s too late"
     is_alone = all(
-        starts == situation.windows.starts[place] or starts[-1][1] == math.inf
-        for starts in situation.windows.starts.values()
+        each == place or until_s == math.inf
+        for each, (_, until_s) in situation.windows.limits.items()
     )
     others = "" if is_alone else ", if the windows that end before are met"
     return f"{what}{others}{by}"
@@ -67,7 +67,7 @@ def _detail(situation: Situation, place: StationId, late_s: float | None) -> str
 def _act(situation: Situation, place: StationId) -> str:
     """The act at this place that cannot be over in time, with the field that limits it."""
     problem = situation.problem
-    until_s = situation.windows.starts[place][-1][1]
+    until_s = situation.windows.limits[place][1]
     latest_s = problem.pickup_latest_s
     if place == problem.source and latest_s is not None and latest_s - problem.loading_s <= until_s:
         return f"loading at {place!r} cannot be over by pickup_latest_s {latest_s:g}"

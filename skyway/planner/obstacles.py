@@ -7,7 +7,7 @@ is not repeated here. It looks at one session or flight at a time.
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Set
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 from skyway.delivery.plan import Fly, Recharge, Step
@@ -104,11 +104,41 @@ class OpenSky:
         for closed in self._closed.get(step.to_id, ()):
             if _meet(touch_s, step.end_s, closed):
                 return f"station {step.to_id!r} is closed from {closed[0]} s"
+        hours = self.closed_by_hours(step.to_id, touch_s, step.end_s)
+        if hours is not None:
+            return hours
         position = self._problem.network.stations[step.to_id].position
         for zone, active in self._zones:
             if _meet(touch_s, step.end_s, active) and contains(zone, position):
                 return f"station {step.to_id!r} lies in zone {zone.zone_id!r}"
         return None
+
+    def closed_by_hours(self, station_id: StationId, start_s: float, end_s: float) -> str | None:
+        """The opening hours that do not cover this time, or None; the tolerance counts."""
+        hours, start_at = (
+            self._problem.network.opening_hours.get(station_id),
+            self._problem.start_at,
+        )
+        if hours is None or start_at is None:
+            return None
+        # Day by day at the station, where the search works out all times at once.
+        at_s, tolerance = start_s, timedelta(seconds=TIME_TOLERANCE_S)
+        while True:
+            moment = start_at + timedelta(seconds=at_s)
+            day = timedelta(days=1)
+            open_until_s = max(
+                (
+                    (closes_at - start_at).total_seconds()
+                    for opens_at, closes_at in hours.open_times(moment - day, moment + day)
+                    if opens_at <= moment + tolerance and moment <= closes_at + tolerance
+                ),
+                default=-math.inf,
+            )
+            if end_s <= open_until_s + TIME_TOLERANCE_S:
+                return None
+            if open_until_s <= at_s + TIME_TOLERANCE_S:
+                return f"station {station_id!r} is not open from {at_s} s to {end_s} s"
+            at_s = open_until_s
 
 
 def is_pad_within_reach(problem: Problem, start: StationId, *, energy_j: float) -> bool:

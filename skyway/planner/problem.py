@@ -116,6 +116,13 @@ class Problem(JsonModel):
         BeforeValidator(_written_moment),
     ] = None
     drone: Annotated[DroneAtStart, Field(description="The drone at its start.")]
+    are_on_board: Annotated[
+        bool,
+        Field(
+            description="Whether the packages are on board already, so that loading needs no open "
+            "station."
+        ),
+    ] = False
     source: Annotated[StationId, Field(description="The station where the packages are picked up.")]
     # At least one is checked below: pydantic would count only those that are themselves valid.
     packages: Annotated[
@@ -177,6 +184,16 @@ class Problem(JsonModel):
                 one.not_before_s is not None or one.latest_s is not None for one in self.packages
             )
         )
+
+    @property
+    def may_pass(self) -> bool:
+        """Whether the drone may pass a place where packages change hands.
+
+        It may in a problem with windows, and where such a place has opening hours.
+        """
+        hours = self.network.opening_hours
+        places = (self.source, *(one.destination for one in self.packages))
+        return self.has_windows or (bool(hours) and any(place in hours for place in places))
 
     @model_validator(mode="after")
     def _fields_agree(self) -> Self:

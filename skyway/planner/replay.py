@@ -100,7 +100,7 @@ class Replay:
     def _must_hand_over(self) -> bool:
         """Whether packages must be picked up or handed over here before any other step."""
         is_at_source = self._here == self._problem.source
-        if self._problem.has_windows:
+        if self._problem.may_pass:
             # Packages for the source are handed over right after loading, windows or not.
             is_due = self._here in self._undelivered.values()
             return is_at_source and self._has_picked_up and is_due
@@ -116,6 +116,8 @@ class Replay:
         self._check_duration(step, self._problem.loading_s)
         problem = self._problem
         self._check_window(step, problem.pickup_not_before_s, problem.pickup_latest_s)
+        if not problem.are_on_board:
+            self._check_hours(step)
         limit_kg = self._model.max_payload_kg
         if self._load_kg() > limit_kg + LOAD_TOLERANCE_KG:
             self._note("payload", f"{self._load_kg()} kg exceed {limit_kg} kg")
@@ -133,8 +135,14 @@ class Replay:
         for package in self._problem.packages:
             if package.package_id in step.package_ids:
                 self._check_window(step, package.not_before_s, package.latest_s)
+        self._check_hours(step)
         for package_id in step.package_ids:
             self._undelivered.pop(package_id, None)
+
+    def _check_hours(self, step: PickUp | Deliver) -> None:
+        closed = self._sky.closed_by_hours(step.station_id, step.start_s, step.end_s)
+        if closed is not None:
+            self._note("closed", f"{step.kind}: {closed}")
 
     def _check_window(
         self, step: PickUp | Deliver, not_before_s: float | None, latest_s: float | None

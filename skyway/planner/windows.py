@@ -11,59 +11,78 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from skyway.ids import StationId
-from skyway.planner.closures import Interval
+from skyway.planner.open_hours import Interval, open_hours_s
 from skyway.planner.problem import Problem
 from skyway.units import TIME_TOLERANCE_S
 
-_ALWAYS: tuple[Interval, ...] = ((-math.inf, math.inf),)
+#: Moments closer than this are equal, seconds.
+_SAME_S = TIME_TOLERANCE_S / 2
+
+_ALWAYS: Interval = (-math.inf, math.inf)
 
 
 @dataclass(frozen=True, slots=True)
 class Windows:
     """When loading and hand-overs may begin.
 
-    `may_pass` says whether the problem has windows. `starts` holds, by station, the moments from
-    first to last at which loading (at the source) or the hand-over may begin, in seconds, sorted
-    and apart; a station without windows is not in it.
+    `may_pass` says whether the problem has windows, or the place of a pick-up or hand-over has
+    opening hours. By station: `limits` are the first and the last moment at which loading (at the
+    source) or the hand-over may begin by the windows, and `open_starts` the moments by the opening
+    hours, in order and apart; seconds. Stations without such limits are not in them.
     """
 
     may_pass: bool = False
-    starts: Mapping[StationId, tuple[Interval, ...]] = field(default_factory=dict)
+    limits: Mapping[StationId, Interval] = field(default_factory=dict)
+    open_starts: Mapping[StationId, tuple[Interval, ...]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, problem: Problem) -> "Windows":
         """The windows of this problem."""
-        if not problem.has_windows:
+        if not problem.may_pass:
             return cls()
         stations = dict.fromkeys([problem.source, *(one.destination for one in problem.packages)])
-        return cls(True, {station: _starts(problem, station) for station in stations})
+        hours = problem.network.opening_hours
+        return cls(
+            True,
+            {station: _limits(problem, station) for station in stations},
+            {
+                station: _open_starts(problem, station)
+                for station in stations
+                if station in hours and not (problem.are_on_board and station == problem.source)
+            },
+        )
 
     def starts_at(self, station_id: StationId) -> tuple[Interval, ...]:
         """When loading or the hand-over at this station may begin; empty for never."""
-        return self.starts.get(station_id, _ALWAYS)
+        from_s, until_s = self.limits.get(station_id, _ALWAYS)
+        both = (
+            (max(from_s, opens_s), min(until_s, closes_s))
+            for opens_s, closes_s in self.open_starts.get(station_id, (_ALWAYS,))
+        )
+        return tuple((from_s, until_s) for from_s, until_s in both if from_s <= until_s + _SAME_S)
 
     def opened(self) -> "Windows":
-        """The same problem as if every window were always open."""
-        return replace(self, starts={})
+        """The same problem as if every window were always open, within the opening hours."""
+        return replace(self, limits={})
+
+    def always(self) -> "Windows":
+        """The same problem as if every window and every station were always open."""
+        return replace(self, limits={}, open_starts={})
 
     def ending(self, ends_s: Mapping[StationId, float]) -> "Windows":
         """The same with these last moments to begin at each station, and no others."""
-        starts = {
-            station_id: tuple(
-                (from_s, ends_s.get(station_id, math.inf)) for from_s, _ in windows[:1]
-            )
-            for station_id, windows in self.starts.items()
+        limits = {
+            station_id: (from_s, ends_s.get(station_id, math.inf))
+            for station_id, (from_s, _) in self.limits.items()
         }
-        return replace(self, starts=starts)
+        return replace(self, limits=limits)
 
 
-def _starts(problem: Problem, station_id: StationId) -> tuple[Interval, ...]:
-    """When the act at this station may begin; empty if the windows leave no time."""
-    from_s, until_s = -math.inf, math.inf
-    takes_s = problem.dropoff_s
+def _limits(problem: Problem, station_id: StationId) -> Interval:
+    """From when until when the act at this station may begin; reversed if that is never."""
+    from_s, until_s = _ALWAYS
+    takes_s = _takes_s(problem, station_id)
     if station_id == problem.source:
-        # Packages for the source itself are handed over right after loading.
-        takes_s += problem.loading_s
         if problem.pickup_not_before_s is not None:
             from_s = problem.pickup_not_before_s
         if problem.pickup_latest_s is not None:
@@ -75,4 +94,20 @@ def _starts(problem: Problem, station_id: StationId) -> tuple[Interval, ...]:
             from_s = max(from_s, package.not_before_s - (takes_s - problem.dropoff_s))
         if package.latest_s is not None:
             until_s = min(until_s, package.latest_s - takes_s)
-    return ((from_s, until_s),) if from_s <= until_s + TIME_TOLERANCE_S else ()
+    return from_s, until_s
+
+
+def _open_starts(problem: Problem, station_id: StationId) -> tuple[Interval, ...]:
+    """When the act at this station may begin, so that it is over before the station closes."""
+    takes_s = _takes_s(problem, station_id)
+    return tuple(
+        (opens_s, closes_s - takes_s) for opens_s, closes_s in open_hours_s(problem, station_id)
+    )
+
+
+def _takes_s(problem: Problem, station_id: StationId) -> float:
+    """How long the hand-over takes, or loading with the hand-over of packages for the source."""
+    if station_id != problem.source:
+        return problem.dropoff_s
+    has_own = any(one.destination == station_id for one in problem.packages)
+    return problem.loading_s + (problem.dropoff_s if has_own else 0.0)

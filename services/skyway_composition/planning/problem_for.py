@@ -110,6 +110,7 @@ def onward_problem(
         ),
         dropoff_s=world.skyway.settings.dropoff_s,
         closures=world.conditions.problem_closures(start_ms),
+        are_on_board=True,
     )
 
 
@@ -172,6 +173,7 @@ def _flight_to(
         source=drone.station_id,
         packages=on_board or (nothing,),
         finish="stay",
+        are_on_board=True,
         pad_reservations=_reserved(world, held, start_ms=start_ms),
         closures=world.conditions.problem_closures(start_ms),
     )

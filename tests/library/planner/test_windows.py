@@ -1,6 +1,8 @@
 """Windows of the pick-up and of hand-overs, on networks with round numbers."""
 
 from collections.abc import Mapping
+from dataclasses import replace
+from datetime import UTC, datetime
 from typing import Any
 
 import pytest
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 
 from skyway.delivery.plan import Deliver, PickUp, Plan, Wait
 from skyway.errors import InvalidProblem
+from skyway.network.network import Network
 from skyway.planner import Hierarchy, compose
 from skyway.planner.problem import Problem
 from skyway.planner.verify import verify
@@ -229,3 +232,100 @@ def test_verify_refuses_a_plan_outside_a_window(
     found = verify(windowed(problem, windows, **fields), plan)
 
     assert [(each.rule, each.detail) for each in found] == [("window", violation)]
+
+
+def with_hours(network: Network, **spans: list[str]) -> Network:
+    """The network with these opening hours on 1 March 2026, a Sunday, in UTC."""
+    stations = {
+        station_id: replace(
+            station,
+            properties={"opening_hours": {"weekly": {"sun": spans[station_id]}}}
+            if station_id in spans
+            else {},
+        )
+        for station_id, station in network.stations.items()
+    }
+    return Network(stations, network.segments)
+
+
+NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
+
+
+def test_a_hand_over_is_over_before_its_station_closes(
+    make_problem: Any, make_network: Any
+) -> None:
+    network = with_hours(make_network("a-b:6"), b=["12:00-12:10", "12:20-13:00"])
+
+    plan = compose(make_problem(network, "b", dropoff_s=30, start_at=NOON))
+
+    # The drone could be there at 600 s, when the station closes for ten minutes.
+    assert [(one.start_s, one.end_s) for one in plan.steps if isinstance(one, Deliver)] == [
+        (1200, 1230)
+    ]
+
+
+def test_a_drone_does_not_land_to_charge_at_a_closed_station(
+    make_problem: Any, make_network: Any
+) -> None:
+    network = with_hours(make_network("a-b:8 b-c:8"), b=["12:30-13:00"])
+
+    plan = compose(make_problem(network, "c", start_at=NOON))
+
+    (landing,) = [step for step in plan.steps if step.kind == "RECHARGE"]
+    assert landing.start_s == 1800
+
+
+def test_a_drone_that_stands_at_a_closed_station_leaves_with_packages_on_board(
+    make_problem: Any, make_network: Any
+) -> None:
+    network = with_hours(make_network("a-b:6"), a=["12:30-13:00"])
+
+    loads = compose(make_problem(network, "b", start_at=NOON))
+    carries = compose(make_problem(network, "b", start_at=NOON, are_on_board=True))
+
+    assert (loads.delivery_time_s, carries.delivery_time_s) == (2400, 600)
+
+
+def test_a_station_that_does_not_open_for_two_weeks_is_unreachable(
+    make_problem: Any, make_network: Any
+) -> None:
+    network = with_hours(make_network("a-b:6"), b=[])
+
+    infeasibility = compose(make_problem(network, "b", start_at=NOON)).infeasibility
+
+    assert infeasibility is not None
+    assert infeasibility.code == "DESTINATION_UNREACHABLE"
+
+
+def test_opening_hours_need_the_moment_of_the_start(make_problem: Any, make_network: Any) -> None:
+    network = with_hours(make_network("a-b:6"), b=["12:00-13:00"])
+
+    with pytest.raises(InvalidProblem, match="station 'b' has opening hours"):
+        make_problem(network, "b")
+
+
+@pytest.mark.parametrize(
+    ("spans", "step"),
+    [({"a": ["12:01-13:00"]}, "PICK_UP"), ({"b": ["12:00-12:10"]}, "DELIVER")],
+)
+def test_verify_refuses_packages_that_change_hands_at_a_closed_station(
+    make_problem: Any, make_network: Any, spans: dict[str, list[str]], step: str
+) -> None:
+    network = make_network("a-b:6")
+    plan = compose(make_problem(network, "b", dropoff_s=30, start_at=NOON))
+    closed = make_problem(with_hours(network, **spans), "b", dropoff_s=30, start_at=NOON)
+
+    found = verify(closed, plan)
+
+    assert {each.rule for each in found} == {"closed"}
+    assert any(each.detail.startswith(step) for each in found)
+
+
+def test_verify_refuses_a_landing_at_a_closed_station(make_problem: Any, make_network: Any) -> None:
+    network = make_network("a-b:8 b-c:8")
+    plan = compose(make_problem(network, "c", start_at=NOON))
+    closed = make_problem(with_hours(network, b=["12:30-13:00"]), "c", start_at=NOON)
+
+    (violation,) = verify(closed, plan)
+
+    assert violation.detail == "station 'b' is not open from 800.0 s to 800.0 s"

@@ -10,6 +10,7 @@ from tests.library.planner.oracles.grid import bracket
 from tests.library.planner.oracles.instances import (
     make_busy_problem,
     make_problem,
+    make_problem_with_hours,
     make_stormy_problem,
     make_windowed_problem,
 )
@@ -46,6 +47,18 @@ def test_no_plan_with_windows_is_later_than_the_grids_or_earlier_than_possible(f
     faults = {}
     for seed in range(first, first + _BLOCK):
         problem = make_windowed_problem(seed)
+        faults[seed] = disagreements(problem, compose(problem), bracket(problem, tick_s=5.0))
+
+    assert {seed: words for seed, words in faults.items() if words} == {}
+
+
+@pytest.mark.parametrize("first", range(0, 300, _BLOCK))
+def test_no_plan_with_opening_hours_is_later_than_the_grids_or_earlier_than_possible(
+    first: int,
+) -> None:
+    faults = {}
+    for seed in range(first, first + _BLOCK):
+        problem = make_problem_with_hours(seed)
         faults[seed] = disagreements(problem, compose(problem), bracket(problem, tick_s=5.0))
 
     assert {seed: words for seed, words in faults.items() if words} == {}

@@ -148,18 +148,65 @@ def read_facts(problem: Problem) -> Facts:
         segment_closed=[
             _closed_segment(problem, segment.from_id, segment.to_id) for segment in segments
         ],
-        may_pass=_has_windows(problem),
+        may_pass=_may_pass(problem),
         starts=[
-            *([_hand_over_starts(problem, names[each])] for each in destinations),
-            [_loading_starts(problem)],
+            *(
+                _within_hours(
+                    problem, names[each], _hand_over_starts(problem, names[each]), problem.dropoff_s
+                )
+                for each in destinations
+            ),
+            _within_hours(
+                problem,
+                problem.source,
+                _loading_starts(problem),
+                problem.loading_s + (problem.dropoff_s if problem.source in requested else 0.0),
+            ),
         ],
     )
 
 
-def _has_windows(problem: Problem) -> bool:
+def _may_pass(problem: Problem) -> bool:
+    hours = problem.network.opening_hours
+    if problem.source in hours or any(one.destination in hours for one in problem.packages):
+        return True
     limits = [problem.pickup_not_before_s, problem.pickup_latest_s]
     limits += [limit for one in problem.packages for limit in (one.not_before_s, one.latest_s)]
     return any(limit is not None for limit in limits)
+
+
+def _within_hours(
+    problem: Problem, name: StationId, window: Interval, takes_s: float
+) -> list[Interval]:
+    """When an act may begin in this window, so that it is over before the station closes."""
+    return [
+        (max(window[0], opens), min(window[1], closes - takes_s))
+        for opens, closes in _open(problem, name)
+    ]
+
+
+def _open(problem: Problem, name: StationId) -> list[Interval]:
+    """When a station is open, on the day of the start; its hours are in UTC."""
+    station, start_at = problem.network.stations[name], problem.start_at
+    hours = station.properties.get("opening_hours")
+    if hours is None or start_at is None:
+        return [(-math.inf, math.inf)]
+    midnight_s = -3600.0 * start_at.hour
+    spans = hours["weekly"].get(
+        ("mon", "tue", "wed", "thu", "fri", "sat", "sun")[start_at.weekday()]
+    )
+    times = []
+    for span in spans or []:
+        opens, closes = (
+            midnight_s + 3600 * int(each[:2]) + 60 * int(each[3:]) for each in span.split("-")
+        )
+        times.append((opens, closes))
+    return times
+
+
+def _closed_hours(problem: Problem, name: StationId) -> list[Interval]:
+    edges = [(-math.inf, -math.inf), *_open(problem, name), (math.inf, math.inf)]
+    return [(end, start) for (_, end), (start, _) in pairwise(edges) if start > end]
 
 
 def _hand_over_starts(problem: Problem, name: StationId) -> Interval:
@@ -224,6 +271,7 @@ def _closed_station(problem: Problem, name: StationId) -> list[Interval]:
         for one in problem.closures
         if isinstance(one, StationClosure) and one.station_id == name
     ]
+    closed += _closed_hours(problem, name)
     return closed + [
         _active(problem, zone) for zone in problem.network.zones if _in_box(zone, here, here)
     ]

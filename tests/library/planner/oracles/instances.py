@@ -67,6 +67,31 @@ def make_windowed_problem(seed: int, **fields: Any) -> Problem:
     return Problem.model_validate({**made, "packages": packages, **pickup, **fields})
 
 
+def make_problem_with_hours(seed: int, **fields: Any) -> Problem:
+    """A problem with opening hours of half of its stations, and some windows."""
+    rng = Random(f"hours {seed}")
+    made = as_json(seed)
+    for feature in made["network"]["features"]:
+        if feature["properties"]["kind"] == "station" and rng.random() < 0.5:
+            feature["properties"]["opening_hours"] = {"weekly": {"sun": _spans(rng)}}
+    packages = [
+        {**one, "not_before_s": moment(rng, 0, 2000)} if rng.random() < 0.2 else one
+        for one in made["packages"]
+    ]
+    return Problem.model_validate({**made, "packages": packages, **fields})
+
+
+def _spans(rng: Random) -> list[str]:
+    """Opening hours around noon, when every random problem starts."""
+    spans = []
+    minute = 12 * 60 + rng.randint(-30, 20)
+    for _ in range(rng.randint(1, 3)):
+        end = minute + rng.randint(2, 40)
+        spans.append(f"{minute // 60:02}:{minute % 60:02}-{end // 60:02}:{end % 60:02}")
+        minute = end + rng.randint(1, 25)
+    return spans
+
+
 def _window(rng: Random, takes_s: float) -> dict[str, float]:
     """A window, with both ends, one or none, in multiples of 10 s."""
     window = {}

@@ -10,7 +10,7 @@ from skyway.ids import StationId
 from skyway.network.network import Network
 from skyway.planner.airspace import ZoneReach
 from skyway.planner.problem_parts import SegmentClosure, StationClosure
-from skyway.units import moment_to_ms
+from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.planning.world import World
 
 #: From one moment until before another, milliseconds since 1970.
@@ -53,11 +53,14 @@ class ClosedAhead:
                 self._segments[ends].append(span)
 
     def closes_landing(self, station_id: StationId, at_ms: float) -> bool:
-        """Whether the station is closed at that moment, or no longer exists."""
+        """Whether the station is closed at that moment, by its hours too, or no longer exists."""
         if station_id not in self._network.stations:
             return True
         spans = self._stations.get(station_id, ())
-        return any(start_ms <= at_ms < end_ms for start_ms, end_ms in spans)
+        if any(start_ms <= at_ms < end_ms for start_ms, end_ms in spans):
+            return True
+        hours = self._network.opening_hours.get(station_id)
+        return hours is not None and not hours.is_open(ms_to_moment(int(at_ms)))
 
     def closes_segment(
         self, from_id: StationId, to_id: StationId, *, start_ms: float, end_ms: float
