@@ -6,9 +6,9 @@ from typing import Final, Literal
 
 #: approach: from the start of a mission until the drone loads. service: from then on until the last
 #: hand-over. standby: flights and waits after the last hand-over. charging: on a pad, at any time.
-Activity = Literal["service", "approach", "charging", "standby"]
+Use = Literal["service", "approach", "charging", "standby"]
 
-ACTIVITIES: Final[tuple[Activity, ...]] = ("service", "approach", "charging", "standby")
+USES: Final[tuple[Use, ...]] = ("service", "approach", "charging", "standby")
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +22,8 @@ class StepTime:
 
 def spent_ms(
     steps: Iterable[StepTime], *, served_ms: int, from_ms: int, until_ms: int
-) -> Mapping[Activity, int]:
-    """The time that one mission spends on each activity within [from_ms, until_ms), milliseconds.
+) -> Mapping[Use, int]:
+    """The time that one mission spends on each use within [from_ms, until_ms), milliseconds.
 
     Parameters
     ----------
@@ -32,15 +32,13 @@ def spent_ms(
     served_ms
         The end of the mission's last hand-over.
     """
-    spent: dict[Activity, int] = dict.fromkeys(ACTIVITIES, 0)
-    for activity, step in _with_activity(steps, served_ms):
-        spent[activity] += max(0, min(step.end_ms, until_ms) - max(step.start_ms, from_ms))
+    spent: dict[Use, int] = dict.fromkeys(USES, 0)
+    for use, step in _with_use(steps, served_ms):
+        spent[use] += max(0, min(step.end_ms, until_ms) - max(step.start_ms, from_ms))
     return spent
 
 
-def _with_activity(
-    steps: Iterable[StepTime], served_ms: int
-) -> Iterator[tuple[Activity, StepTime]]:
+def _with_use(steps: Iterable[StepTime], served_ms: int) -> Iterator[tuple[Use, StepTime]]:
     has_loaded = False
     for step in steps:
         has_loaded = has_loaded or step.kind == "PICK_UP"

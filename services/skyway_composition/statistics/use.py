@@ -71,7 +71,7 @@ class DroneTotals(JsonModel):
         float,
         Field(
             description="Time from a mission's first pick-up to its last hand-over, without "
-            "recharging, seconds. All time of missions that is in no other activity counts here."
+            "recharging, seconds. All time of missions that is in no other use counts here."
         ),
     ]
     standby_s: Annotated[

@@ -72,8 +72,9 @@ class TopScreen:
         heading = Text.assemble(
             ("Skyway ", "bold"), f"{picture.url}  fleet time {_clock(picture.at)}"
         )
+        free = ""
         if picture.next_free_at is not None:
-            heading.append(f"  next busy drone free {_clock(picture.next_free_at)}")
+            free = f"next busy drone free in {_between(picture.at, picture.next_free_at)}"
         counts = {
             "drones": picture.drones,
             "missions": picture.missions,
@@ -83,6 +84,7 @@ class TopScreen:
         tables = [_count_table(name, counted) for name, counted in counts.items()]
         return Group(
             heading,
+            free,
             "",
             Columns([*tables, _message_table(picture)], padding=(0, 3)),
             "",
@@ -129,6 +131,13 @@ def _alarm_list(alarms: tuple[Alarm, ...]) -> RenderableType:
 
 def _clock(moment: str) -> str:
     return datetime.fromisoformat(moment).strftime("%H:%M:%S")
+
+
+def _between(start: str, end: str) -> str:
+    """The time between two moments, as hours, minutes and seconds."""
+    span_s = (datetime.fromisoformat(end) - datetime.fromisoformat(start)).total_seconds()
+    whole_s = max(0, round(span_s))
+    return f"{whole_s // 3600}:{whole_s % 3600 // 60:02}:{whole_s % 60:02}"
 
 
 def _number(value: float | None) -> str:

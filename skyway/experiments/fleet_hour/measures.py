@@ -11,7 +11,7 @@ from skyway.experiments.fleet_hour.mission import HourMission
 from skyway.experiments.fleet_hour.policy import Policy
 from skyway.experiments.fleet_hour.simulate import FlownHour, simulate
 from skyway.experiments.report import Row
-from skyway.scheduling.utilisation import ACTIVITIES, Activity, StepTime, spent_ms
+from skyway.scheduling.utilisation import USES, StepTime, Use, spent_ms
 from skyway.units import hours_to_s, minutes_to_s
 
 #: A customer gives up when no drone is booked within this time, as by the services' default.
@@ -48,14 +48,14 @@ class HourMeasures:
     energy_kwh
         The energy of all flights, with the margin of the plans.
     shares
-        The share of the drones' time until the last delivery, by activity.
+        The share of the drones' time until the last delivery, by use.
     """
 
     served_share: float
     delays_min: tuple[float, ...]
     held_h: float
     energy_kwh: float
-    shares: Mapping[Activity, float]
+    shares: Mapping[Use, float]
 
     @property
     def idle_share(self) -> float:
@@ -74,7 +74,7 @@ class HourMeasures:
             "mean_min": round(sum(self.delays_min) / len(self.delays_min), 3),
             "held_h": round(self.held_h, 3),
             "energy_kwh": round(self.energy_kwh, 3),
-            **{each: round(self.shares[each], 4) for each in ACTIVITIES},
+            **{each: round(self.shares[each], 4) for each in USES},
             "idle": round(self.idle_share, 4),
         }
 
@@ -102,12 +102,12 @@ def _held_ms(calendars: Calendars, mission: HourMission) -> int:
     return calendars.policy.usable(mission.stays)[0].from_ms - mission.trip.start_ms
 
 
-def _shares(missions: Sequence[HourMission], *, drones: int) -> Mapping[Activity, float]:
+def _shares(missions: Sequence[HourMission], *, drones: int) -> Mapping[Use, float]:
     end_ms = max((each.served_ms for each in missions), default=1)
-    spent = dict.fromkeys(ACTIVITIES, 0)
+    spent = dict.fromkeys(USES, 0)
     for mission in missions:
         steps = [StepTime(each.step.kind, each.start_ms, each.end_ms) for each in mission.steps()]
         of_mission = spent_ms(steps, served_ms=mission.served_ms, from_ms=0, until_ms=end_ms)
-        for activity in ACTIVITIES:
-            spent[activity] += of_mission[activity]
-    return {activity: spent[activity] / (drones * end_ms) for activity in ACTIVITIES}
+        for use in USES:
+            spent[use] += of_mission[use]
+    return {use: spent[use] / (drones * end_ms) for use in USES}

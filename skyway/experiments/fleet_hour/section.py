@@ -18,7 +18,7 @@ from skyway.experiments.report import (
     write_rows,
 )
 from skyway.experiments.sample import Sample
-from skyway.scheduling.utilisation import ACTIVITIES
+from skyway.scheduling.utilisation import USES
 
 #: The measures of all instances of a place, a load and a policy.
 Results = Mapping[tuple[Place, Load, str], Sequence[HourMeasures]]
@@ -68,8 +68,8 @@ def _draw(laboratory: Laboratory, results: Results, load: Load) -> None:
         y=Axis("share of the drones' time, %"),
         bars=[policy.name.replace(" ", "\n") for policy in POLICIES],
         stacks=[
-            Stack(activity, [100 * mean(each.shares[activity] for each in some) for some in city])
-            for activity in ACTIVITIES
+            Stack(use, [100 * mean(each.shares[use] for each in some) for some in city])
+            for use in USES
         ]
         + [Stack("idle", [100 * mean(each.idle_share for each in some) for some in city])],
     )
@@ -95,7 +95,7 @@ def _section(results: Results, loads: Sequence[Load], *, seed: int) -> Section:
         "p90",
         "drone-hours",
         "kWh",
-        *ACTIVITIES,
+        *USES,
         "idle",
     )
     findings = [
@@ -120,7 +120,7 @@ def _section(results: Results, loads: Sequence[Load], *, seed: int) -> Section:
 
 def _cells(measured: Sequence[HourMeasures], *, seed: int) -> Sequence[str]:
     delays = _delays(measured)
-    shares = [mean(each.shares[activity] for each in measured) for activity in ACTIVITIES]
+    shares = [mean(each.shares[use] for each in measured) for use in USES]
     estimate = delays.mean(seed=seed)
     return (
         percent(mean(each.served_share for each in measured)),

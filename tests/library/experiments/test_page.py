@@ -18,7 +18,7 @@ def test_every_part_writes_findings_rows_and_its_figures(laboratory, name):
     assert all((laboratory.folder / figure).stat().st_size > 1_000 for figure in shown)
 
 
-@pytest.mark.parametrize("name", ["booked-fleet", "causes"])
+@pytest.mark.parametrize("name", ["booked-fleet", "causes", "fleet"])
 def test_the_same_seed_gives_the_same_rows(laboratory, name):
     file = laboratory.folder / f"{name}.csv"
 

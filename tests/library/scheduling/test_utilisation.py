@@ -1,4 +1,4 @@
-"""How the time of a mission is divided among activities."""
+"""How the time of a mission is divided among uses."""
 
 from skyway.scheduling.utilisation import StepTime, spent_ms
 
