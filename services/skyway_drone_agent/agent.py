@@ -22,8 +22,7 @@ from skyway_drone_agent.instructions.inbox import RAW_INSTRUCTIONS
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import Journal
 from skyway_drone_agent.journal.waiting import NewsOrMoment
-from skyway_drone_agent.link.presence import Presence
-from skyway_drone_agent.link.uplink import Link, Uplink
+from skyway_drone_agent.link.uplink import Link, Presence, Uplink
 from skyway_drone_agent.vehicle import Vehicle
 
 #: Wall seconds that a farewell may take.

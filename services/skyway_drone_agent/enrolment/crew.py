@@ -8,7 +8,7 @@ from typing import Final, Protocol
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.enrolment.cloud import CloudAccess, CloudRefused, CloudUnreachable
 from skyway_drone_agent.enrolment.credentials import CredentialsFolder, KeptCredentials
-from skyway_drone_agent.enrolment.rotate import begin, settle
+from skyway_drone_agent.enrolment.enrol import begin_rotation, settle_rotation
 
 log = logging.getLogger(__name__)
 
@@ -105,12 +105,12 @@ class EnrolledCrew:
 
     def rotate(self) -> None:
         """Change the credentials of every drone; after a failure a drone keeps its credentials."""
-        self._each(begin)
+        self._each(begin_rotation)
         self.settle()
 
     def settle(self) -> None:
         """Finish the rotations that have begun; without the cloud the old credentials stay."""
-        self._each(settle)
+        self._each(settle_rotation)
 
     def _each(self, do: Callable[[KeptCredentials, CredentialsFolder], KeptCredentials]) -> None:
         for drone_id, kept in self._kept.items():

@@ -8,8 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
-from skyway.cli.system.listening import listen
-from skyway.cli.system.patience import until_done
+from skyway.cli.system.patience import NotNow, until_done
 from skyway.cli.system.supervisor import Child
 
 _HOST = "127.0.0.1"
@@ -137,3 +136,22 @@ def named_broker() -> str | None:
     """The URL of an external broker; None when `skyway up` starts the embedded broker."""
     url = os.environ.get("SKYWAY_MQTT_URL")
     return None if url == os.environ.get(OWN_BROKER_URL) else url
+
+
+def listen(host: str, port: int, *, purpose: str) -> socket.socket:
+    """A listening socket to pass to a child; port 0 is any free port.
+
+    Raises
+    ------
+    NotNow
+        The port is in use; the message names the port and its purpose.
+    """
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+    except OSError as error:
+        listener.close()
+        raise NotNow(f"port {port} for {purpose} cannot be used: {error.strerror}") from error
+    listener.listen(1024)
+    return listener

@@ -1,8 +1,9 @@
-"""What FastAPI's OpenAPI document leaves out: bodies read by dependencies, problems, examples."""
+"""What FastAPI's OpenAPI document leaves out: bodies, problems, examples, descriptions."""
 
 import json
 import re
 from collections.abc import Iterator, Sequence
+from http import HTTPStatus
 from typing import Any, Final
 
 from fastapi.dependencies.models import Dependant
@@ -13,8 +14,9 @@ from starlette.routing import BaseRoute
 
 from skyway.contracts.problem_details import ProblemDetails
 from skyway.contracts.rest_tags import TAGS
+from skyway.drone.model import ChargePoint
+from skyway.geo import Position
 from skyway.runtime.http.json_bodies import InternalBody
-from skyway.runtime.http.openapi_descriptions import complete_descriptions
 from skyway.runtime.http.openapi_examples import add_examples
 from skyway.runtime.http.problem_answers import add_problem_answers, shared_problem_answers
 
@@ -26,6 +28,20 @@ _REFERENCE: Final = "#/components/schemas/{model}"
 _PAGE: Final = re.compile(r"\bPage_(\w+?)_(?=\")")
 #: The document is read from the server that it describes.
 _SERVERS: Final = [{"url": "/", "description": "The server that shows this document"}]
+#: What FastAPI says of an answer of which nothing is said.
+_UNSAID: Final = "Successful Response"
+#: Models of which pydantic shows no docstring.
+_TUPLES: Final = (Position, ChargePoint)
+_REPEATABLE: Final = (
+    "Repeats are answered like the first call with this key and body, for 24 hours; "
+    "1 to 255 characters."
+)
+_HEADERS: Final = {
+    "idempotency-key": _REPEATABLE,
+    "if-match": "The ETag of the version that is to be replaced; another version is refused.",
+    "last-event-id": "The id of the last event received; the stream goes on after it.",
+    "accept": "The media type wanted.",
+}
 
 
 def schema_of(model: type[BaseModel]) -> Document:
@@ -68,7 +84,7 @@ def complete_document(
     }
     _add_schemas(document, [*bodies.values(), *models, ProblemDetails])
     document = _with_items(_with_page_names(document))
-    complete_descriptions(document)
+    _complete_descriptions(document)
     add_examples(document)
     head = {name: document[name] for name in ("openapi", "info")}
     return {**head, "servers": _SERVERS, "tags": tags_of(document), **document}
@@ -142,3 +158,51 @@ def _without_nulls(value: Any) -> Any:
     if isinstance(value, list):
         return [_without_nulls(each) for each in value]
     return value
+
+
+def _complete_descriptions(document: Document) -> None:
+    """Describe properties, parameters and answers by what their types already say."""
+    schemas = document["components"]["schemas"]
+    for model in _TUPLES:
+        if model.__name__ in schemas:
+            schemas[model.__name__].setdefault("description", str(model.__doc__))
+    for schema in schemas.values():
+        for each in schema.get("properties", {}).values():
+            _describe(each)
+    for operations in document["paths"].values():
+        for operation in operations.values():
+            for parameter in operation.get("parameters", ()):
+                _describe_parameter(parameter)
+            for status, answer in operation["responses"].items():
+                if answer.get("description") in (_UNSAID, ""):
+                    answer["description"] = _said(status, answer, schemas)
+
+
+def _describe(schema: Document) -> None:
+    """A value that may be null is described by its other form."""
+    forms = schema.get("anyOf", ())
+    described = [form for form in forms if "description" in form and "$ref" not in form]
+    if len(described) == 1:
+        about = described[0]["description"]
+        forms[forms.index(described[0])] = {
+            name: value for name, value in described[0].items() if name != "description"
+        }
+        schema.setdefault("description", about)
+
+
+def _describe_parameter(parameter: Document) -> None:
+    schema = parameter["schema"]
+    _describe(schema)
+    about = schema.pop("description", None) or _HEADERS.get(parameter["name"].lower())
+    if about is not None:
+        parameter.setdefault("description", about)
+
+
+def _said(status: str, answer: Document, schemas: Document) -> str:
+    """The first paragraph about the answer's schema."""
+    for media in answer.get("content", {}).values():
+        name = media.get("schema", {}).get("$ref", "").rpartition("/")[2]
+        if name in schemas and "description" in schemas[name]:
+            about: str = schemas[name]["description"]
+            return " ".join(about.split("\n\n", maxsplit=1)[0].split())
+    return "Done; the answer has no body." if status == "204" else HTTPStatus(int(status)).phrase

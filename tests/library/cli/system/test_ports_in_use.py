@@ -5,8 +5,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from skyway.cli.system.children import Ports, bind_when_free
-from skyway.cli.system.listening import listen
+from skyway.cli.system.children import Ports, bind_when_free, listen
 from skyway.cli.system.patience import NotNow
 
 

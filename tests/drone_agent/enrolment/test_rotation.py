@@ -1,4 +1,4 @@
-"""After a crash at any moment of a rotation, kept credentials work once it is finished."""
+"""Rotation: after a crash at any moment, kept credentials work once the rotation is finished."""
 
 import asyncio
 from pathlib import Path
@@ -8,8 +8,7 @@ import pytest
 from skyway_drone_agent.enrolment.cloud import CloudRefused, CloudUnreachable
 from skyway_drone_agent.enrolment.credentials import CredentialsFolder, KeptCredentials
 from skyway_drone_agent.enrolment.crew import EnrolledCrew
-from skyway_drone_agent.enrolment.enrol import enrol
-from skyway_drone_agent.enrolment.rotate import begin, settle
+from skyway_drone_agent.enrolment.enrol import begin_rotation, enrol, settle_rotation
 
 
 @pytest.fixture
@@ -48,7 +47,7 @@ def test_a_lost_rotation_leaves_the_old_credentials(
 ) -> None:
     cloud.loses = 1
     with pytest.raises(CloudUnreachable):
-        begin(kept, folder)
+        begin_rotation(kept, folder)
 
     crew = restarted(folder)
     crew.settle()
@@ -59,7 +58,7 @@ def test_a_lost_rotation_leaves_the_old_credentials(
 def test_a_rotation_completes_after_a_crash_before_the_first_use(
     cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
 ) -> None:
-    begin(kept, folder)
+    begin_rotation(kept, folder)
 
     crew = restarted(folder)
     before = cloud.password
@@ -72,10 +71,10 @@ def test_a_rotation_completes_after_a_crash_before_the_first_use(
 def test_a_rotation_completes_after_a_crash_behind_the_first_use(
     cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
 ) -> None:
-    begun = begin(kept, folder)
+    begun = begin_rotation(kept, folder)
     cloud.loses = 1
     with pytest.raises(CloudUnreachable):
-        settle(begun, folder)
+        settle_rotation(begun, folder)
 
     crew = restarted(folder)
     crew.settle()
@@ -87,7 +86,7 @@ def test_a_rotation_completes_after_a_crash_behind_the_first_use(
 def test_credentials_that_were_never_in_force_are_dropped(
     cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
 ) -> None:
-    begin(kept, folder)
+    begin_rotation(kept, folder)
     del cloud.keys["next"]
 
     crew = restarted(folder)
@@ -100,7 +99,7 @@ def test_credentials_that_were_never_in_force_are_dropped(
 def test_a_drone_starts_without_the_cloud(
     cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
 ) -> None:
-    begin(kept, folder)
+    begin_rotation(kept, folder)
     cloud.is_down = True
 
     crew = restarted(folder)
@@ -112,10 +111,10 @@ def test_a_drone_starts_without_the_cloud(
 async def test_an_interrupted_rotation_is_finished_when_the_cloud_is_back(
     cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
 ) -> None:
-    begun = begin(kept, folder)
+    begun = begin_rotation(kept, folder)
     cloud.loses = 1
     with pytest.raises(CloudUnreachable):
-        settle(begun, folder)
+        settle_rotation(begun, folder)
     crew = EnrolledCrew(folder.every(), folder, again_after_s=0.01)
 
     async with asyncio.timeout(60):
@@ -129,7 +128,7 @@ def test_a_revoked_drone_cannot_rotate_and_keeps_its_credentials(
 ) -> None:
     cloud.keys = {}
     with pytest.raises(CloudRefused, match="401"):
-        begin(kept, folder)
+        begin_rotation(kept, folder)
 
     crew = restarted(folder)
     crew.rotate()
