@@ -117,7 +117,9 @@ async def _trip_before(
     ready = Slot(start.station_id, start.at_ms - hand_over_time_ms(clock), start.soc)
     if ready.at_ms <= max(slot.at_ms, record.earliest_ms):
         return None
-    problem = _problem(world, record, slot, from_ms=record.earliest_ms, latest_ms=ready.at_ms)
+    deadline_ms = _deadline_ms(record)
+    latest_ms = ready.at_ms if deadline_ms is None else min(deadline_ms, ready.at_ms)
+    problem = _problem(world, record, slot, from_ms=record.earliest_ms, latest_ms=latest_ms)
     trip = await round_trip(solver, world, problem, standby=standby_for(ready))
     return None if isinstance(trip, NoTrip) else fitted(trip, soc=slot.soc, ready=ready)
 
@@ -125,8 +127,7 @@ async def _trip_before(
 async def _trip(
     solver: SolverPool, world: World, record: MissionRecord, slot: Slot
 ) -> Trip | NoTrip:
-    deadline_at = record.request.qos.deadline_at
-    latest_ms = None if deadline_at is None else moment_to_ms(deadline_at)
+    latest_ms = _deadline_ms(record)
     standby = StandbyChoice.of(record.candidate)
     problem = _problem(world, record, slot, from_ms=record.earliest_ms, latest_ms=latest_ms)
     trip = await round_trip(solver, world, problem, standby=standby)
@@ -135,6 +136,12 @@ async def _trip(
         sooner = _problem(world, record, slot, from_ms=record.allowed_from_ms, latest_ms=latest_ms)
         trip = await round_trip(solver, world, sooner, standby=standby)
     return trip
+
+
+def _deadline_ms(record: MissionRecord) -> int | None:
+    """When the last delivery must be over, fleet milliseconds; None without a deadline."""
+    deadline_at = record.request.qos.deadline_at
+    return None if deadline_at is None else moment_to_ms(deadline_at)
 
 
 def _problem(
