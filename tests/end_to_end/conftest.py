@@ -64,6 +64,7 @@ def running_system(
     environment = {
         name: value for name, value in os.environ.items() if not name.startswith("SKYWAY_")
     }
+    environment["SKYWAY_HOLD_S"] = "8"  # held offers begin after that
     broker: subprocess.Popen[bytes] | None = None
     mosquitto: str | None = None
     if pair != "embedded":

@@ -11,6 +11,32 @@ _TRIGGERS: Final = "every index and trigger of the newest migration exists"
 
 CALENDAR_CORRUPTIONS: Final = (
     Corruption(
+        "a held drone that is given to others too early",
+        "I17 a held drone names its hold, and is held as long",
+        composition="UPDATE drone_links SET held_until_ms = 1 WHERE drone_id = :idle_drone",
+    ),
+    Corruption(
+        "a held pad that is given to others too early",
+        "I17 a held pad is held as long as its hold",
+        composition="UPDATE pad_reservations SET held_until_ms = 1 WHERE hold_id IS NOT NULL",
+    ),
+    Corruption(
+        "a held drone that is free for others",
+        "I17 a hold keeps the drones of its offers",
+        composition="UPDATE drone_links SET held_by = NULL, held_until_ms = NULL"
+        " WHERE drone_id = :idle_drone",
+    ),
+    Corruption(
+        "a held pad that is free for others",
+        "I17 a hold keeps the pads of its offers",
+        composition="DELETE FROM pad_reservations WHERE hold_id IS NOT NULL",
+    ),
+    Corruption(
+        "half of the offers of a hold",
+        "every stored text has its form",
+        composition="UPDATE offer_holds SET offers = substr(offers, 1, 40)",
+    ),
+    Corruption(
         "the trigger on new times of drones dropped",
         _TRIGGERS,
         composition="DROP TRIGGER drone_time_taken_on_insert",

@@ -103,7 +103,7 @@ _PADS: Final = (
         "a reservation of a mission that is over",
         "I3 a reservation has a mission that is not over",
         composition="UPDATE pad_reservations SET mission_id = :completed_mission"
-        " WHERE station_id = 'line-s2'",
+        " WHERE station_id = 'line-s2' AND hold_id IS NULL",
     ),
     Corruption(
         "a reservation deleted",

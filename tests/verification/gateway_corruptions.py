@@ -155,6 +155,12 @@ _DELIVERIES: Final = (
         gateway="UPDATE quotes SET offers = json_set(offers, '$[0].price.amount', 1)",
     ),
     Corruption(
+        "an accepted offer that was lost for no reason",
+        "I17 an accepted offer is flown, or its failure has a cause after the acceptance",
+        gateway="UPDATE deliveries SET state = 'REJECTED', reasons = '[]'"
+        " WHERE delivery_id = :completed",
+    ),
+    Corruption(
         "the limit of an accepted offer changed",
         "a delivery of an accepted offer has its limits",
         gateway="UPDATE deliveries SET offer = json_set(offer, '$.price.amount', 999999)"

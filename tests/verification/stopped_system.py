@@ -40,7 +40,7 @@ def run_and_stop(system: LocalSystem) -> Ids:
 
     One delivery is completed, one has delivered its first package and flies on with the second, one
     waits for the answer of a drone that stands still, two are queued behind it, one waits for a
-    drone that never connects, and one is cancelled.
+    drone that never connects, and one is cancelled. An offer of an idle drone is held.
     """
     server = ThreadingHTTPServer(("127.0.0.1", 0), _Receiver)
     thread = Thread(target=server.serve_forever)
@@ -81,6 +81,11 @@ def _run(system: LocalSystem, hook: str) -> Ids:
     cancelled = _request(system, key, "line-s1", "line-near", by=silent)
     system.call("POST", f"/v1/deliveries/{cancelled}/cancel", key=key, body={})
     system.until_state(cancelled, "CANCELLED")
+    idle = system.start_fleet(["line-s4"], name="Idle Air")
+    held = system.call(
+        "POST", "/v1/quotes", key=key, body={**_body("line-s4", "line-s2", by=idle), "hold": True}
+    ).json()
+    assert held["offers"][0]["is_held"], held
     return {
         "completed": completed,
         "flying": flying,
@@ -96,6 +101,7 @@ def _run(system: LocalSystem, hook: str) -> Ids:
         "webhook": webhook["webhook_id"],
         "deaf_webhook": deaf["webhook_id"],
         "flying_drone": flyer["drones"][0]["drone_id"],
+        "idle_drone": idle["drones"][0]["drone_id"],
         "silent_drone": silent["drones"][0]["drone_id"],
     }
 

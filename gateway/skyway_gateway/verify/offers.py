@@ -30,7 +30,37 @@ def _differs(row: Any) -> bool:  # a delivery with its quote
     )
 
 
+#: Reasons whose cause always comes after the acceptance: a drone refused, the deadline passed, or
+#: the pickup has left the network.
+_LATER_CAUSES: Final = frozenset({"REFUSED", "TOO_LATE", "DESTINATION_UNREACHABLE"})
+
+
+async def _lost_without_cause(survey: Survey) -> list[str]:
+    """Deliveries that were rejected although their offer was held when it was accepted."""
+    rejected = select(deliveries.c.delivery_id, deliveries.c.offer, deliveries.c.reasons).where(
+        deliveries.c.state == "REJECTED", deliveries.c.offer.is_not(None)
+    )
+    return [row.delivery_id async for row in survey.each(rejected) if not _has_later_cause(row)]
+
+
+def _has_later_cause(row: Any) -> bool:  # a rejected delivery
+    try:
+        is_held = json.loads(row.offer).get("hold") is not None
+        reasons = json.loads(row.reasons)
+    except ValueError:
+        return True  # another rule names texts that cannot be read
+    return not is_held or any(
+        each["code"] in _LATER_CAUSES or "hold_loss" in each.get("data", {}) for each in reasons
+    )
+
+
 OFFERS: Final = (
+    Rule(
+        "I17 an accepted offer is flown, or its failure has a cause after the acceptance",
+        _lost_without_cause,
+        "The delivery was REJECTED although composition held its offer, and no reason says what "
+        "happened after the acceptance. Find the reason in the logs, and tell the customer.",
+    ),
     Rule(
         "an accepted quote has its delivery",
         select(quotes.c.quote_id).where(

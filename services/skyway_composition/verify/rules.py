@@ -34,6 +34,7 @@ from skyway_composition.tables import (
 from skyway_composition.verify.calendars import CALENDARS, read_stored_stays
 from skyway_composition.verify.closures import CLOSURES
 from skyway_composition.verify.custody import CUSTODY
+from skyway_composition.verify.holds import HOLDS
 from skyway_composition.verify.links import LINKS
 from skyway_composition.verify.missions import MISSIONS
 from skyway_composition.verify.networks import NETWORKS
@@ -80,6 +81,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _FORMS,
     *MISSIONS,
     *CALENDARS,
+    *HOLDS,
     *STEPS,
     *CUSTODY,
     *PADS,
