@@ -99,3 +99,20 @@ def test_a_drone_is_placed_where_it_begins_and_keeps_a_charge_at_its_reserve(mak
         shortlist.station_ids[1],
         shortlist.socs[1],
     )
+
+
+def test_a_held_drone_is_busy_and_has_no_gap() -> None:
+    later = BookedMission(
+        DRONE,
+        MissionId("msn_2"),
+        start_ms=BEGINS_MS + DAY_MS // 2,
+        start=Slot(B, BEGINS_MS + DAY_MS // 2, 0.5),
+    )
+    held = BookedMission(DRONE, None, start_ms=2 * DAY_MS, is_held=True)
+
+    def gaps(*missions: BookedMission) -> list[Availability]:
+        return [*Availability.in_gaps(missions, begins_ms=BEGINS_MS, clock=a_clock())]
+
+    assert len(gaps(later)) == 1
+    assert gaps(later, held) == []
+    assert DRONE in available(later, held).busy

@@ -219,7 +219,7 @@ async def test_expired_pads_are_free_for_a_plan_that_needs_them(
 
     booking = await composition.book(make.candidate(2), request=make.request("e"))
 
-    assert booking.outcome == "BOOKED"
+    assert [mission.plan.waiting_s for mission in booking.missions] == [0.0]
 
 
 async def test_expired_holds_are_deleted(composition: Any, make: Any) -> None:
