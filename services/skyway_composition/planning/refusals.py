@@ -196,7 +196,9 @@ def _unfit_drone(
 def _busy(free_ms: int | None) -> NoTrip:
     """A drone is on missions, until a moment beyond the horizon if that is known."""
     if free_ms is None:
-        return NoTrip("BUSY", "its drones are on missions, or held for other offers", is_temporary=True)
+        return NoTrip(
+            "BUSY", "its drones are on missions, or held for other offers", is_temporary=True
+        )
     free_at = f"{ms_to_moment(free_ms):%Y-%m-%dT%H:%M:%SZ}"
     detail = f"its drones have missions until {free_at}, further ahead than missions are booked"
     return NoTrip("BUSY", detail, is_temporary=True, data=((FREE_AT, free_at),))
