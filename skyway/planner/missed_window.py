@@ -9,6 +9,7 @@ from skyway.planner.exact_search import Ending, ExactSearch
 from skyway.planner.exact_task import Method
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
+from skyway.units import TIME_TOLERANCE_S
 
 #: Seconds to which the lateness is found, and labels of one trial. Our own choice.
 _STEP_S = 0.25
@@ -24,9 +25,10 @@ def window_missed(situation: Situation, effort: Effort) -> Infeasibility:
     The windows' ends are added one by one, the earliest first. The first end that leaves no plan
     is named, with the least lateness at which there is a plan.
     """
-    if not all(map(situation.windows.starts_at, situation.windows.limits)):
-        detail = "no moment lies in all windows and opening hours of one station"
-        return Infeasibility(code="WINDOW_MISSED", detail=detail)
+    for place, (from_s, until_s) in situation.windows.limits.items():
+        if from_s > until_s + TIME_TOLERANCE_S:
+            detail = f"no moment lies in all windows at {place!r}"
+            return Infeasibility(code="WINDOW_MISSED", detail=detail, station_id=place)
     kept: dict[StationId, float] = {}
     ending = _try(situation, kept, effort)
     if ending is Ending.EXHAUSTED:

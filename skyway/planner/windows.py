@@ -42,13 +42,17 @@ class Windows:
             return cls()
         stations = dict.fromkeys([problem.source, *(one.destination for one in problem.packages)])
         hours = problem.network.opening_hours
+        # A drone with its packages on board leaves the source also when it is closed.
+        loads_or_delivers = not problem.are_on_board or any(
+            one.destination == problem.source for one in problem.packages
+        )
         return cls(
             True,
             {station: _limits(problem, station) for station in stations},
             {
                 station: _open_starts(problem, station)
                 for station in stations
-                if station in hours and not (problem.are_on_board and station == problem.source)
+                if station in hours and (station != problem.source or loads_or_delivers)
             },
         )
 

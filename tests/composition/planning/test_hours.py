@@ -66,7 +66,7 @@ async def test_wrong_opening_hours_are_refused_with_their_field(
     assert "ends before it begins" in fault["detail"]
 
 
-async def test_a_landing_after_a_station_has_closed_meets_a_closure(
+async def test_opening_hours_shut_a_station_and_leave_it_open_for_late_drones(
     composition: Any, make: Any
 ) -> None:
     await composition.publish(row_with_hours(make, b=["12:00-13:00"]))
@@ -78,5 +78,6 @@ async def test_a_landing_after_a_station_has_closed_meets_a_closure(
 
     hour_ms = 3_600_000
     station = StationId("b")
-    assert not closed.closes_landing(station, now_ms + hour_ms - 1)
-    assert closed.closes_landing(station, now_ms + hour_ms)
+    assert not closed.is_shut(station, now_ms + hour_ms - 1)
+    assert closed.is_shut(station, now_ms + hour_ms)
+    assert not closed.closes_landing(station, now_ms + hour_ms)

@@ -329,3 +329,16 @@ def test_verify_refuses_a_landing_at_a_closed_station(make_problem: Any, make_ne
     (violation,) = verify(closed, plan)
 
     assert violation.detail == "station 'b' is not open from 800.0 s to 800.0 s"
+
+
+def test_a_window_that_ends_before_its_station_opens_is_missed_by_the_difference(
+    make_problem: Any, make_network: Any
+) -> None:
+    network = with_hours(make_network("a-b:6"), b=["12:30-13:00"])
+    problem = windowed(make_problem(network, "b", start_at=NOON), {"latest_s": 1500})
+
+    infeasibility = compose(problem).infeasibility
+
+    assert infeasibility is not None
+    assert (infeasibility.code, infeasibility.station_id) == ("WINDOW_MISSED", "b")
+    assert infeasibility.late_s == 300

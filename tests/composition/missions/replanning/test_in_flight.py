@@ -381,3 +381,28 @@ async def test_a_new_plan_still_waits_for_the_window_of_a_package(
     assert (late.package_ids, waiting.package_ids) == (("p1",), ("p2",))
     assert late.planned_end_at > now + timedelta(minutes=40)
     assert waiting.planned_start_at == opens_at
+
+
+async def test_a_drone_that_comes_after_closing_time_hands_over_when_its_station_opens_again(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    network = make.network()
+    for feature in network["features"]:
+        if feature["properties"].get("station_id") == "b":
+            # The clock begins on a Sunday at 12:00.
+            spans = {"sun": ["12:00-12:30", "15:00-16:00"]}
+            feature["properties"]["opening_hours"] = {"weekly": spans}
+    await composition.publish(network)
+    instruction = await take_off(composition, drone, make=make, request=make.request("b"))
+    now = composition.clock.now()
+    delivered = next(step for step in instruction.steps if step.kind == "DELIVER")
+    assert delivered.planned_end_at < now.replace(hour=12, minute=30)
+    composition.clock.advance(timedelta(minutes=29))
+    await composition.receive(flying(drone, instruction, 2))
+
+    await composition.replanner.step()
+
+    revision = [each for each in await composition.sent() if hasattr(each, "steps")][-1]
+    late = next(step for step in revision.steps if step.kind == "DELIVER")
+    assert late.station_id == "b"
+    assert late.planned_start_at == now.replace(hour=15, minute=0, second=0, microsecond=0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final, Protocol
 
-from skyway.contracts.flight_step import DeliverStep, FlyStep, RechargeStep
+from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, RechargeStep
 from skyway.contracts.mission import PackageEta
 from skyway.ids import StationId
 from skyway.units import moment_to_ms, ms_to_moment
@@ -34,6 +34,10 @@ class Closed(Protocol):
 
     def closes_landing(self, station_id: StationId, at_ms: float) -> bool:
         """Whether the station is closed at that moment."""
+        ...
+
+    def is_shut(self, station_id: StationId, at_ms: float) -> bool:
+        """Whether the station is closed by its opening hours at that moment."""
         ...
 
     def closes_segment(
@@ -158,17 +162,23 @@ def _misses_deadline(record: MissionRecord, predicted: PredictedStep) -> bool:
 def _closed_by_then(
     ahead: Iterable[PredictedStep], where: Whereabouts, closed: Closed
 ) -> Trouble | None:
-    """The first flight that meets a closure, and would not meet it at its planned time.
+    """The first flight or hand-over that meets a closure, and would not at its planned time.
 
     A flight that meets a closure at its planned time was planned so, because no other way was left.
     """
     for predicted in ahead:
         step = predicted.step
-        if not isinstance(step, FlyStep):
-            continue
         planned = moment_to_ms(step.planned_start_at), moment_to_ms(step.planned_end_at)
         expected = predicted.start_ms, predicted.end_ms
         is_begun = where.is_doing(step)
+        is_shut = isinstance(step, PickUpStep | DeliverStep) and (
+            _is_shut(step, expected, closed) and not _is_shut(step, planned, closed)
+        )
+        if is_shut and not is_begun:
+            detail = "its station has closed when packages would change hands there"
+            return Trouble(code="LATE", detail=detail)
+        if not isinstance(step, FlyStep):
+            continue
         if _meets(step, expected, closed, is_begun=is_begun) and not _meets(
             step, planned, closed, is_begun=is_begun
         ):
@@ -177,10 +187,18 @@ def _closed_by_then(
     return None
 
 
+def _is_shut(step: PickUpStep | DeliverStep, span_ms: tuple[int, int], closed: Closed) -> bool:
+    """Whether the station is closed by its opening hours at some moment of this act."""
+    # A station that closes at the very end of the act is open during the act.
+    return any(closed.is_shut(step.station_id, at_ms) for at_ms in (span_ms[0], span_ms[1] - 1))
+
+
 def _meets(step: FlyStep, span_ms: tuple[int, int], closed: Closed, *, is_begun: bool) -> bool:
     """Whether a flight meets a closure; of a flight that has begun only the landing counts."""
     start_ms, end_ms = span_ms
     if step.lands and closed.closes_landing(step.to_id, end_ms):
+        return True
+    if step.lands and not is_begun and closed.is_shut(step.to_id, end_ms):
         return True
     return not is_begun and closed.closes_segment(
         step.from_id, step.to_id, start_ms=start_ms, end_ms=end_ms

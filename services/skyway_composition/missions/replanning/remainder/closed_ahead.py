@@ -53,12 +53,17 @@ class ClosedAhead:
                 self._segments[ends].append(span)
 
     def closes_landing(self, station_id: StationId, at_ms: float) -> bool:
-        """Whether the station is closed at that moment, by its hours too, or no longer exists."""
+        """Whether the station is closed at that moment, or no longer exists.
+
+        Opening hours do not count: a drone that comes late lands, and waits on the ground.
+        """
         if station_id not in self._network.stations:
             return True
         spans = self._stations.get(station_id, ())
-        if any(start_ms <= at_ms < end_ms for start_ms, end_ms in spans):
-            return True
+        return any(start_ms <= at_ms < end_ms for start_ms, end_ms in spans)
+
+    def is_shut(self, station_id: StationId, at_ms: float) -> bool:
+        """Whether the station is closed by its opening hours at that moment."""
         hours = self._network.opening_hours.get(station_id)
         return hours is not None and not hours.is_open(ms_to_moment(int(at_ms)))
 
