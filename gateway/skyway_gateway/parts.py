@@ -121,7 +121,7 @@ class Parts:
     @property
     def acceptance(self) -> Acceptance:
         """Accepts delivery requests."""
-        keeper = OfferKeeper(self.registry, self.composition, self.clock, mint)
+        keeper = OfferKeeper(self.registry, self.composition, self.clock)
         return Acceptance(
             self.db, self.checks, keeper, self.writer, self.clock, mint, self.booking, self.horizon
         )

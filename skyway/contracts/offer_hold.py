@@ -27,7 +27,10 @@ class KeepOffer(WireModel):
     `offer.hold` names the hold of an offer that was held with its quote.
     """
 
-    hold_id: Annotated[HoldId, Field(description="Id for a new hold, if one is needed.")]
+    hold_id: Annotated[
+        HoldId,
+        Field(description="Id for the hold of an offer that was not held; the same in each call."),
+    ]
     customer_id: Annotated[SubjectId, Field(description="The customer who accepts the offer.")]
     request: Annotated[DeliveryRequest, Field(description="The request of the quote.")]
     shortlist: Annotated[Shortlist, Field(description="The drones of the provider.")]

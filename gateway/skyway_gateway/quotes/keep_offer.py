@@ -16,7 +16,6 @@ from skyway.ids import HoldId, OfferId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, RemoteProblem, ServiceUnavailable
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.minting import Mint
 from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.quotes.check_request import CheckedRequest
 from skyway_gateway.quotes.store import Offer, Quote
@@ -29,7 +28,6 @@ class OfferKeeper:
     registry: Registry
     composition: Composition
     clock: FleetClock
-    mint: Mint
 
     async def keep(
         self,
@@ -60,7 +58,8 @@ class OfferKeeper:
         found = await self.registry.candidates(_candidate_query(offer, checked))
         is_held = hold_id is not None and offer.is_held
         asked = KeepOffer(
-            hold_id=HoldId(self.mint("hld")),
+            # A call that is repeated after this process died finds what was held for it.
+            hold_id=HoldId(f"hld_{quote.quote_id}_{number}"),
             customer_id=SubjectId(caller.subject_id),
             request=quote.request,
             shortlist=found.shortlist,

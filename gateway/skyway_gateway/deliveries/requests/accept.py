@@ -182,10 +182,10 @@ class Acceptance:
                 clock=self.clock,
             )
         except (Conflict, NotFound):
-            await self._release(checked)
+            await self._release(caller, requested, checked)
             raise
         if not written:
-            await self._release(checked)
+            await self._release(caller, requested, checked)
         return answer
 
     async def _check(self, caller: Caller, requested: DeliveryRequest | OfferChoice) -> _Checked:
@@ -203,12 +203,23 @@ class Acceptance:
         is_new = hold is not None and hold.hold_id != hold_id
         return _Checked(checked, hold, is_new=is_new)
 
-    async def _release(self, checked: _Checked | SkywayError) -> None:
-        """Give up what was held for an offer that was not accepted after all.
+    async def _release(
+        self,
+        caller: Caller,
+        requested: DeliveryRequest | OfferChoice,
+        checked: _Checked | SkywayError,
+    ) -> None:
+        """Give up what was held for an offer that nobody has accepted after all.
 
         The hold of a quote stays: another call may have accepted one of its offers.
         """
-        if isinstance(checked, _Checked) and checked.is_new and checked.hold is not None:
+        if not isinstance(requested, OfferChoice) or not isinstance(checked, _Checked):
+            return
+        if checked.hold is None or not checked.is_new:
+            return
+        async with self.db.read() as connection:
+            quote = await one_of(connection, caller, requested.quote_id)
+        if quote.taken_offer_id != requested.offer_id:
             await self.keeper.release(checked.hold)
 
     async def _write(

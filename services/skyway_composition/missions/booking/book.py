@@ -118,8 +118,9 @@ class Bookings:
         async with self.db.read() as connection:
             hold = await find_hold(connection, hold_ref.hold_id)
         held = held_offer(hold, hold_ref.number, now_ms=self._now_ms())
-        drone_ids = () if held is None else held.drone_ids
-        engaged = await self.rounds.engaged(drone_ids, own_hold=hold_ref.hold_id)
+        if held is None or requested.offer is None or not held.keeps(requested.offer):
+            return "EXPIRED"
+        engaged = await self.rounds.engaged(held.drone_ids, own_hold=hold_ref.hold_id)
         loss = hold_loss(
             held,
             request=requested.request,
@@ -127,8 +128,8 @@ class Bookings:
             engaged=engaged,
             now_ms=self._now_ms(),
         )
-        if loss is not None or held is None:
-            return loss or "EXPIRED"
+        if loss is not None:
+            return loss
         world = await World.at(present, self.networks, db=self.db, after_ms=self._now_ms())
         found = _as_found(held, world, delivery_exists=seen.delivery_exists)
         try:

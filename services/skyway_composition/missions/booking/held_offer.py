@@ -5,6 +5,7 @@ from typing import Final, Self
 
 from pydantic import TypeAdapter
 
+from skyway.contracts.mission import OfferLimits
 from skyway.ids import DroneId, NetworkId, PackageId
 from skyway.json_model import JsonModel
 from skyway_composition.networks.store import Present
@@ -50,6 +51,15 @@ class HeldOffer(JsonModel):
         return frozenset(
             package.package_id for part in self.offer.parts for package in part.request.packages
         )
+
+    def keeps(self, promised: OfferLimits) -> bool:
+        """Whether this is an offer of the promised provider for at most the promised price."""
+        price = self.offer.price
+        is_same = (self.offer.provider_id, price.currency) == (
+            promised.provider_id,
+            promised.price.currency,
+        )
+        return is_same and price.amount <= promised.price.amount
 
     @property
     def starts_ms(self) -> int:

@@ -48,15 +48,17 @@ class OfferKeeper:
     turns: Turns
 
     async def keep(self, asked: KeepOffer) -> KeptOffer:
-        """The hold that keeps the offer: its own one if that still fits, else a new one."""
-        own_hold = None if asked.offer.hold is None else asked.offer.hold.hold_id
+        """The hold that keeps the offer: as it is if that still fits, else planned again.
+
+        A repeated call finds what an earlier one has held, whose caller may have died.
+        """
+        accepted = asked.offer.hold or OfferHold(hold_id=asked.hold_id, number=0)
+        own_hold = accepted.hold_id
         look = partial(self._look, asked, own_hold=own_hold)
         seen = await look()
-        loss: HoldLoss | None = None
-        if asked.offer.hold is not None:
-            loss = await self._extend(asked, asked.offer.hold, seen)
-            if loss is None:
-                return KeptOffer(hold=asked.offer.hold)
+        loss = await self._extend(asked, accepted, seen)
+        if loss is None:
+            return KeptOffer(hold=accepted)
         if seen.around is None:
             return KeptOffer(hold=None)
         rank = PRIORITY_RANKS[asked.request.qos.priority]
@@ -72,7 +74,7 @@ class OfferKeeper:
             )
         if not isinstance(done, Booking):
             return KeptOffer(hold=done)
-        lost = done if loss is None else with_hold_loss(done, loss)
+        lost = done if asked.offer.hold is None else with_hold_loss(done, loss)
         return KeptOffer(hold=None, reasons=lost.reasons)
 
     async def release(self, hold_id: HoldId) -> None:
@@ -90,7 +92,7 @@ class OfferKeeper:
         await delete_expired(self.db, now_ms=self._now_ms())
         return False
 
-    async def _look(self, asked: KeepOffer, *, own_hold: HoldId | None) -> FirstLook:
+    async def _look(self, asked: KeepOffer, *, own_hold: HoldId) -> FirstLook:
         async with self.db.read() as connection:
             return await first_look(
                 connection,
@@ -109,7 +111,7 @@ class OfferKeeper:
         async with self.db.read() as connection:
             hold = await find_hold(connection, accepted.hold_id)
         held = held_offer(hold, accepted.number, now_ms=self._now_ms())
-        if held is None or seen.around is None:
+        if held is None or seen.around is None or not held.keeps(asked.offer):
             return "EXPIRED"
         if not _are_candidates(held, asked.shortlist.drone_ids):
             return "DRONE_NOT_FREE"
@@ -132,15 +134,15 @@ class OfferKeeper:
         return None
 
     async def _hold(
-        self, asked: KeepOffer, tx: Tx, found: FoundOffer, *, own_hold: HoldId | None
+        self, asked: KeepOffer, tx: Tx, found: FoundOffer, *, own_hold: HoldId
     ) -> OfferHold:
         held = HeldOffer.of(found.offer, found.world, engaged=found.engaged)
-        hold = Hold(asked.hold_id, self._until_ms(), (held,))
+        hold = Hold(own_hold, self._until_ms(), (held,))
         pads = await claim_for_hold(
             tx, [held], found.world, now_ms=self._now_ms(), own_hold=own_hold
         )
         await add_hold(tx, hold, customer_id=asked.customer_id, slot=None, pads=pads)
-        return OfferHold(hold_id=asked.hold_id, number=0)
+        return OfferHold(hold_id=own_hold, number=0)
 
     def _now_ms(self) -> int:
         return moment_to_ms(self.clock.now())

@@ -214,16 +214,30 @@ async def test_while_composition_is_away_an_offer_is_not_accepted(
     assert accepted.status_code == 202
 
 
+@pytest.mark.parametrize("second", [0, 1])
 async def test_of_two_simultaneous_acceptances_one_wins_and_the_other_holds_nothing(
-    gateway: Gateway, quote: Any
+    gateway: Gateway, quote: Any, second: int
 ) -> None:
-    answers = await asyncio.gather(*(gateway.post(choice(quote)) for _ in range(2)))
+    answers = await asyncio.gather(*(gateway.post(choice(quote, n)) for n in (0, second)))
 
     assert sorted(answer.status_code for answer in answers) == [202, 409]
     [refused] = [answer for answer in answers if answer.status_code == 409]
+    [accepted] = [answer for answer in answers if answer.status_code == 202]
     assert refused.json()["code"] == "QUOTE_TAKEN"
-    assert len(gateway.composition.holds) == 1
+    assert gateway.composition.holds == {accepted.json()["offer"]["hold"]["hold_id"]}
     assert await count(gateway, "deliveries") == 1
+
+
+async def test_each_call_for_an_offer_names_the_same_hold(
+    gateway: Gateway, quote: Any, reason: Callable[..., Any]
+) -> None:
+    gateway.composition.lost = [reason("BUSY", is_temporary=True, provider_id="prv_1")]
+    await gateway.post(choice(quote))
+    gateway.composition.lost = []
+    await gateway.post(choice(quote))
+
+    first, again = gateway.composition.kept
+    assert first.hold_id == again.hold_id
 
 
 async def test_an_offer_that_is_held_for_another_customer_is_unknown(

@@ -116,7 +116,9 @@ async def test_a_delivery_of_a_lost_offer_is_rejected_in_one_round(
     _, choice = await quoted(gateway, request_body())
     delivery_id = (await taken(gateway, choice)).json()["delivery_id"]
     gateway.composition.is_busy = is_busy
-    gateway.composition.reasons = [reason("NO_PAD_IN_TIME", is_temporary=is_busy)]
+    why = reason("NO_PAD_IN_TIME", is_temporary=is_busy)
+    after_acceptance = {"data": {"hold_loss": "NETWORK_CHANGED"}}
+    gateway.composition.reasons = [why.model_copy(update=after_acceptance)]
     await gateway.book_next()
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "REJECTED"
