@@ -6,8 +6,9 @@ checks again what was planned with.
 """
 
 import logging
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from skyway.ids import DroneId
@@ -49,6 +50,9 @@ _REACH_S: Final = (5.0, 1.0)
 _PLAN_S: Final = (30.0, 2.5)
 _LONGEST_WAIT_S: Final = (600.0, 60.0)
 
+#: The time to plan is doubled at most this often. Our own choice.
+_MOST_DOUBLINGS: Final = 5
+
 _NO_PLAN: Final = "its drone has had no plan for it for too long"
 
 
@@ -67,13 +71,19 @@ class _Calendar:
 
 @dataclass(frozen=True, slots=True)
 class Calendars:
-    """Keeps the calendars of all drones."""
+    """Keeps the calendars of all drones.
+
+    A plan for an idle drone that came too late gets twice the time for the next one, so that a slow
+    machine sends its missions too.
+    """
 
     db: Database
     networks: PreparedNetworks
     solver: SolverPool
     clock: FleetClock
     mint: Mint
+    #: How often in a row a plan for a drone came too late.
+    _came_late: Counter[DroneId] = field(default_factory=Counter)
 
     async def step(self) -> bool:
         """Look at the drones whose next mission needs something; True when one has changed."""
@@ -116,11 +126,11 @@ class Calendars:
                 before=calendar.before,
                 link=work.links.get(drone_id),
                 is_planned_in_this_world=_planned_in(following) == present,
-                times=self._times(),
+                times=self._times(late=self._came_late[drone_id]),
             )
             match decision:
                 case Send():
-                    await send_next(work, following)
+                    await self._send(work, following)
                 case Shorten(until_ms=until_ms) if calendar.before is not None:
                     await shorten_standby(work, calendar.before, until_ms=until_ms)
                 case GiveUp(detail=detail):
@@ -161,16 +171,40 @@ class Calendars:
                 await refuse(work, first, code="DRONE_NOT_FREE", detail=_NO_PLAN)
             else:
                 await _apply(work, calendar, changed, skyway)
+                if calendar.before is None:
+                    await self._send_if_in_time(work, calendar.drone_id)
         return True
+
+    async def _send_if_in_time(self, work: MissionUnitOfWork, drone_id: DroneId) -> None:
+        """Send the next mission with its new plan: at the next look it may be too late."""
+        following = next(iter(await queued_of_drone(work.tx.connection, drone_id)), None)
+        if following is None:
+            return
+        decision = decide(
+            following,
+            before=None,
+            link=work.links.get(drone_id),
+            is_planned_in_this_world=True,
+            times=self._times(),
+        )
+        if isinstance(decision, Send):
+            await self._send(work, following)
+        else:
+            self._came_late[drone_id] = min(self._came_late[drone_id] + 1, _MOST_DOUBLINGS)
+
+    async def _send(self, work: MissionUnitOfWork, following: MissionRecord) -> None:
+        await send_next(work, following)
+        self._came_late.pop(following.drone_id, None)
 
     async def _lock(self, drone_id: DroneId, tx: Tx) -> MissionUnitOfWork:
         return await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
 
-    def _times(self) -> Times:
+    def _times(self, *, late: int = 0) -> Times:
+        """The present times, for a drone whose plans came too late this often in a row."""
         return Times(
             now_ms=moment_to_ms(self.clock.now()),
             reach_ms=self._ms(_REACH_S),
-            plan_ms=self._ms(_PLAN_S),
+            plan_ms=self._ms(_PLAN_S) * 2**late,
             hand_over_ms=hand_over_time_ms(self.clock),
             send_ahead_ms=send_ahead_ms(self.clock),
             longest_wait_ms=self._ms(_LONGEST_WAIT_S),

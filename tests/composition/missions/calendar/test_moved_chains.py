@@ -2,10 +2,15 @@
 
 import asyncio
 from datetime import timedelta
+from typing import Any
 
 import pytest
+from skyway_composition.planning.solver_pool import SolverPool
 from skyway_drone_agent.simulated.disturbances import Disturbances
 
+from skyway.delivery.plan import Plan
+from skyway.planner.problem import Problem
+from skyway.runtime.clock import ManualClock
 from tests.composition.busy_world import BusyWorld
 from tests.composition.missions.calendar.booked_chain import (
     CHAIN,
@@ -150,3 +155,42 @@ async def test_a_drone_charges_at_home_before_a_mission_that_begins_hours_later(
     assert later.start.soc == pytest.approx(0.99, abs=0.011)
     assert timedelta(0) <= later.mission.start_at - later_at < timedelta(seconds=1)
     await world.end()
+
+
+class SlowSolver(SolverPool):
+    """Takes a minute of fleet time for each plan, once it is slow."""
+
+    clock: ManualClock
+    is_slow = False
+
+    async def compose(self, problem: Problem, **options: Any) -> Plan:
+        if self.is_slow:
+            self.clock.advance(timedelta(minutes=1))
+        return await super().compose(problem, **options)
+
+
+class NobodyLooks:
+    """Calendars that nobody keeps: no mission is sent after the one before it."""
+
+    async def step(self) -> bool:
+        return False
+
+
+async def test_missions_are_sent_though_planning_them_again_takes_long(migrated_url: str) -> None:
+    """Planning a queue anew can take longer than the usual margin until its next mission begins."""
+    async with BusyWorld(migrated_url) as world:
+        solver = SlowSolver(threads=1, time_limit_s=5.0)
+        solver.clock = world.clock
+        world.solver = solver
+        world.restart()
+        async with solver:
+            await book_chain(world)
+            world.calendars = NobodyLooks()  # type: ignore[assignment]
+            await pass_minutes(world, 300)
+            assert len(await waiting(world)) == 4
+            world.restart()
+            solver.is_slow = True
+
+            await world.end()
+
+    assert delivered_by(world) == [*CHAIN]
