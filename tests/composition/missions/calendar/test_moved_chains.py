@@ -169,8 +169,8 @@ class SlowSolver(SolverPool):
         return await super().compose(problem, **options)
 
 
-class NobodyLooks:
-    """Calendars that nobody keeps: no mission is sent after the one before it."""
+class UnkeptCalendars:
+    """No mission is sent after the one before it."""
 
     async def step(self) -> bool:
         return False
@@ -185,7 +185,7 @@ async def test_missions_are_sent_though_planning_them_again_takes_long(migrated_
         world.restart()
         async with solver:
             await book_chain(world)
-            world.calendars = NobodyLooks()  # type: ignore[assignment]
+            world.calendars = UnkeptCalendars()  # type: ignore[assignment]
             await pass_minutes(world, 300)
             assert len(await waiting(world)) == 4
             world.restart()
