@@ -167,9 +167,8 @@ class _Flight:
         flights, self._in_air = self._in_air, []
         if not flights:
             return
-        leave_s, uses = self._leave_s(flights, not_before_s)
-        departure = self._situation.closures.earliest_departure(uses, not_before_s=leave_s)
-        if departure.at_s <= leave_s + TIME_TOLERANCE_S:
+        leave_s = self._leave_s(flights, not_before_s)
+        if leave_s <= self.log.now_s or self._meets_nothing(flights, leave_s):
             self._fly(flights, leave_s)
             return
         # Leaving that late meets a closure, so the drone waits further on, where landing is free.
@@ -179,24 +178,31 @@ class _Flight:
                 len(flights),
             )
             part, flights = flights[:count], flights[count:]
-            self._fly(part, self._leave_s(part, -math.inf if flights else not_before_s)[0])
+            self._fly(part, self._leave_s(part, -math.inf if flights else not_before_s))
 
-    def _leave_s(
-        self, flights: Sequence[tuple[Segment, float]], touch_s: float
-    ) -> tuple[float, list[Use]]:
-        """When to leave for these flights, to touch down at this moment or later; what they use."""
-        after_s, leave_s, uses = 0.0, self.log.now_s, []
+    def _leave_s(self, flights: Sequence[tuple[Segment, float]], touch_s: float) -> float:
+        """When to leave for these flights, to touch down at this moment or later."""
+        after_s, leave_s, load_kg = 0.0, self.log.now_s, self._load_kg
         for segment, not_before_s in flights:
             leave_s = max(leave_s, not_before_s - after_s)
+            after_s += self._situation.flight_s(segment, load_kg)
+        return max(leave_s, touch_s - after_s)
+
+    def _meets_nothing(self, flights: Sequence[tuple[Segment, float]], leave_s: float) -> bool:
+        """Whether flights from this moment on meet no closure."""
+        after_s, uses = 0.0, []
+        for segment, _ in flights:
             flight_s = self._situation.flight_s(segment, self._load_kg)
             uses.append(Use((segment.from_id, segment.to_id), after_s, flight_s))
             after_s += flight_s
-        return max(leave_s, touch_s - after_s), uses
+        departure = self._situation.closures.earliest_departure(uses, not_before_s=leave_s)
+        return departure.at_s <= leave_s + TIME_TOLERANCE_S
 
     def _fly(self, flights: Sequence[tuple[Segment, float]], leave_s: float) -> None:
+        load_kg = self._load_kg
         self.log.wait(until_s=leave_s)
         for number, (segment, _) in enumerate(flights, 1):
-            self.log.fly(segment, load_kg=self._load_kg, lands=number == len(flights))
+            self.log.fly(segment, load_kg=load_kg, lands=number == len(flights))
 
     def _is_free(self, station_id: StationId) -> bool:
         """Whether a landing costs nothing there, and no closure forbids it."""

@@ -49,6 +49,7 @@ class Replay:
         self._now_s = 0.0
         self._soc = problem.drone.soc
         self._has_picked_up = False
+        self._may_pass = problem.may_pass
         self._undelivered: dict[PackageId, StationId] = {
             package.package_id: package.destination for package in problem.packages
         }
@@ -100,7 +101,7 @@ class Replay:
     def _must_hand_over(self) -> bool:
         """Whether packages must be picked up or handed over here before any other step."""
         is_at_source = self._here == self._problem.source
-        if self._problem.may_pass:
+        if self._may_pass:
             # Packages for the source are handed over right after loading, windows or not.
             is_due = self._here in self._undelivered.values()
             return is_at_source and self._has_picked_up and is_due
