@@ -36,6 +36,8 @@ class _CachedVersion:
 
     version: int
     places: Mapping[StationId, tuple[Position, int]]
+    loading_s: float = 0.0
+    dropoff_s: float = 0.0
 
 
 class CachedNetworks:
@@ -73,6 +75,13 @@ class CachedNetworks:
                 return network_id
         return None
 
+    def service_times_s(self, station_id: StationId) -> tuple[float, float]:
+        """How long loading and a hand-over take in a station's network; 0 if it is not cached."""
+        for network in self._networks.values():
+            if station_id in network.places:
+                return network.loading_s, network.dropoff_s
+        return 0.0, 0.0
+
     def version_of(self, network_id: NetworkId) -> int | None:
         """The cached version of a network; None when there is none."""
         cached = self._networks.get(network_id)
@@ -109,7 +118,7 @@ class CachedNetworks:
 def _cached_version(stations: NetworkStations) -> _CachedVersion:
     each = zip(stations.positions, stations.parts, strict=True)
     places = dict(zip(stations.station_ids, each, strict=True))
-    return _CachedVersion(stations.version, places)
+    return _CachedVersion(stations.version, places, stations.loading_s, stations.dropoff_s)
 
 
 def _position_if_connected(

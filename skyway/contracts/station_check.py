@@ -52,3 +52,9 @@ class NetworkStations(WireModel):
         tuple[Position, ...], Field(description="Where the station of each row is, in degrees.")
     ] = ()
     parts: Annotated[tuple[int, ...], Field(description="The connected part of each row.")] = ()
+    loading_s: Annotated[
+        float, Field(ge=0, description="How long loading takes in the network, seconds.")
+    ] = 0.0
+    dropoff_s: Annotated[
+        float, Field(ge=0, description="How long a hand-over takes in the network, seconds.")
+    ] = 0.0

@@ -111,9 +111,10 @@ class RequestChecks:
             Composition does not answer now, and never said whether the stations exist.
         """
         self._check_times(request)
-        check_windows(request, now=self.clock.now())
         _check_destinations(request)
         position = await self._check_stations(request)
+        loading_s, dropoff_s = self.networks.service_times_s(request.pickup.station_id)
+        check_windows(request, now=self.clock.now(), loading_s=loading_s, dropoff_s=dropoff_s)
         has_provider = await self._check_payload(request)
         return CheckedRequest(request, position, () if has_provider else (NO_PROVIDER,))
 

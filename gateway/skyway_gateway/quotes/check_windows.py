@@ -18,19 +18,28 @@ class _Window(NamedTuple):
     first_at: datetime | None
     last_field: str
     last_at: datetime | None
+    takes_s: float
 
 
-def check_windows(request: DeliveryRequest, *, now: datetime) -> None:
-    """Refuse windows that nobody can meet in any network with any fleet.
+def check_windows(
+    request: DeliveryRequest, *, now: datetime, loading_s: float = 0.0, dropoff_s: float = 0.0
+) -> None:
+    """Refuse windows that no fleet can meet.
+
+    Parameters
+    ----------
+    loading_s, dropoff_s
+        How long loading and a hand-over take in the network of the request; 0 if unknown.
 
     Raises
     ------
     InvalidInput
-        A window is reversed, has ended, lies more than 30 days ahead, opens after the deadline or
-        ends before the pickup, or shares no moment with another window of the same destination.
+        A window is reversed, too short, has ended, lies more than 30 days ahead, opens after the
+        deadline, ends before the pickup, or shares no moment with another window of the same
+        destination.
     """
     pickup_at, deadline_at = request.earliest_pickup_at, request.qos.deadline_at
-    for window in _windows(request):
+    for window in _windows(request, loading_s, dropoff_s):
         _check_alone(window, now=now)
         if (
             deadline_at is not None
@@ -45,12 +54,13 @@ def check_windows(request: DeliveryRequest, *, now: datetime) -> None:
     _check_shared_destinations(request)
 
 
-def _windows(request: DeliveryRequest) -> Iterator[_Window]:
+def _windows(request: DeliveryRequest, loading_s: float, dropoff_s: float) -> Iterator[_Window]:
     yield _Window(
         "earliest_pickup_at",
         request.earliest_pickup_at if request.latest_pickup_at is not None else None,
         "latest_pickup_at",
         request.latest_pickup_at,
+        loading_s,
     )
     for number, package in enumerate(request.packages):
         prefix = f"packages.{number}"
@@ -59,6 +69,7 @@ def _windows(request: DeliveryRequest) -> Iterator[_Window]:
             package.not_before_at,
             f"{prefix}.latest_at",
             package.latest_at,
+            dropoff_s,
         )
 
 
@@ -77,6 +88,13 @@ def _check_alone(window: _Window, *, now: datetime) -> None:
     if first_at is not None and last_at is not None and last_at < first_at:
         detail = f"{last_at} is {first_at - last_at} before {window.first_field} {first_at}"
         raise InvalidInput(window.last_field, detail)
+    if first_at is not None and last_at is not None:
+        room_s = (last_at - first_at).total_seconds()
+        if room_s < window.takes_s:
+            detail = (
+                f"{room_s:g} s after {window.first_field}, shorter than the {window.takes_s:g} s"
+            )
+            raise InvalidInput(window.last_field, f"{detail} that this takes in the network")
 
 
 def _check_shared_destinations(request: DeliveryRequest) -> None:

@@ -78,4 +78,6 @@ def all_stations(skyway: PreparedNetwork) -> NetworkStations:
         station_ids=columns.station_ids,
         positions=tuple(Position(*place) for place in places),
         parts=tuple(station_parts(skyway.network).tolist()),
+        loading_s=skyway.settings.loading_s,
+        dropoff_s=skyway.settings.dropoff_s,
     )

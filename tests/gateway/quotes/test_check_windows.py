@@ -90,3 +90,31 @@ def test_a_window_that_cannot_be_met_is_named(
 
     assert raised.value.faults[0].field == field
     assert detail in raised.value.faults[0].detail
+
+
+@pytest.mark.parametrize(
+    ("packages", "members", "field", "takes_s"),
+    [
+        (
+            [{"not_before_at": at(14), "latest_at": "2026-03-01T14:00:29Z"}],
+            {},
+            "packages.0.latest_at",
+            30,
+        ),
+        (
+            [{}],
+            {"earliest_pickup_at": at(14), "latest_pickup_at": "2026-03-01T14:00:29Z"},
+            "latest_pickup_at",
+            60,
+        ),
+    ],
+)
+def test_a_window_that_is_shorter_than_what_it_holds_is_named(
+    packages: list[dict[str, str]], members: dict[str, Any], field: str, takes_s: float
+) -> None:
+    with pytest.raises(InvalidInput) as raised:
+        check_windows(make_request(*packages, **members), now=NOW, loading_s=60, dropoff_s=30)
+
+    assert raised.value.faults[0].field == field
+    assert "29 s after" in raised.value.faults[0].detail
+    assert f"shorter than the {takes_s} s" in raised.value.faults[0].detail
