@@ -254,11 +254,11 @@ NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 def test_a_hand_over_is_over_before_its_station_closes(
     make_problem: Any, make_network: Any
 ) -> None:
-    network = with_hours(make_network("a-b:6"), b=["12:00-12:10", "12:20-13:00"])
+    network = with_hours(make_network("a-b:5.8"), b=["12:00-12:10", "12:20-13:00"])
 
     plan = compose(make_problem(network, "b", dropoff_s=30, start_at=NOON))
 
-    # The drone could be there at 600 s, when the station closes for ten minutes.
+    # The drone could be there at 580 s, 20 s before the station closes for ten minutes.
     assert [(one.start_s, one.end_s) for one in plan.steps if isinstance(one, Deliver)] == [
         (1200, 1230)
     ]
