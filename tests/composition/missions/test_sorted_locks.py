@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from skyway_composition.links.store import lock_link, lock_links
+from skyway_composition.missions.booking.hold_store import free_drones
 from skyway_composition.missions.booking.store import claim_in_one_statement
 from skyway_composition.missions.mission.store import lock_live
 from skyway_composition.networks.store import Present
@@ -19,7 +20,7 @@ from sqlalchemy import text
 
 from skyway.contracts.mission import BookMissions
 from skyway.contracts.shortlist import Shortlist
-from skyway.ids import DeliveryId, DroneId, NetworkId, ProviderId, StationId
+from skyway.ids import DeliveryId, DroneId, HoldId, NetworkId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
 from skyway.scheduling.booked_pad import BookedPad
 from tests.row_locks import free_keys, until_a_lock_is_waited_for
@@ -93,6 +94,21 @@ async def test_a_claim_in_one_statement_locks_stations_in_sorted_order(
     free = await free_rows_of_a_waiting_lock(composition, "stations", "station_id", STATIONS, claim)
 
     assert free == set(STATIONS[1:])
+
+
+async def test_the_drones_of_a_hold_are_locked_in_sorted_order(
+    composition: Any, drone: Any
+) -> None:
+    await met(composition, drone)
+
+    async def give_up(tx: Tx) -> None:
+        await free_drones(tx, HoldId("hld_1"), before_locking=DRONES[::-1])
+
+    free = await free_rows_of_a_waiting_lock(
+        composition, "drone_links", "drone_id", DRONES, give_up
+    )
+
+    assert free == set(DRONES[1:])
 
 
 async def test_links_are_locked_in_sorted_order(composition: Any, drone: Any) -> None:

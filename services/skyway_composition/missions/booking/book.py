@@ -21,7 +21,7 @@ from skyway.units import moment_to_ms
 from skyway_composition.missions.booking.engage import WorldChanged, claim, engage
 from skyway_composition.missions.booking.held_offer import HeldOffer
 from skyway_composition.missions.booking.hold_loss import held_offer, hold_loss
-from skyway_composition.missions.booking.hold_store import find_hold
+from skyway_composition.missions.booking.hold_store import find_hold, lock_hold
 from skyway_composition.missions.booking.outcome import pickup_unknown, with_hold_loss
 from skyway_composition.missions.booking.rounds import FoundOffer, Rounds
 from skyway_composition.missions.booking.store import FirstLook, first_look, missions_of
@@ -167,6 +167,9 @@ class Bookings:
         else:
             # If another request books or closes it first, the database refuses this row.
             add_delivery(tx, delivery_id)
+        if own_hold is not None:
+            # Locked before the network and the drones, as it is when it is deleted.
+            await lock_hold(tx, own_hold)
         # I11: the version is checked inside the transaction and cannot change before its end.
         places = await claim(
             tx,

@@ -34,11 +34,11 @@ async def claim_for_hold(
     """
     if not await still_holds(tx, world):
         raise WorldChanged
-    if own_hold is not None:
-        await free_drones(tx, own_hold)
     drones = {
         part.candidate.drone_id: part.candidate for held in offers for part in held.offer.parts
     }
+    if own_hold is not None:
+        await free_drones(tx, own_hold, before_locking=drones)
     for drone_id in sorted(drones):
         await lock_link(tx, drone_id, drones[drone_id].provider_id)
     now = await booked_missions(tx.connection, tuple(drones), now_ms=now_ms)

@@ -195,7 +195,8 @@ async def claim(
     if not await still_holds(tx, world):
         raise WorldChanged
     if own_hold is not None:
-        await free_drones(tx, own_hold)
+        drone_ids = [part.candidate.drone_id for part in parts]
+        await free_drones(tx, own_hold, before_locking=drone_ids)
     places = {}
     for each in (part.candidate for part in parts):
         if each.drone_id in sent_now:

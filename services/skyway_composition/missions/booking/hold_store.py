@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from sqlalchemy import BigInteger, Text, bindparam, delete, select, update
+from sqlalchemy import BigInteger, Text, bindparam, delete, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId, HoldId, SubjectId
@@ -25,7 +25,7 @@ _IS_HELD_BY: Final = drone_links.c.held_by == bindparam("this_hold")
 # Drones are locked in the order of their ids, as every booking does.
 _LOCK_DRONES: Final = (
     select(drone_links.c.drone_id)
-    .where(_IS_HELD_BY)
+    .where(or_(_IS_HELD_BY, in_list(drone_links.c.drone_id, "drone_ids")))
     .order_by(drone_links.c.drone_id)
     .with_for_update()
 )
@@ -130,9 +130,14 @@ async def extend_hold(tx: Tx, hold_id: HoldId, *, until_ms: int) -> None:
         await tx.execute(statement, {"this_hold": hold_id, "to_ms": until_ms})
 
 
-async def free_drones(tx: Tx, hold_id: HoldId) -> None:
-    """Give up the drones of a hold; its pads must follow, after their stations are locked."""
-    await tx.execute(_LOCK_DRONES, {"this_hold": hold_id})
+async def free_drones(tx: Tx, hold_id: HoldId, *, before_locking: Collection[DroneId] = ()) -> None:
+    """Give up the drones of a locked hold; its pads must follow, after their stations are locked.
+
+    The transaction may lock the drones `before_locking` after this: they are locked here, with
+    those of the hold, in the order of their ids.
+    """
+    values = {"this_hold": hold_id, "drone_ids": sorted(before_locking)}
+    await tx.execute(_LOCK_DRONES, values)
     await tx.execute(_FREE_DRONES, {"this_hold": hold_id})
 
 

@@ -138,6 +138,8 @@ class OfferKeeper:
     ) -> OfferHold:
         held = HeldOffer.of(found.offer, found.world, engaged=found.engaged)
         hold = Hold(own_hold, self._until_ms(), (held,))
+        # The hold is locked before everything else, as it is when it is deleted.
+        await lock_hold(tx, own_hold)
         pads = await claim_for_hold(
             tx, [held], found.world, now_ms=self._now_ms(), own_hold=own_hold
         )
