@@ -8,6 +8,7 @@ from datetime import datetime
 
 from skyway.ids import StationId
 from skyway.network.network import Zone
+from skyway.network.opening_hours import OpeningHours
 from skyway.planner.airspace import Airspace, SegmentEnds
 from skyway.planner.open_hours import Interval, closed_hours_s
 from skyway.planner.problem import Problem, StationClosure
@@ -55,8 +56,12 @@ class Closures:
                 closed[closure.station_id].append((closure.start_s, end_s))
             else:
                 closed[closure.from_id, closure.to_id].append((closure.start_s, end_s))
-        for station_id in problem.network.opening_hours:
-            closed[station_id].extend(closed_hours_s(problem, station_id))
+        # Many stations share their hours.
+        closed_by_hours: dict[OpeningHours, list[Interval]] = {}
+        for station_id, hours in problem.network.opening_hours.items():
+            if hours not in closed_by_hours:
+                closed_by_hours[hours] = closed_hours_s(problem, station_id)
+            closed[station_id].extend(closed_by_hours[hours])
         return cls(closed)
 
     def intervals(self) -> Mapping[SegmentEnds | StationId, tuple[Interval, ...]]:
