@@ -104,17 +104,21 @@ def test_every_failsafe_acts_and_every_delivery_ends(system: Any) -> None:
     system.operate("PUT", "/v1/networks/failsafes", ladders(*_RESERVES) | {"settings": _SETTINGS})
     fleets = TroubledFleets(system, _RESERVES)
     with contextlib.ExitStack() as proxies:
-        late, lost, short = (proxies.enter_context(broker_proxy(system)) for _ in range(3))
-        start(fleets, late=late, lost=lost, short=short)
-        # Otherwise the cloud lets the drone land as soon as it reports a battery that will be low.
-        deliveries = {"short": requested(system, "short")}
-        until_accepted(system, fleets, "short")
-        short.hold("instructions")
-        others = _TRIPS.keys() - {"short", "late"}
+        late, lost, low, short = (proxies.enter_context(broker_proxy(system)) for _ in range(4))
+        start(fleets, late=late, lost=lost, low=low, short=short)
+        # Otherwise the cloud lets the drones charge as soon as it sees that they use more energy.
+        held = {"low": low, "short": short}
+        deliveries = {name: requested(system, name) for name in held}
+        for name, proxy in held.items():
+            until_accepted(system, fleets, name)
+            proxy.hold("instructions")
+        others = _TRIPS.keys() - held.keys() - {"late"}
         deliveries |= {name: requested(system, name) for name in others}
 
         until_airborne(system, fleets, "link", deliveries["link"])
         lost.cut()
+        until_alarmed(system, fleets, "low", {"BATTERY_LOW"})
+        low.release()
         until_alarmed(system, fleets, "short", {"BATTERY_SHORT"})
         short.release()
         fill_disk_in_flight(system, fleets, deliveries["disk"])
@@ -147,13 +151,18 @@ def requested(system: Any, name: str) -> str:
 
 
 def start(
-    fleets: TroubledFleets, *, late: BrokerProxy, lost: BrokerProxy, short: BrokerProxy
+    fleets: TroubledFleets,
+    *,
+    late: BrokerProxy,
+    lost: BrokerProxy,
+    low: BrokerProxy,
+    short: BrokerProxy,
 ) -> None:
     """Start the agents. A scenario that holds for a whole agent needs its own agent."""
     named = ("motor", "gps", "drift", "pad")
     ids = {name: fleets.drone_id(name) for name in named}
     fleets.run(*named, scenario=_BY_NAME.format(**ids))
-    fleets.run("low", scenario=_HIGH_ENERGY_USE)
+    fleets.run("low", scenario=_HIGH_ENERGY_USE, mqtt_url=low.url)
     fleets.run("short", scenario=_HIGH_ENERGY_USE, mqtt_url=short.url)
     fleets.run("empty", scenario="flight_energy_factor = 100.0")
     fleets.run("hot", scenario="[battery]\ntemperature_c = 62")
