@@ -11,7 +11,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from skyway.contracts.mission import Cancellation, CancelMissions
+from skyway.contracts.mission import Cancellation, CancelMissions, Mission
 from skyway.errors import InvalidInput
 from skyway.ids import DeliveryId, PackageId
 from skyway.json_model import JsonModel
@@ -22,11 +22,13 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway_gateway.clients import Composition
 from skyway_gateway.deliveries.lifecycle.booking_effects import (
+    after_booking,
     after_cancellation,
     can_be_cancelled,
     is_cancelled,
 )
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
+from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 
@@ -145,8 +147,24 @@ class Canceller:
         if closed.is_closed:
             return Cancellation()
         done = await self._cancel_missions(delivery, package_ids, reason=reason)
+        if done.returning or done.too_late:
+            await self._note_booked(delivery, closed.missions)
         await self.composition.close(delivery.delivery_id)
         return done
+
+    async def _note_booked(self, delivery: Delivery, missions: Sequence[Mission]) -> None:
+        """Write missions that composition has booked and a round of booking could not write.
+
+        Their drones may have the packages, so the packages no longer wait.
+        """
+        booked = [each for each in missions if each.attempt == delivery.attempt]
+
+        def plan(now: Delivery) -> Progress | None:
+            if not booked or not now.is_queued or now.attempt != delivery.attempt:
+                return None
+            return after_booking(now, booked, at=self.clock.now())
+
+        await self.writer.write(delivery.delivery_id, change=plan)
 
     async def _cancel_missions(
         self, delivery: Delivery, package_ids: Sequence[PackageId], *, reason: str

@@ -164,6 +164,23 @@ async def test_a_package_that_is_cancelled_during_booking_is_not_carried(
     assert of_composition["package_ids"] == ["p1"]
 
 
+async def test_packages_on_board_of_a_mission_that_was_not_written_are_not_called_cancelled(
+    gateway: Gateway,
+) -> None:
+    """The gateway may fail between a booking in composition and writing it."""
+    delivery_id = await gateway.accepted(packages=2)
+    await _booked_in_composition(gateway)
+    gateway.composition.loaded = {"p1"}
+
+    delivery = (await cancel(gateway, delivery_id)).json()
+
+    first, second = delivery["packages"]
+    assert (first["state"], second["state"]) == ("CREATED", "CANCELLED")
+    assert first["mission_id"] is not None
+    assert delivery["state"] not in ("CANCELLED", "REQUESTED")
+    assert len(delivery["missions"]) == 1
+
+
 async def test_a_delivery_that_is_cancelled_during_booking_is_not_flown(
     gateway: Gateway,
 ) -> None:
