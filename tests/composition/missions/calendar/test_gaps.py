@@ -107,3 +107,29 @@ async def test_a_waiting_mission_keeps_its_time_when_the_mission_before_it_is_ca
     assert abs((await etas(world))["later"] - promised) < timedelta(seconds=2)
     await world.end()
     assert delivered_by(world) == ["later"]
+
+
+class UnkeptCalendars:
+    """No mission is sent while these are in place."""
+
+    async def step(self) -> bool:
+        return False
+
+
+async def test_a_late_mission_before_another_one_is_not_flown_after_its_deadline(
+    world: BusyWorld,
+) -> None:
+    await book_for_later(world, "evening", 23)
+    at = later_today(world, 15)
+    qos = {"deadline_at": at + timedelta(minutes=40)}
+    assert await book(world, "noon", "b", "c", earliest_pickup_at=at, qos=qos) == "BOOKED"
+    calendars = world.calendars
+    world.calendars = UnkeptCalendars()  # type: ignore[assignment]
+    await world.pass_time(at + timedelta(minutes=35) - world.clock.now())
+
+    world.calendars = calendars
+    await world.keep_calendars()
+
+    assert (await kinds_of(world, "noon"))["REFUSED"] == 1
+    await world.end()
+    assert delivered_by(world) == ["evening"]
