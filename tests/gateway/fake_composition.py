@@ -227,9 +227,9 @@ class FakeComposition:
 
     async def close(self, delivery_id: str) -> ClosedDelivery:
         self._answer()
-        live = tuple(one for one in self._all(delivery_id) if one.state == "BOOKED")
-        if live and delivery_id not in self.closed:
-            return ClosedDelivery(is_closed=False, missions=live)
+        missions = tuple(one for one in self._all(delivery_id) if one.state != "REFUSED")
+        if missions and delivery_id not in self.closed:
+            return ClosedDelivery(is_closed=False, missions=missions)
         self.closed.add(delivery_id)
         return ClosedDelivery(is_closed=True)
 

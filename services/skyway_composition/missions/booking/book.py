@@ -81,10 +81,13 @@ class Bookings:
         return booking if loss is None else with_hold_loss(booking, loss)
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
-        """Close this delivery, so that nothing is booked for it, unless it has missions."""
+        """Close this delivery, so that nothing is booked for it, unless it has missions.
+
+        Missions that have ended count too: their packages may be with the recipients already.
+        """
         async with self.db.write() as tx:
             if not await lock_delivery(tx, delivery_id):
-                missions = await store.live_missions_of(tx.connection, delivery_id)
+                missions = await store.missions_not_refused(tx.connection, delivery_id)
                 if missions:
                     return ClosedDelivery(is_closed=False, missions=missions)
                 await close_delivery(tx, delivery_id, moment_to_ms(self.clock.now()))

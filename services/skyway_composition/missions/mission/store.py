@@ -62,10 +62,10 @@ class MissionFilter:
     loading: str | None = None
 
 
-async def live_missions_of(
+async def missions_not_refused(
     connection: AsyncConnection, delivery_id: DeliveryId
 ) -> tuple[Mission, ...]:
-    """The missions of a delivery that were not refused, live or ended."""
+    """The missions of a delivery that were not refused: queued, flying or ended."""
     found = await connection.execute(
         select(missions)
         .where(missions.c.delivery_id == delivery_id, missions.c.state != "REFUSED")

@@ -62,6 +62,21 @@ async def test_packages_that_a_drone_out_of_reach_may_load_are_returning(
     assert await composition.broken() == []
 
 
+async def test_a_delivery_whose_mission_has_ended_is_not_closed_and_too_late_to_cancel(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.accepted(composition, drone, make)
+    await composition.receive(*drone.flown(instruction))
+
+    closed = await composition("service:g", "PUT", "/internal/deliveries/dlv_1/closed")
+    answer = await cancel(composition)
+
+    assert closed.json()["is_closed"] is False
+    assert [each["state"] for each in closed.json()["missions"]] == ["COMPLETED"]
+    assert answer.json()["too_late"] == ["p1"]
+    assert await composition.broken() == []
+
+
 async def test_a_cancelled_package_that_is_loaded_is_returned_at_the_pickup(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:

@@ -181,6 +181,26 @@ async def test_packages_on_board_of_a_mission_that_was_not_written_are_not_calle
     assert len(delivery["missions"]) == 1
 
 
+async def test_packages_of_an_ended_mission_that_was_not_written_are_not_called_cancelled(
+    gateway: Gateway,
+) -> None:
+    """The gateway was away from the booking until the drone had delivered all packages."""
+    delivery_id = await gateway.accepted(packages=1)
+    await _booked_in_composition(gateway)
+    gateway.composition.delivered = {"p1"}
+    key = delivery_id, 1
+    ended = gateway.composition.booked[key].model_copy(update={"state": "COMPLETED"})
+    gateway.composition.booked[key] = ended
+
+    refused = await cancel(gateway, delivery_id)
+
+    assert (refused.status_code, refused.json()["code"]) == (409, "TOO_LATE")
+    assert (await gateway.get(delivery_id))["state"] == "PLANNED"
+    await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
+    await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
+    assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
+
+
 async def test_a_delivery_that_is_cancelled_during_booking_is_not_flown(
     gateway: Gateway,
 ) -> None:
@@ -190,7 +210,6 @@ async def test_a_delivery_that_is_cancelled_during_booking_is_not_flown(
     assert delivery["state"] == "CANCELLED"
     assert delivery["missions"] == []
     assert gateway.composition.cancellations[0].package_ids == ("p1", "p2")
-    assert delivery_id in gateway.composition.closed
     gateway.clock.advance(timedelta(seconds=30))
     assert not await gateway.book_next()
 
