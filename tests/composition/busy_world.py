@@ -15,11 +15,13 @@ from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer, MissionImpact
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.interventions.cancel import Cancellations
-from skyway_composition.missions.interventions.command import Command
 from skyway_composition.missions.interventions.confirm_loading import Loadings
-from skyway_composition.missions.interventions.give_command import Commands
-from skyway_composition.missions.mission.custody import delivered, has_never_left
-from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.interventions.give_command import Command, Commands
+from skyway_composition.missions.mission.custody_store import (
+    delivered,
+    has_never_left,
+    held_packages,
+)
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.store import MissionFilter, page
 from skyway_composition.missions.replanning.occupied_pads import OccupiedPads

@@ -11,8 +11,8 @@ from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.survey import Survey
 from skyway.scheduling.slots import Slot, stay_to_begin_at
 from skyway.scheduling.stays import Stay, read_stays, stays_json
-from skyway_composition.missions.mission.queued_store import NO_CONDITIONS
 from skyway_composition.missions.mission.row import read_record
+from skyway_composition.missions.mission.store import NO_CONDITIONS
 from skyway_composition.tables import instructions, is_live, is_open, is_queued, missions
 
 _other = missions.alias("other")

@@ -20,14 +20,18 @@ from skyway_composition.links.store import claim_next_place, lock_link
 from skyway_composition.missions.booking.hold_store import free_drones, free_pads
 from skyway_composition.missions.booking.store import booked_missions, claim_in_one_statement
 from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.custody import Custodian, Held
-from skyway_composition.missions.mission.custody_store import begin_custody, held_packages
-from skyway_composition.missions.mission.end_standby import end_standby_before
+from skyway_composition.missions.mission.custody_store import (
+    Custodian,
+    Held,
+    begin_custody,
+    held_packages,
+)
 from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps, new_mission
 from skyway_composition.missions.mission.instruct import mission_draft
 from skyway_composition.missions.mission.notify import free_from, report_in
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
 from skyway_composition.missions.mission.release_pads import restore_pads
+from skyway_composition.missions.mission.standby import end_standby_before
 from skyway_composition.missions.mission.step_store import add_steps
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.pads.store import give_way, lock_stations, pads_of_queued, reserve

@@ -32,9 +32,9 @@ from skyway_composition.missions.calendar.next_mission import (
 from skyway_composition.missions.calendar.plan_queue import Dropped, Moved, plan_queue
 from skyway_composition.missions.calendar.send_next import send_next, shorten_standby
 from skyway_composition.missions.mission.end import refuse
-from skyway_composition.missions.mission.queued_store import queued_of_drone
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.release_pads import restore_pads
+from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
 from skyway_composition.networks.store import share_current

@@ -11,10 +11,10 @@ from skyway.scheduling.booked_pad import without
 from skyway_composition.missions.calendar import store
 from skyway_composition.missions.calendar.plan_queue import Dropped, Moved
 from skyway_composition.missions.mission.end import refuse
-from skyway_composition.missions.mission.end_standby import shorten_queued
 from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps
 from skyway_composition.missions.mission.notify import free_from, report
 from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.standby import shorten_queued
 from skyway_composition.missions.mission.step_store import replace_steps
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.networks.prepared import PreparedNetwork

@@ -14,7 +14,7 @@ from skyway_composition.missions.mission.record import (
     Trouble,
     moved,
 )
-from skyway_composition.missions.mission.shorten import shortened_mission, shortened_steps
+from skyway_composition.missions.mission.standby import shortened_mission, shortened_steps
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.outlook.situation import Situation, whereabouts
 from skyway_composition.missions.replanning.propose import Revision, propose

@@ -11,12 +11,16 @@ from skyway.contracts.flight_step import DeliverStep, PickUpStep, ReturnStep
 from skyway.ids import PackageId
 from skyway.units import moment_to_ms
 from skyway_composition.missions.interventions.stop_packages import return_cancelled_packages
-from skyway_composition.missions.mission.custody import Custodian, Held, may_pass
-from skyway_composition.missions.mission.custody_store import add_custody, held_packages
+from skyway_composition.missions.mission.custody_store import (
+    Custodian,
+    Held,
+    add_custody,
+    held_packages,
+    may_pass,
+)
 from skyway_composition.missions.mission.notify import free_from, report
 from skyway_composition.missions.mission.record import MissionRecord, moved
-from skyway_composition.missions.mission.step_record import flown_totals
-from skyway_composition.missions.mission.step_store import ended_events
+from skyway_composition.missions.mission.step_store import ended_events, flown_totals
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.store import plan_now
 

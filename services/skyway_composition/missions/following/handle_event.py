@@ -16,8 +16,7 @@ from skyway_composition.missions.following.advance import (
 )
 from skyway_composition.missions.following.handle_failure import handle_step_failure
 from skyway_composition.missions.following.recover_packages import record_late_event
-from skyway_composition.missions.mission.custody import delivered, returned
-from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.custody_store import delivered, held_packages, returned
 from skyway_composition.missions.mission.doubt import without_doubt
 from skyway_composition.missions.mission.end import abort, complete
 from skyway_composition.missions.mission.record import MissionRecord, Trouble

@@ -14,8 +14,7 @@ from skyway_composition.missions.following.handle_failure import (
 )
 from skyway_composition.missions.following.recover_packages import hold_and_unload, raise_flies_on
 from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.custody import on_board
-from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.custody_store import held_packages, on_board
 from skyway_composition.missions.mission.doubt import without_doubt
 from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.notify import report

@@ -15,8 +15,12 @@ from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import last_revision, open_instructions
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.custody import Custodian, Held
-from skyway_composition.missions.mission.custody_store import add_custody, held_packages
+from skyway_composition.missions.mission.custody_store import (
+    Custodian,
+    Held,
+    add_custody,
+    held_packages,
+)
 from skyway_composition.missions.mission.instruct import hold
 from skyway_composition.missions.mission.notify import raise_alarm
 from skyway_composition.missions.mission.record import MissionRecord

@@ -1,6 +1,6 @@
 """What people do to missions: loaders confirm, operators command, customers cancel.
 
-`confirm_loading` checks what was loaded (`loaded_check`), `give_command` carries out a `command`,
-`cancel` cancels packages of a delivery and `stop_packages` those of one mission. `routes` serves
-all of it over REST, `store` holds the SQL.
+`confirm_loading` checks what was loaded, `give_command` carries out a command, `cancel` cancels
+packages of a delivery and `stop_packages` those of one mission. `routes` serves all of it over
+REST, `store` holds the SQL.
 """

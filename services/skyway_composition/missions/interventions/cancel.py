@@ -12,12 +12,9 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions.interventions import store
-from skyway_composition.missions.interventions.stop_packages import stop_packages
-from skyway_composition.missions.mission.custody import has_never_left
-from skyway_composition.missions.mission.custody_store import held_packages
-from skyway_composition.missions.mission.leave_queue import release_queued
-from skyway_composition.missions.mission.queued_store import queued_of_delivery
-from skyway_composition.missions.mission.store import lock_delivery
+from skyway_composition.missions.interventions.stop_packages import release_queued, stop_packages
+from skyway_composition.missions.mission.custody_store import has_never_left, held_packages
+from skyway_composition.missions.mission.store import lock_delivery, queued_of_delivery
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 #: The code in reports about packages that a customer has cancelled.

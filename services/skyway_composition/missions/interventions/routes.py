@@ -15,9 +15,8 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.missions.interventions.cancel import Cancellations
-from skyway_composition.missions.interventions.command import Command, CommandAnswer
 from skyway_composition.missions.interventions.confirm_loading import LoadingAnswer, Loadings
-from skyway_composition.missions.interventions.give_command import Commands
+from skyway_composition.missions.interventions.give_command import Command, CommandAnswer, Commands
 
 
 class LoadedPackage(JsonModel):

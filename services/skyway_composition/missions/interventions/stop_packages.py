@@ -10,8 +10,11 @@ from skyway.delivery.request import Package
 from skyway.ids import PackageId
 from skyway_composition.missions.interventions import store
 from skyway_composition.missions.mission import end as ending
-from skyway_composition.missions.mission.custody import Custodian, has_never_left
-from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.custody_store import (
+    Custodian,
+    has_never_left,
+    held_packages,
+)
 from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.pickup import (
     can_stay_at_pickup,
@@ -73,6 +76,40 @@ async def stop_packages(
     return Cancellation(
         released=tuple(waiting), returning=tuple(returning), too_late=tuple(too_late)
     )
+
+
+async def release_queued(
+    work: MissionUnitOfWork,
+    record: MissionRecord,
+    package_ids: Collection[PackageId],
+    *,
+    code: str,
+    reason: str,
+) -> tuple[PackageId, ...]:
+    """Leave these packages of a QUEUED mission at the pickup; returns those that it has.
+
+    Its drone was never instructed, so this is safe. With other packages left the mission is
+    refused, so that the gateway books a plan for these.
+    """
+    own = tuple(each.package_id for each in record.packages(frozenset(package_ids)))
+    if not own:
+        return ()
+    record = report(
+        work,
+        record,
+        "RELEASED",
+        at=work.clock.now(),
+        package_ids=own,
+        code=code,
+        detail=reason,
+    )
+    left = len(record.request.packages) - len(own)
+    if left:
+        detail = f"planned again for the other {left} packages: {reason}"
+        await ending.refuse(work, record, code=code, detail=detail)
+    else:
+        await ending.cancel_queued(work, record, code=code, detail=reason)
+    return own
 
 
 async def return_packages(

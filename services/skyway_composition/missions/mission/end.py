@@ -7,15 +7,20 @@ from skyway.contracts.mission import MissionState
 from skyway.geo import Position
 from skyway.ids import PackageId, StationId
 from skyway.units import moment_to_ms
-from skyway_composition.missions.mission.custody import Custodian, Held, left_behind, on_board
-from skyway_composition.missions.mission.custody_store import add_custody, held_packages
+from skyway_composition.missions.mission.custody_store import (
+    Custodian,
+    Held,
+    add_custody,
+    held_packages,
+    left_behind,
+    on_board,
+)
 from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.notify import raise_alarm, report
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.release_pads import restore_pads
-from skyway_composition.missions.mission.restore_standby import begin_sooner, restore_standby
-from skyway_composition.missions.mission.step_record import flown_totals
-from skyway_composition.missions.mission.step_store import ended_events
+from skyway_composition.missions.mission.standby import begin_sooner, restore_standby
+from skyway_composition.missions.mission.step_store import ended_events, flown_totals
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.pads.store import free
 

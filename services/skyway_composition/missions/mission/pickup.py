@@ -8,7 +8,7 @@ from skyway.contracts.flight_step import PickUpStep
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.step_record import StepRecord
+from skyway_composition.missions.mission.step_store import StepRecord
 
 #: Longest time until an instruction reaches a drone, seconds of wall time. Our own choice.
 _REACHES_DRONE_WITHIN_S: Final = 2.0

@@ -11,8 +11,7 @@ from skyway.runtime.sql.database import Tx
 from skyway.scheduling.booked_pad import BookedPad, merged, without
 from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.step_record import StepRecord
-from skyway_composition.missions.mission.step_store import steps_of
+from skyway_composition.missions.mission.step_store import StepRecord, steps_of
 from skyway_composition.missions.mission.store import lock_live
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.pads.store import hold, pads_of_queued

@@ -1,8 +1,11 @@
-"""All SQL of the steps of missions: as they were sent, how they ended, and which were cut."""
+"""The steps of a mission, with all SQL: as they were sent, how they ended, and which were cut."""
 
-from collections.abc import Iterable
-from typing import Any, Final
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final, Literal
 
+from pydantic import TypeAdapter
 from sqlalchemy import bindparam, delete, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
@@ -11,17 +14,14 @@ from skyway.contracts.flight_step import FlightStep
 from skyway.ids import MissionId
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
-from skyway_composition.missions.mission.step_record import StepRecord, read_step
 from skyway_composition.tables import cut_steps, mission_steps
 
 #: An event without a revision matches a step of any revision.
 _ANY_REVISION: Final = 2**31 - 1
 
-
 # Every booking and every message of a drone needs these statements. Building them takes longer
 # than running them, so they are built once.
 _ADD_STEPS: Final = insert(mission_steps)
-
 
 _PLANNED_STEP: Final = select(mission_steps.c.step).where(
     mission_steps.c.mission_id == bindparam("mission_id"),
@@ -31,18 +31,58 @@ _PLANNED_STEP: Final = select(mission_steps.c.step).where(
     mission_steps.c.revision <= bindparam("revision"),
 )
 
-
 _END_STEP: Final = update(mission_steps).where(
     mission_steps.c.mission_id == bindparam("of_mission"),
     mission_steps.c.step_id == bindparam("of_step"),
 )
-
 
 _STEPS: Final = (
     select(mission_steps)
     .where(mission_steps.c.mission_id == bindparam("mission_id"))
     .order_by(mission_steps.c.step_id)
 )
+
+
+@dataclass(frozen=True, slots=True)
+class StepRecord:
+    """A step as it was sent, and the event that ended it."""
+
+    step: FlightStep
+    revision: int
+    status: Literal["PLANNED", "ENDED", "FAILED"]
+    event: DroneEvent | None
+
+
+def read_step(text: str) -> FlightStep:
+    """The step in this JSON."""
+    return _adapter().validate_json(text, extra="ignore")
+
+
+@cache
+def _adapter() -> TypeAdapter[FlightStep]:
+    return TypeAdapter(FlightStep)
+
+
+def flown_totals(events: Sequence[DroneEvent]) -> dict[str, float]:
+    """The seconds and joules that ended steps took; `events` are in the order of their ends.
+
+    Time between two steps counts as waiting: a drone that arrives early at its pad waits there.
+    """
+    totals = dict.fromkeys(("flight_s", "recharging_s", "waiting_s", "energy_j"), 0.0)
+    previous_end = None
+    for event in events:
+        if event.started_at is None:
+            continue
+        if previous_end is not None:
+            totals["waiting_s"] += max(0.0, (event.started_at - previous_end).total_seconds())
+        previous_end = event.ended_at
+        name = {"FLY": "flight_s", "RECHARGE": "recharging_s", "WAIT": "waiting_s"}.get(
+            event.step_kind or ""
+        )
+        if name is not None:
+            totals[name] += (event.ended_at - event.started_at).total_seconds()
+        totals["energy_j"] += event.energy_j
+    return totals
 
 
 def add_steps(tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep]) -> None:

@@ -1,4 +1,4 @@
-"""All SQL of missions and of the deliveries they serve.
+"""All SQL of missions, live and QUEUED, and of the deliveries they serve.
 
 The steps and the custody of packages have their own stores.
 """
@@ -16,7 +16,10 @@ from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.row import changing_columns, new_row, read_record
-from skyway_composition.tables import deliveries, first_planned_end_ms, is_live, missions
+from skyway_composition.tables import deliveries, first_planned_end_ms, is_live, is_queued, missions
+
+#: No network has these conditions: composition plans the mission again.
+NO_CONDITIONS: Final = -1
 
 # Every booking and every message of a drone needs these statements. Building them takes longer
 # than running them, so they are built once.
@@ -27,14 +30,17 @@ _LIVE: Final = (
     .with_for_update()
 )
 
-
 _LIVE_AMONG: Final = select(missions.c.drone_id).where(
     in_list(missions.c.drone_id, "drone_ids"), is_live
 )
 
-
 _LIVE_DRONES: Final = select(missions.c.drone_id).where(is_live).order_by(missions.c.drone_id)
 
+_QUEUED: Final = (
+    select(missions)
+    .where(missions.c.drone_id == bindparam("drone_id"), is_queued)
+    .order_by(missions.c.start_ms)
+)
 
 # The steps of a mission are saved before the mission, so this reads the end of its next step.
 _SAVE: Final = (
@@ -42,7 +48,6 @@ _SAVE: Final = (
     .where(missions.c.mission_id == bindparam("of_mission"))
     .values(next_end_ms=first_planned_end_ms)
 )
-
 
 _LOCK: Final = (
     select(deliveries.c.closed_ms)
@@ -166,4 +171,31 @@ async def close_delivery(tx: Tx, delivery_id: DeliveryId, now_ms: int) -> None:
     """Mark a delivery as closed: nothing is booked for it from now on."""
     await tx.execute(
         update(deliveries).where(deliveries.c.delivery_id == delivery_id).values(closed_ms=now_ms)
+    )
+
+
+async def queued_of_drone(connection: AsyncConnection, drone_id: DroneId) -> list[MissionRecord]:
+    """The QUEUED missions of a drone, in the order of their starts."""
+    found = await connection.execute(_QUEUED, {"drone_id": drone_id})
+    return [read_record(row) for row in found]
+
+
+async def queued_of_delivery(
+    connection: AsyncConnection, delivery_id: DeliveryId
+) -> list[MissionRecord]:
+    """The QUEUED missions of a delivery, in the order of their trips."""
+    found = await connection.execute(
+        select(missions)
+        .where(missions.c.delivery_id == delivery_id, is_queued)
+        .order_by(missions.c.attempt, missions.c.trip)
+    )
+    return [read_record(row) for row in found]
+
+
+async def plan_queue_again(tx: Tx, drone_id: DroneId) -> None:
+    """Have the QUEUED missions of a drone planned again, because one has left its calendar."""
+    await tx.execute(
+        update(missions)
+        .where(missions.c.drone_id == drone_id, is_queued)
+        .values(planned_conditions=NO_CONDITIONS)
     )

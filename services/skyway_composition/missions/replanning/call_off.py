@@ -12,8 +12,7 @@ from skyway.contracts.flight_step import PickUpStep
 from skyway.ids import PackageId
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import last_cancel
-from skyway_composition.missions.mission.custody import has_never_left
-from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.custody_store import has_never_left, held_packages
 from skyway_composition.missions.mission.end import end_cancelled
 from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.notify import report

@@ -19,8 +19,8 @@ from skyway.scheduling.slots import Slot
 from skyway.scheduling.trip import NoTrip
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import last_revision
-from skyway_composition.missions.mission.queued_store import queued_of_drone
 from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.apply_outcome import (
     MOST_REVISIONS,

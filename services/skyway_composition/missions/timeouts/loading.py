@@ -9,8 +9,7 @@ from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.missions.interventions.confirm_loading import refuse_loading
-from skyway_composition.missions.interventions.loaded_check import LoadingFault
+from skyway_composition.missions.interventions.confirm_loading import LoadingFault, refuse_loading
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork

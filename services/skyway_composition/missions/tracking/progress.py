@@ -11,7 +11,7 @@ from skyway.contracts.mission import Mission
 from skyway.json_model import JsonModel
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
-from skyway_composition.missions.mission.step_record import StepRecord, flown_totals
+from skyway_composition.missions.mission.step_store import StepRecord, flown_totals
 
 
 class StepProgress(JsonModel):

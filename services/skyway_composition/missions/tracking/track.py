@@ -15,11 +15,9 @@ from skyway.runtime.sql.database import Database
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import link_to
 from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.custody import on_board
-from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.custody_store import held_packages, on_board
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.step_record import StepRecord
-from skyway_composition.missions.mission.step_store import steps_of
+from skyway_composition.missions.mission.step_store import StepRecord, steps_of
 from skyway_composition.missions.mission.store import MissionFilter
 from skyway_composition.networks.station_store import stations_named
 

@@ -4,7 +4,7 @@ import asyncio
 from itertools import pairwise
 
 import pytest
-from skyway_composition.missions.mission.queued_store import queued_of_delivery
+from skyway_composition.missions.mission.store import queued_of_delivery
 
 from skyway.ids import DeliveryId
 from tests.composition.busy_world import BusyWorld

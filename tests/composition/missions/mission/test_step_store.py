@@ -3,8 +3,7 @@
 from datetime import timedelta
 from typing import Any
 
-from skyway_composition.missions.mission.step_record import flown_totals
-from skyway_composition.missions.mission.step_store import ended_events, keep_cut_step
+from skyway_composition.missions.mission.step_store import ended_events, flown_totals, keep_cut_step
 from sqlalchemy import text
 
 from skyway.ids import MissionId

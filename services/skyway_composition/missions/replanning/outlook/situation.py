@@ -11,11 +11,9 @@ from skyway.geo import Position
 from skyway.ids import PackageId, StationId
 from skyway.units import moment_to_ms
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.mission.custody import Held, on_board
-from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.custody_store import Held, held_packages, on_board
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.step_record import StepRecord
-from skyway_composition.missions.mission.step_store import steps_of
+from skyway_composition.missions.mission.step_store import StepRecord, steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.failsafes import steering_failsafe
 from skyway_composition.networks.settings import NetworkSettings

@@ -1,4 +1,4 @@
-from skyway_composition.missions.mission.custody import (
+from skyway_composition.missions.mission.custody_store import (
     Custodian,
     Held,
     delivered,

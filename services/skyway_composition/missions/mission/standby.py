@@ -1,0 +1,132 @@
+"""Ends a drone's standby early for its next mission, and gives it back when that mission is gone.
+
+Without a standby, the drone would end its last mission with little charge, and stay there.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from skyway.contracts.flight_step import FlightStep, RechargeStep, WaitStep
+from skyway.contracts.mission import Mission
+from skyway.ids import DroneId, MissionId
+from skyway.runtime.sql.database import Tx
+from skyway.scheduling.standby import SAME_MS, shortened_plan, shortened_step
+from skyway.units import CHARGE_TOLERANCE, moment_to_ms, ms_to_moment
+from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.record import (
+    NEXT_MISSION,
+    STANDBY_ENDED,
+    MissionRecord,
+    Trouble,
+)
+from skyway_composition.missions.mission.release_pads import pads_of
+from skyway_composition.missions.mission.step_store import replace_steps, steps_of
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.pads.store import hold
+from skyway_composition.planning.availability import send_ahead_ms
+
+#: A mission that can begin this much sooner is planned again, fleet milliseconds. Our own choice.
+WORTH_MS: Final = 60_000
+
+
+async def end_standby_before(tx: Tx, mission_id: MissionId, until_ms: int) -> None:
+    """End the standby of a QUEUED mission early; its drone's link is locked.
+
+    The standby of a mission that was sent ends when its drone has accepted that.
+    """
+    record = await store.get(tx.connection, mission_id, provider_id=None)
+    if record is not None and record.mission.state == "QUEUED":
+        await shorten_queued(tx, record, until_ms)
+
+
+def shortened_mission(mission: Mission, *, served_ms: int, until_ms: int) -> Mission:
+    """The mission without the part of its standby after `until_ms`.
+
+    `served_ms` is the end of its plan, from which the seconds of its standby count.
+    """
+    until_s = (until_ms - served_ms) / 1000
+    home_plan, home_recharge = mission.home_plan, mission.home_recharge
+    return mission.model_copy(
+        update={
+            "home_plan": None if home_plan is None else shortened_plan(home_plan, until_s),
+            "home_recharge": None
+            if home_recharge is None
+            else shortened_step(home_recharge, until_s),
+            "released_at": ms_to_moment(min(until_ms, moment_to_ms(mission.released_at))),
+        }
+    )
+
+
+def shortened_steps(
+    steps: Sequence[FlightStep], *, until_ms: int
+) -> tuple[int, tuple[FlightStep, ...]] | None:
+    """The first step that changes, and the steps that replace it and all after it.
+
+    None when no step ends after `until_ms`. A recharge or wait under way then is shortened; all
+    later steps are left out.
+    """
+    until_at = ms_to_moment(until_ms)
+    for step in steps:
+        if moment_to_ms(step.planned_end_at) <= until_ms + SAME_MS:
+            continue
+        if moment_to_ms(step.planned_start_at) >= until_ms - SAME_MS:
+            return step.step_id, ()
+        if isinstance(step, RechargeStep):
+            update = {"planned_end_at": until_at, "not_after_at": min(step.not_after_at, until_at)}
+            return step.step_id, (step.model_copy(update=update),)
+        if isinstance(step, WaitStep):
+            update = {"planned_end_at": until_at, "until_at": until_at}
+            return step.step_id, (step.model_copy(update=update),)
+        raise ValueError(f"step {step.step_id} ({step.kind}) cannot end at {until_at}")
+    return None
+
+
+async def shorten_queued(tx: Tx, record: MissionRecord, until_ms: int) -> None:
+    """Leave out what a QUEUED mission would do after this moment, and free those pads."""
+    steps = [each.step for each in await steps_of(tx.connection, record.mission_id)]
+    changed = shortened_steps(steps, until_ms=until_ms)
+    if changed is None:
+        return
+    first_step, replacement = changed
+    await replace_steps(tx, record.mission_id, replacement, first_step=first_step, revision=1)
+    kept = (*(each for each in steps if each.step_id < first_step), *replacement)
+    pad_gap_s = record.mission.margins.pad_gap_s
+    await hold(tx, record.mission_id, pads_of(kept, pad_gap_s=pad_gap_s))
+    mission = shortened_mission(record.mission, served_ms=record.served_ms, until_ms=until_ms)
+    await store.save_all(tx, [record.with_mission(mission)])
+
+
+async def restore_standby(work: MissionUnitOfWork, left: MissionRecord) -> None:
+    """Request a plan with a standby for the mission before one that has left the calendar."""
+    if await store.queued_of_drone(work.tx.connection, left.drone_id):
+        await store.plan_queue_again(work.tx, left.drone_id)
+        return
+    live = work.missions.get(left.drone_id)
+    if live is None or live.trouble is not None or live.stuck is not None or not live.stays:
+        return
+    if _has_ended_early(live):
+        detail = "the next mission has left the drone's calendar"
+        await work.save(live.with_trouble(Trouble(code=STANDBY_ENDED, detail=detail)))
+
+
+async def begin_sooner(work: MissionUnitOfWork, drone_id: DroneId) -> None:
+    """Have a drone's QUEUED missions planned again if the next one may begin sooner than planned.
+
+    Nobody looks at an idle drone until its next mission is near.
+    """
+    first = next(iter(await store.queued_of_drone(work.tx.connection, drone_id)), None)
+    if first is None:
+        return
+    near_ms = moment_to_ms(work.clock.now()) + send_ahead_ms(work.clock)
+    if first.start.at_ms > max(near_ms, first.earliest_ms + WORTH_MS):
+        await store.plan_queue_again(work.tx, drone_id)
+
+
+def _has_ended_early(live: MissionRecord) -> bool:
+    """Whether the drone's standby is left out or cut short, now or by the plan on its way."""
+    is_proposed = live.proposal is not None and live.proposal.code == NEXT_MISSION
+    if is_proposed or moment_to_ms(live.mission.released_at) <= live.served_ms:
+        return True
+    last, drone = live.stays[-1], live.candidate
+    is_away = drone.standby == "HOME" and last.station_id != drone.home_station_id
+    return is_away or last.soc_from < drone.model.top_soc - CHARGE_TOLERANCE
