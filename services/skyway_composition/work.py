@@ -14,11 +14,12 @@ from skyway_composition.links.listening import Listening
 from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer
 from skyway_composition.missions.following.follow import Follower
-from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
-from skyway_composition.missions.replanning.replan import Replanner
-from skyway_composition.missions.timeouts.late import LateMissions
-from skyway_composition.missions.timeouts.loading import LoadingTimeouts
-from skyway_composition.missions.timeouts.overdue import OverdueMissions
+from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
+from skyway_composition.missions.timeouts import (
+    LateMissions,
+    LoadingTimeouts,
+    OverdueMissions,
+)
 from skyway_composition.networks.announce import NetworkVersions
 from skyway_composition.pads.announce import StationStates
 from skyway_composition.parts import Parts

@@ -24,11 +24,12 @@ from skyway_composition.missions.mission.custody_store import (
 )
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.store import MissionFilter, page
-from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
-from skyway_composition.missions.replanning.replan import Replanner
-from skyway_composition.missions.timeouts.late import LateMissions
-from skyway_composition.missions.timeouts.loading import LoadingTimeouts
-from skyway_composition.missions.timeouts.overdue import OverdueMissions
+from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
+from skyway_composition.missions.timeouts import (
+    LateMissions,
+    LoadingTimeouts,
+    OverdueMissions,
+)
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.tables import metadata, missions, outbox, pad_reservations

@@ -14,10 +14,8 @@ from skyway_composition.app import composition_app
 from skyway_composition.links.listening import Listening
 from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.following.follow import Follower
-from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
-from skyway_composition.missions.replanning.replan import Replanner
-from skyway_composition.missions.timeouts.late import LateMissions
-from skyway_composition.missions.timeouts.overdue import OverdueMissions
+from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
+from skyway_composition.missions.timeouts import LateMissions, OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.parts import Parts
 from skyway_composition.planning.solver_pool import SolverPool

@@ -27,8 +27,7 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE
 from skyway.runtime.sql.database import Database
-from skyway_composition.links.cached_links import CachedLinks
-from skyway_composition.links.link import DroneLink
+from skyway_composition.links.link import CachedLinks, DroneLink
 from skyway_composition.links.listening import Listening
 from skyway_composition.links.store import lock_link
 from skyway_composition.missions.following.handle_ack import handle_ack

@@ -21,10 +21,11 @@ from skyway_composition.missions.mission.instruct import (
     handle_refused_hold,
     is_being_called_off,
 )
-from skyway_composition.missions.mission.record import MissionRecord, Proposal
+from skyway_composition.missions.mission.notify import raise_alarm
+from skyway_composition.missions.mission.record import CALLED_HOME, MissionRecord, Proposal
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.call_off import handle_answer_to_cancel
-from skyway_composition.missions.replanning.failsafes import handle_failsafe_refusal
+from skyway_composition.missions.replanning.outlook.situation import steering_failsafe
 from skyway_composition.missions.replanning.propose import accept_proposal, drop_proposal
 from skyway_composition.missions.replanning.store import plan_now, retry_stuck
 
@@ -83,7 +84,7 @@ async def _handle_answer_to_proposal(
     code = ack.code or RefusalCode.MALFORMED
     log.info("proposal refused", extra={"mission_id": record.mission_id, "code": code})
     if code is RefusalCode.FAILSAFE_ACTIVE:
-        record = await handle_failsafe_refusal(work, record)
+        record = await _handle_failsafe_refusal(work, record)
     record = await drop_proposal(work, record)
     is_loading = record.trouble is not None and record.trouble.loaded is not None
     if is_loading and code in _NOT_WITH_THIS_LOAD:
@@ -92,6 +93,33 @@ async def _handle_answer_to_proposal(
         # The drone would refuse the same plan again, until it has reported a new state.
         at_wall_ms = moment_to_ms(work.clock.wall_now()) + _LOOK_AGAIN_MS
         await retry_stuck(work.tx, record.mission_id, at_wall_ms=at_wall_ms)
+
+
+async def _handle_failsafe_refusal(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
+    """A drone has refused a new plan because of its failsafe; returns the changed record.
+
+    The plan is made again once the failsafe is over. If an operator had asked for the plan,
+    operators get an alarm. A plan that could not override the failsafe does not try so again.
+    """
+    trouble = record.trouble
+    if trouble is None:
+        return record
+    if trouble.code == CALLED_HOME or trouble.land_at is not None:
+        active = steering_failsafe(record, work.links[record.drone_id].state)
+        acting = "a failsafe" if active is None else f"{active.failsafe} for {active.fault}"
+        hint = "nothing overrides this" if trouble.overrides_failsafe else "unless overridden"
+        await raise_alarm(
+            work,
+            record,
+            level="WARNING",
+            code="FAILSAFE_ACTIVE",
+            detail=(
+                f"the drone refused {trouble.code} ({trouble.detail}): {acting} is under way; "
+                f"it is sent again when that is over, {hint}"
+            ),
+            data={} if active is None else active.model_dump(mode="json"),
+        )
+    return record.with_trouble(trouble.model_copy(update={"overrides_failsafe": False}))
 
 
 async def _handle_gap(work: MissionUnitOfWork, link: DroneLink, ack: Ack) -> None:

@@ -8,22 +8,30 @@ package that may have been loaded counts as not loaded, unless the drone reports
 
 import logging
 from dataclasses import replace
-from datetime import datetime
+from datetime import datetime, timedelta
+from typing import Final
 
 from skyway.contracts.drone_health import Fault
 from skyway.contracts.drone_report import DroneEvent, DroneState
-from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, PickUpStep, ReturnStep
+from skyway.contracts.flight_step import (
+    DeliverStep,
+    FlightStep,
+    FlyStep,
+    PickUpStep,
+    RechargeStep,
+    ReturnStep,
+)
 from skyway.ids import PackageId
+from skyway.units import moment_to_ms
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.following.advance import begin, record_loading
 from skyway_composition.missions.mission.doubt import put_in_doubt
 from skyway_composition.missions.mission.end import end_after_forced_landing
 from skyway_composition.missions.mission.instruct import send_mission
 from skyway_composition.missions.mission.notify import raise_alarm, report
-from skyway_composition.missions.mission.record import MissionRecord, Stuck
+from skyway_composition.missions.mission.record import MissionRecord, OccupiedPad, Stuck
 from skyway_composition.missions.mission.step_store import end_step, steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.occupied_pads import occupied_pad
 from skyway_composition.missions.replanning.propose import drop_proposal, with_aims
 from skyway_composition.missions.replanning.remainder.aims import (
     absent_aim,
@@ -34,6 +42,8 @@ from skyway_composition.missions.replanning.store import plan_now
 
 log = logging.getLogger(__name__)
 
+#: How long no drone is sent to an occupied pad. Our own choice.
+_PAD_CLOSED_FOR: Final = timedelta(minutes=15)
 
 #: The code of a STEP_FAILED whose hand-over may or may not have happened.
 _UNKNOWN = "UNKNOWN"
@@ -71,9 +81,17 @@ async def handle_step_failure(
         station_id=event.station_id,
         soc=event.soc,
         last_step=event.step_id or 0,
-        occupied=occupied_pad(step, event) if code == Fault.PAD_OCCUPIED else None,
+        occupied=_occupied_pad(step, event) if code == Fault.PAD_OCCUPIED else None,
     )
     await _keep_stuck(work, record, stuck)
+
+
+def _occupied_pad(step: FlightStep | None, event: DroneEvent) -> OccupiedPad | None:
+    """The pad of a RECHARGE that failed because the pad was occupied."""
+    if not isinstance(step, RechargeStep):
+        return None
+    until_ms = moment_to_ms(event.ended_at + _PAD_CLOSED_FOR)
+    return OccupiedPad(station_id=step.station_id, pad=step.pad, until_ms=until_ms)
 
 
 async def wait_for_revision(

@@ -25,7 +25,7 @@ from skyway_composition.missions.mission.end import abort
 from skyway_composition.missions.mission.instruct import held, hold, resume
 from skyway_composition.missions.mission.record import CALLED_HOME, DIVERTED, MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, lock_mission
-from skyway_composition.missions.replanning.failsafes import steering_failsafe
+from skyway_composition.missions.replanning.outlook.situation import steering_failsafe
 from skyway_composition.missions.replanning.request_plan import request_plan
 from skyway_composition.networks.station_store import network_of
 

@@ -16,14 +16,14 @@ from skyway_composition.missions.mission.custody_store import (
     held_packages,
 )
 from skyway_composition.missions.mission.notify import report
-from skyway_composition.missions.mission.pickup import (
-    can_stay_at_pickup,
-    surely_stays_at_pickup,
-)
 from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
 from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.call_off import request_call_off
+from skyway_composition.missions.replanning.call_off import (
+    can_stay_at_pickup,
+    request_call_off,
+    surely_stays_at_pickup,
+)
 from skyway_composition.missions.replanning.propose import with_aims
 from skyway_composition.missions.replanning.remainder.aims import with_changed_aims
 from skyway_composition.missions.replanning.request_plan import request_plan

@@ -3,6 +3,5 @@
 `outlook` checks whether a plan still holds, `request_plan` notes that it does not. `replan` takes
 such missions from the queue (`store`), plans their `remainder` for one `case`, and `apply_outcome`
 sends the new `revision` or gives up. `propose` sends a revision to a flying drone and handles its
-answer. `call_off` ends a mission once its drone has cancelled it. `failsafes` are what a drone does
-on its own, `occupied_pads` closes pads that drones found occupied.
+answer. `call_off` ends a mission once its drone has cancelled it.
 """

@@ -7,8 +7,7 @@ from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.outlook.situation import Situation
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
-from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import ClosedAhead, World
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,13 +11,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from skyway.ids import DroneId
+from skyway.ids import ClosureId, DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.scheduling.slots import Slot
 from skyway.scheduling.trip import NoTrip
 from skyway.units import moment_to_ms
+from skyway_composition.closures.close import Closings
+from skyway_composition.closures.closure import Closure
+from skyway_composition.closures.store import outages
 from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.store import queued_of_drone
@@ -28,24 +31,56 @@ from skyway_composition.missions.replanning.apply_outcome import (
     refusal_code,
 )
 from skyway_composition.missions.replanning.case import Case, may_be_planned, trouble_of
-from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
 from skyway_composition.missions.replanning.outlook.situation import Situation
 from skyway_composition.missions.replanning.remainder.anchor import (
     Anchor,
     anchor_of_stuck,
     find_anchor,
 )
-from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
 from skyway_composition.missions.replanning.store import claim_stuck
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.availability import hand_over_time_ms
 from skyway_composition.planning.problem_for import with_margin
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import ClosedAhead, World
 
 #: Time until a revision reaches the drone: fleet seconds, wall seconds. Our own choice.
 _REACHES_DRONE_WITHIN_S: Final = (5.0, 2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class OccupiedPads:
+    """Closes occupied pads; missions that have reserved them get other plans."""
+
+    closings: Closings
+
+    async def close(self, record: MissionRecord) -> None:
+        """Close the pad that this mission's drone found occupied, unless it is closed already.
+
+        This needs its own transaction: closures lock a network before any drone.
+        """
+        occupied = None if record.stuck is None else record.stuck.occupied
+        now_ms = self.closings.now_ms
+        if occupied is None or occupied.until_ms <= now_ms:
+            return
+        async with self.closings.db.read() as connection:
+            closed = await outages(connection, at_ms=now_ms, station_id=occupied.station_id)
+        if any(each.pad == occupied.pad for each in closed):
+            return
+        await self.closings.make(
+            Closure(
+                closure_id=ClosureId(""),
+                kind="PAD",
+                network_id=record.network_id,
+                station_id=occupied.station_id,
+                pad=occupied.pad,
+                reason=f"drone {record.drone_id} found it occupied",
+                from_ms=now_ms,
+                until_ms=occupied.until_ms,
+                made_ms=now_ms,
+            )
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from datetime import timedelta
 from typing import Any
 
-from skyway_composition.missions.timeouts.loading import LoadingTimeouts
+from skyway_composition.missions.timeouts import LoadingTimeouts
 
 #: Half an hour, unless the network says otherwise.
 TIMEOUT = timedelta(seconds=1_800)

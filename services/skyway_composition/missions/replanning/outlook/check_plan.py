@@ -9,24 +9,23 @@ from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.failsafes import waits_for_pad
 from skyway_composition.missions.replanning.outlook.deviation import (
     LEAST_SHORTFALL_SOC,
     REPORTED_LATENESS,
-    Closed,
     Outlook,
     outlook,
 )
-from skyway_composition.missions.replanning.outlook.situation import Situation
+from skyway_composition.missions.replanning.outlook.situation import Situation, waits_for_pad
 from skyway_composition.missions.replanning.request_plan import request_plan
 from skyway_composition.planning.problem_for import used_more
+from skyway_composition.planning.world import ClosedAhead
 
 #: Longest time until a drone's report arrives, for `fleet_margin`. Our own choice.
 REPORT_DELAY: Final = {"fleet_s": 30.0, "wall_s": 2.0}
 
 
 async def check_plan(
-    work: MissionUnitOfWork, record: MissionRecord, closed: Closed | None = None
+    work: MissionUnitOfWork, record: MissionRecord, closed: ClosedAhead | None = None
 ) -> MissionRecord:
     """Request another plan if the present one leads to trouble; returns the saved record.
 
@@ -72,7 +71,7 @@ def _explained(trouble: Trouble, event: DroneEvent) -> Trouble:
 
 
 async def _outlook(
-    work: MissionUnitOfWork, record: MissionRecord, closed: Closed | None = None
+    work: MissionUnitOfWork, record: MissionRecord, closed: ClosedAhead | None = None
 ) -> Outlook | None:
     """What to expect of the plan.
 

@@ -6,11 +6,10 @@ A late drone may also meet a closure that it would have avoided in time.
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
-from typing import Final, Protocol
+from typing import Final
 
 from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, RechargeStep
 from skyway.contracts.mission import PackageEta
-from skyway.ids import StationId
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.replanning.outlook.prediction import Load, PredictedStep, predict
@@ -20,6 +19,7 @@ from skyway_composition.missions.replanning.outlook.situation import (
     whereabouts,
 )
 from skyway_composition.planning.problem_for import used_more, with_margin
+from skyway_composition.planning.world import ClosedAhead
 
 #: A smaller delay is not reported to the customer. Our own choice.
 REPORTED_LATENESS: Final = timedelta(seconds=60)
@@ -27,24 +27,6 @@ REPORTED_LATENESS: Final = timedelta(seconds=60)
 
 #: A smaller shortfall of charge is rounding, or is covered by the margin. Our own choice.
 LEAST_SHORTFALL_SOC: Final = 0.001
-
-
-class Closed(Protocol):
-    """What is closed, as the flights of a plan need to know it."""
-
-    def closes_landing(self, station_id: StationId, at_ms: float) -> bool:
-        """Whether the station is closed at that moment."""
-        ...
-
-    def is_shut(self, station_id: StationId, at_ms: float) -> bool:
-        """Whether the station is closed by its opening hours at that moment."""
-        ...
-
-    def closes_segment(
-        self, from_id: StationId, to_id: StationId, *, start_ms: float, end_ms: float
-    ) -> bool:
-        """Whether a segment may not be flown at some moment of that time."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +41,9 @@ class Outlook:
     late_by: timedelta
 
 
-def outlook(situation: Situation, *, now_ms: int, closed: Closed | None = None) -> Outlook | None:
+def outlook(
+    situation: Situation, *, now_ms: int, closed: ClosedAhead | None = None
+) -> Outlook | None:
     """What the drone's last report means for its plan; None before its first report.
 
     Closures are checked only if `closed` is given.
@@ -160,7 +144,7 @@ def _misses_deadline(record: MissionRecord, predicted: PredictedStep) -> bool:
 
 
 def _closed_by_then(
-    ahead: Iterable[PredictedStep], where: Whereabouts, closed: Closed
+    ahead: Iterable[PredictedStep], where: Whereabouts, closed: ClosedAhead
 ) -> Trouble | None:
     """The first flight or hand-over that meets a closure, and would not at its planned time.
 
@@ -187,13 +171,13 @@ def _closed_by_then(
     return None
 
 
-def _is_shut(step: PickUpStep | DeliverStep, span_ms: tuple[int, int], closed: Closed) -> bool:
+def _is_shut(step: PickUpStep | DeliverStep, span_ms: tuple[int, int], closed: ClosedAhead) -> bool:
     """Whether the station is closed by its opening hours at some moment of this act."""
     # A station that closes at the very end of the act is open during the act.
     return any(closed.is_shut(step.station_id, at_ms) for at_ms in (span_ms[0], span_ms[1] - 1))
 
 
-def _meets(step: FlyStep, span_ms: tuple[int, int], closed: Closed, *, is_begun: bool) -> bool:
+def _meets(step: FlyStep, span_ms: tuple[int, int], closed: ClosedAhead, *, is_begun: bool) -> bool:
     """Whether a flight meets a closure; of a flight that has begun only the landing counts."""
     start_ms, end_ms = span_ms
     if step.lands and closed.closes_landing(step.to_id, end_ms):

@@ -1,10 +1,10 @@
-"""A mission at one moment: its steps, its packages, its drone's last report and position."""
+"""A mission at one moment: its steps and packages, its drone's last report and failsafe."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
+from typing import Final, Self
 
-from skyway.contracts.drone_health import ActiveFailsafe
+from skyway.contracts.drone_health import ActiveFailsafe, Failsafe, Fault
 from skyway.contracts.drone_report import DroneEvent, DroneState
 from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
 from skyway.geo import Position
@@ -15,9 +15,11 @@ from skyway_composition.missions.mission.custody_store import Held, held_package
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import StepRecord, steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.failsafes import steering_failsafe
 from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.problem_for import planned_more
+
+#: While one of these is active a drone refuses new steps, unless they override it.
+_STEERING: Final = (Failsafe.DIVERT, Failsafe.LAND_NOW)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +92,30 @@ class Situation:
     def masses_kg(self) -> dict[PackageId, float]:
         """The mass of each package of the mission."""
         return {each.package_id: each.mass_kg for each in self.record.request.packages}
+
+
+def steering_failsafe(record: MissionRecord, state: DroneState | None) -> ActiveFailsafe | None:
+    """The failsafe that leads a mission's drone elsewhere; None while it follows its plan.
+
+    A drone refuses new steps meanwhile, unless they override the failsafe.
+    """
+    if record.stuck is not None or state is None or state.failsafe is None:
+        return None
+    is_of_this = state.mission_id == record.mission_id
+    return state.failsafe if is_of_this and state.failsafe.failsafe in _STEERING else None
+
+
+def waits_for_pad(record: MissionRecord, link: DroneLink) -> bool:
+    """Whether a mission's drone waits beside an occupied pad.
+
+    A state from before its last event does not count: the drone may have charged meanwhile.
+    """
+    state = link.state
+    if state is None or state.mission_id != record.mission_id:
+        return False
+    if state.last_event_seq < link.last_event_seq:
+        return False
+    return state.activity == "RECHARGING" and Fault.PAD_OCCUPIED in state.faults
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,5 @@
 """The remainder of a mission under way: where a new plan begins, and how it may end.
 
-`anchor` is where and when it begins, `aims` where the packages go, `closed_ahead` what is closed,
-`landing` where the drone can land, and `planner` finds the best remainder.
+`anchor` is where and when it begins, `aims` where the packages go, `landing` where the drone can
+land, and `planner` finds the best remainder.
 """

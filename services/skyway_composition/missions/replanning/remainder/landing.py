@@ -17,7 +17,7 @@ from skyway.network.network import Network
 from skyway.planner.pad_book import booked_until_ms
 from skyway.scheduling.trip import NOTHING_TO_DELIVER, Trip
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
-from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
+from skyway_composition.planning.world import ClosedAhead
 
 
 @dataclass(frozen=True, slots=True)

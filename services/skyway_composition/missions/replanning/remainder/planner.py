@@ -23,7 +23,6 @@ from skyway_composition.missions.mission.record import CALLED_HOME, Aim, Mission
 from skyway_composition.missions.replanning.outlook.situation import Situation
 from skyway_composition.missions.replanning.remainder.aims import aims_to_try
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
-from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
 from skyway_composition.missions.replanning.remainder.landing import (
     LandingSearch,
     begins_with_flight,
@@ -42,7 +41,7 @@ from skyway_composition.planning.problem_for import (
 )
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.windows import without_missed_window
-from skyway_composition.planning.world import World, compose_in
+from skyway_composition.planning.world import ClosedAhead, World, compose_in
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,7 +21,6 @@ _OVERDUE: Final = (
     .order_by(missions.c.drone_id)
 )
 
-
 _LATE: Final = (
     select(missions.c.drone_id, missions.c.network_id)
     .where(
@@ -33,7 +32,6 @@ _LATE: Final = (
     )
     .order_by(missions.c.drone_id)
 )
-
 
 _AWAITED: Final = (
     select(missions.c.mission_id, missions.c.drone_id, missions.c.network_id, missions.c.start_ms)

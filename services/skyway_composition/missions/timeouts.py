@@ -1,0 +1,249 @@
+"""Checks missions because time has passed: overdue missions, late missions, and awaited loadings.
+
+No clock ends a mission whose drone may have the packages. Such a mission is put in doubt, and
+waits for its drone or for an operator.
+
+What proves that a drone does not fly a booking, and has not flown it? The drone's own word is the
+best proof: it names another mission, or none, and we have read all of its events. Silence is a
+proof only to a process that has listened all the time.
+"""
+
+import logging
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Final
+
+from skyway.contracts.flight_step import PickUpStep
+from skyway.ids import DroneId, NetworkId
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.loops import Wake
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.links.link import DroneLink
+from skyway_composition.links.listening import Listening
+from skyway_composition.missions.interventions.confirm_loading import LoadingFault, refuse_loading
+from skyway_composition.missions.mission.doubt import put_in_doubt
+from skyway_composition.missions.mission.end import abort, refuse
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.step_store import steps_of
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.outlook.check_plan import REPORT_DELAY, check_plan
+from skyway_composition.missions.timeout_store import (
+    AwaitedLoading,
+    awaited_loadings,
+    perhaps_late,
+    perhaps_overdue,
+)
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.world import ClosedAhead, World
+
+log = logging.getLogger(__name__)
+
+#: Longest time from the broker's receipt of an ack until it is handled here, wall seconds. After a
+#: longer pause the broker drops the connection of this process, which then asks for events again.
+_ACK_ON_ITS_WAY_S: Final = 10.0
+
+#: The least wall time, in seconds, that a loader has. On a fast clock a program confirms, and its
+#: request and our answer may take longer than half an hour of fleet time. Our own choice.
+_LEAST_WALL_S: Final = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class OverdueMissions:
+    """Judges missions whose time is over."""
+
+    db: Database
+    clock: FleetClock
+    mint: Mint
+    listening: Listening
+
+    async def step(self) -> bool:
+        """Judge the missions that are overdue now."""
+        self.listening.look()
+        now = self.clock.now()
+        longest_wait = fleet_margin(self.clock, fleet_s=3_600, wall_s=120)
+        async with self.db.read() as connection:
+            drone_ids = await perhaps_overdue(
+                connection,
+                expired_ms=moment_to_ms(now),
+                released_ms=moment_to_ms(now - longest_wait),
+            )
+        for drone_id in drone_ids:
+            await self._judge(drone_id, silent_since=now - longest_wait)
+        return False
+
+    async def _judge(self, drone_id: DroneId, *, silent_since: datetime) -> None:
+        async with self.db.write() as tx:
+            work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+            record, link = work.missions.get(drone_id), work.links.get(drone_id)
+            if record is None or link is None:
+                return
+            if link.has_unread_events:
+                # The events decide. A drone that does not send them keeps its mission.
+                work.links[drone_id] = link = await work.courier.ask_for_events(tx, link)
+            is_long_over = record.mission.released_at < silent_since
+            if record.mission.state == "BOOKED":
+                await self._judge_booking(work, record, link)
+            elif is_long_over and record.stuck is not None and not link.has_unread_events:
+                detail = f"no plan for the remainder was found: {record.stuck.detail}"
+                now = self.clock.now()
+                await abort(work, record, at=now, code=record.stuck.code, detail=detail)
+            elif is_long_over and _is_silent(record, link, since=silent_since):
+                detail = "the drone has sent no message about the mission since its planned end"
+                await put_in_doubt(work, record, code="SILENT", detail=detail)
+
+    async def _judge_booking(
+        self, work: MissionUnitOfWork, record: MissionRecord, link: DroneLink
+    ) -> None:
+        """Refuse an expired booking that is surely not flown; doubt it when no answer comes."""
+        now, expired_at = self.clock.now(), ms_to_moment(record.expires_ms)
+        if now <= expired_at:
+            return
+        ack_due_at = now - self._margin(wall_s=_ACK_ON_ITS_WAY_S)
+        sent_at = expired_at - work.courier.lifetime
+        has_listened = self.listening.covers(sent_at, ack_due_at)
+        detail = f"the drone did not answer until {expired_at.isoformat()}"
+        if _says_not_flown(record, link) or _silence_proves_not_flown(
+            record, link, ack_due_at=ack_due_at, has_listened=has_listened
+        ):
+            await refuse(work, record, code="NO_ANSWER", detail=detail)
+        elif now > expired_at + self._margin(fleet_s=300, wall_s=30):
+            await put_in_doubt(work, record, code="NO_ANSWER", detail=detail)
+
+    def _margin(self, *, wall_s: float, fleet_s: float = 0) -> timedelta:
+        return fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s)
+
+
+def _is_silent(record: MissionRecord, link: DroneLink, *, since: datetime) -> bool:
+    """Whether the drone has not reported since this moment that it flies this mission."""
+    state = link.state
+    return state is None or state.at < since or state.mission_id != record.mission_id
+
+
+def _says_not_flown(record: MissionRecord, link: DroneLink) -> bool:
+    """Whether the drone has said since the expiry that it does not fly the booking.
+
+    A drone that stands idle may have flown the whole mission while nobody listened. Then its state
+    names events that were not read here.
+    """
+    state, doubt = link.state, record.mission.doubt
+    if state is None or moment_to_ms(state.at) <= record.expires_ms:
+        return False
+    if state.mission_id == record.mission_id or link.has_unread_events:
+        return False
+    return doubt is None or doubt.code != "JOURNAL_LOST"
+
+
+def _silence_proves_not_flown(
+    record: MissionRecord, link: DroneLink, *, ack_due_at: datetime, has_listened: bool
+) -> bool:
+    """Whether a disconnected drone would have answered by now if it had accepted the booking.
+
+    A drone loads only if the broker had its answer before the instruction expired. `has_listened`:
+    this process has received and handled everything since the booking was sent.
+    """
+    has_lost_journal = record.mission.doubt is not None and record.mission.doubt.code == (
+        "JOURNAL_LOST"
+    )
+    has_expired = moment_to_ms(ack_due_at) > record.expires_ms
+    return link.is_gone and has_expired and has_listened and not has_lost_journal
+
+
+@dataclass(frozen=True, slots=True)
+class LateMissions:
+    """Checks missions with an overdue step; wakes `stuck` when one needs another plan.
+
+    A late drone may not report that it is late. A plan avoids closures that begin later, but a
+    drone that comes later than planned may meet them. Its plan is checked before it loses its pads.
+    """
+
+    db: Database
+    networks: PreparedNetworks
+    clock: FleetClock
+    mint: Mint
+    stuck: Wake
+
+    async def step(self) -> bool:
+        """Check the missions that are late now."""
+        async with self.db.read() as connection:
+            # The report about a step that has just ended may still be on its way.
+            ended_at = self.clock.now() - fleet_margin(self.clock, **REPORT_DELAY)
+            late = await perhaps_late(connection, ended_ms=moment_to_ms(ended_at))
+        for network_id, drone_ids in late.items():
+            closed = await self._closed(network_id)
+            for drone_id in drone_ids:
+                await self._judge(drone_id, closed)
+        return False
+
+    async def _closed(self, network_id: NetworkId) -> ClosedAhead:
+        now_ms = moment_to_ms(self.clock.now())
+        skyway = await self.networks.current(network_id)
+        return ClosedAhead.of(await World.of(skyway, self.db, after_ms=now_ms), now_ms=now_ms)
+
+    async def _judge(self, drone_id: DroneId, closed: ClosedAhead) -> None:
+        async with self.db.write() as tx:
+            work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+            record = work.missions.get(drone_id)
+            if record is not None and (await check_plan(work, record, closed)).needs_plan:
+                tx.after_commit(self.stuck.set)
+
+
+@dataclass(frozen=True, slots=True)
+class LoadingTimeouts:
+    """Ends missions that nobody has loaded in time."""
+
+    db: Database
+    networks: PreparedNetworks
+    clock: FleetClock
+    mint: Mint
+
+    async def step(self) -> bool:
+        """End the missions that have waited too long."""
+        now_ms = moment_to_ms(self.clock.now())
+        async with self.db.read() as connection:
+            awaited = await awaited_loadings(connection, started_before_ms=now_ms)
+        for each in awaited:
+            skyway = await self.networks.current(each.network_id)
+            timeout_s = skyway.settings.loading_timeout_s
+            timeout = fleet_margin(self.clock, fleet_s=timeout_s, wall_s=_LEAST_WALL_S)
+            # A drone that has started later than this cannot have waited that long.
+            if each.start_ms <= moment_to_ms(self.clock.now() - timeout):
+                await self._judge(each, timeout)
+        return False
+
+    async def _judge(self, awaited: AwaitedLoading, timeout: timedelta) -> None:
+        async with self.db.write() as tx:
+            work = await MissionUnitOfWork.lock(
+                [awaited.drone_id], tx=tx, clock=self.clock, mint=self.mint
+            )
+            record = work.missions.get(awaited.drone_id)
+            if record is None or record.mission_id != awaited.mission_id:
+                return
+            since = await _loading_since(work, record)
+            if since is None or self.clock.now() < since + timeout:
+                return
+            detail = f"no loader has confirmed since {since.isoformat()}"
+            fault = LoadingFault("LOADING_TIMEOUT", detail, {"timeout_s": timeout.total_seconds()})
+            await refuse_loading(work, record, fault)
+
+
+async def _loading_since(work: MissionUnitOfWork, record: MissionRecord) -> datetime | None:
+    """Since when the drone waits for a loader; None while it does not wait for one.
+
+    A drone that has not begun, is held by an operator, or waits for a plan does not wait for a
+    loader.
+    """
+    mission = record.mission
+    is_awaited = (mission.state, mission.loading) == ("ACTIVE", "AWAITED")
+    if not is_awaited or record.is_being_loaded or mission.is_held or record.stuck is not None:
+        return None
+    since = record.mission.start_at
+    for each in await steps_of(work.tx.connection, record.mission_id):
+        if each.status == "ENDED" and each.event is not None:
+            since = max(since, each.event.ended_at)
+        elif isinstance(each.step, PickUpStep):
+            return max(since, each.step.planned_start_at)
+        else:
+            return None
+    return None
