@@ -1,9 +1,9 @@
-"""`skyway request` and `skyway track`: a customer at the terminal."""
+"""`skyway request`, `skyway accept` and `skyway track`: a customer's deliveries at the terminal."""
 
 import json
 import uuid
 from collections.abc import Iterator, Mapping
-from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Final
 
 import httpx
@@ -12,8 +12,19 @@ from rich.console import Console
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import call_gateway, fail, read_keys
-
-_CUSTOMER_KEY: Final = "SKYWAY_CUSTOMER_KEY"
+from skyway.cli.request_options import (
+    CUSTOMER_KEY,
+    EarliestPickupOption,
+    FileOption,
+    LatestOption,
+    LatestPickupOption,
+    NotBeforeOption,
+    ObjectiveOption,
+    PackageOption,
+    PickupArgument,
+    PriorityOption,
+    RequestOptions,
+)
 
 #: The last event of a delivery, and the exit code of the command that followed it.
 _EXIT_CODES: Final = {
@@ -27,51 +38,54 @@ _EXIT_CODES_IN_WORDS: Final = (
     "Exit code: 0 COMPLETED, 3 PARTIALLY_COMPLETED, 1 REJECTED, FAILED or CANCELLED."
 )
 
+_FollowOption = Annotated[
+    bool, typer.Option("--follow", help=f"Track it to its end. {_EXIT_CODES_IN_WORDS}")
+]
+
 #: After these events there is a plan to show.
 _PLAN_EVENTS: Final = frozenset({"delivery.planned", "delivery.replanned"})
 
 
 def request_command(
-    pickup: Annotated[str | None, typer.Argument(help="The pickup station.")] = None,
-    package: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--package",
-            "-p",
-            metavar="STATION=KG",
-            help="The destination and the mass of a package; repeat it for each package.",
-        ),
-    ] = None,
-    file: Annotated[
-        Path | None, typer.Option(help="A delivery request as JSON, instead of the above.")
-    ] = None,
-    objective: Annotated[str, typer.Option(help="fastest, cheapest or greenest.")] = "fastest",
-    priority: Annotated[
-        str,
-        typer.Option(
-            help="STANDARD, or PRIORITY: planned first, at a price factor of the provider."
-        ),
-    ] = "STANDARD",
-    follow: Annotated[
-        bool, typer.Option("--follow", help=f"Track it to its end. {_EXIT_CODES_IN_WORDS}")
-    ] = False,
+    pickup: PickupArgument = None,
+    package: PackageOption = None,
+    file: FileOption = None,
+    objective: ObjectiveOption = "fastest",
+    priority: PriorityOption = "STANDARD",
+    earliest_pickup: EarliestPickupOption = None,
+    latest_pickup: LatestPickupOption = None,
+    not_before: NotBeforeOption = None,
+    latest: LatestOption = None,
+    follow: _FollowOption = False,
     data: DataOption = None,
 ) -> None:
     """Request a delivery and print its id."""
     folder = data_folder(data)
-    if file is not None:
-        body = file.read_bytes()
-    else:
-        if not pickup or not package:
-            fail("give a pickup station and at least one --package STATION=KG, or --file")
-        body = json.dumps(
-            _request(pickup, package, {"objective": objective, "priority": priority})
-        ).encode()
+    options = RequestOptions(
+        pickup=pickup,
+        packages=package or (),
+        file=file,
+        objective=objective,
+        priority=priority,
+        earliest_pickup=earliest_pickup,
+        latest_pickup=latest_pickup,
+        not_before=not_before or (),
+        latest=latest or (),
+    )
+    request = options.document(folder)
     _name_what_is_missing(folder)
-    answer = _create(folder, body)
-    typer.echo(answer["delivery_id"])
-    if follow:
-        _follow(folder, answer["delivery_id"])
+    _create(folder, request, follow=follow, fields=options.fields)
+
+
+def accept_command(
+    quote_id: Annotated[str, typer.Argument(help="The id that `skyway quote` printed.")],
+    offer_id: Annotated[str, typer.Argument(help="An offer of the quote.")],
+    follow: _FollowOption = False,
+    data: DataOption = None,
+) -> None:
+    """Accept an offer and print the id of its delivery."""
+    offer = {"quote_id": quote_id, "offer_id": offer_id}
+    _create(data_folder(data), offer, follow=follow)
 
 
 def track_command(
@@ -96,27 +110,6 @@ def proof_of(plan: Mapping[str, Any]) -> str:  # a plan as JSON
     return f"not proven optimal: another plan could be up to {earlier_s:,.0f} s earlier"
 
 
-def _request(pickup: str, packages: list[str], qos: dict[str, str]) -> dict[str, Any]:
-    """The JSON of a delivery request."""
-    asked = []
-    for number, text in enumerate(packages, start=1):
-        destination, equals, mass = text.partition("=")
-        if not destination or not equals:
-            name = destination or "STATION"
-            fail(f"--package {text}: the mass is missing; write --package {name}=KG")
-        try:
-            mass_kg = float(mass)
-        except ValueError:
-            fail(f"--package {text}: {mass!r} is not a mass in kg")
-        place = {"station_id": destination}
-        asked.append({"package_id": f"p{number}", "mass_kg": mass_kg, "destination": place})
-    return {
-        "pickup": {"station_id": pickup},
-        "packages": asked,
-        "qos": qos,
-    }
-
-
 def _name_what_is_missing(folder: DataFolder) -> None:
     """Say what an empty system lacks.
 
@@ -133,30 +126,40 @@ def _name_what_is_missing(folder: DataFolder) -> None:
 
 def _list(folder: DataFolder, path: str) -> list[Any]:
     """The first item of a list; Any: the route documents the item's JSON."""
-    page = call_gateway("GET", f"{path}?limit=1", key_name=_CUSTOMER_KEY, folder=folder)
+    page = call_gateway("GET", f"{path}?limit=1", key_name=CUSTOMER_KEY, folder=folder)
     items: list[Any] = page["items"]
     return items
 
 
-def _create(folder: DataFolder, body: bytes) -> dict[str, Any]:
-    answer: dict[str, Any] = call_gateway(
+def _create(
+    folder: DataFolder,
+    ordered: Mapping[str, Any],  # a delivery request or an accepted offer as JSON
+    *,
+    follow: bool,
+    fields: Mapping[str, str] = MappingProxyType({}),
+) -> None:
+    """Create a delivery and print its id; with `follow`, print its events until it ends."""
+    answer = call_gateway(
         "POST",
         "/v1/deliveries",
-        key_name=_CUSTOMER_KEY,
+        key_name=CUSTOMER_KEY,
         folder=folder,
-        body=body,
+        body=json.dumps(ordered).encode(),
         idempotency_key=str(uuid.uuid4()),
+        options=fields,
     )
-    return answer
+    typer.echo(answer["delivery_id"])
+    if follow:
+        _follow(folder, answer["delivery_id"])
 
 
 def _follow(folder: DataFolder, delivery_id: str) -> None:
     """Print events until the delivery ends; ends the command unless the delivery COMPLETED."""
     console = Console()
-    call_gateway("GET", f"/v1/deliveries/{delivery_id}", key_name=_CUSTOMER_KEY, folder=folder)
+    call_gateway("GET", f"/v1/deliveries/{delivery_id}", key_name=CUSTOMER_KEY, folder=folder)
     settings = read_keys(folder)
     url = f"{settings['SKYWAY_GATEWAY_URL']}/v1/deliveries/{delivery_id}/events"
-    headers = {"Authorization": f"Bearer {settings[_CUSTOMER_KEY]}"}
+    headers = {"Authorization": f"Bearer {settings[CUSTOMER_KEY]}"}
     last_type = ""
     while last_type not in _EXIT_CODES:
         try:
@@ -193,7 +196,7 @@ def _print_events(console: Console, url: str, headers: dict[str, str]) -> Iterat
 def _print_proofs(console: Console, folder: DataFolder, delivery_id: str) -> None:
     """Say of each mission's plan whether it is proven to deliver earliest."""
     path = f"/v1/deliveries/{delivery_id}/plan"
-    planned = call_gateway("GET", path, key_name=_CUSTOMER_KEY, folder=folder)
+    planned = call_gateway("GET", path, key_name=CUSTOMER_KEY, folder=folder)
     for mission in planned["missions"]:
         plan = mission["plan"]
         console.print(f"  plan of {mission['drone_id']}: {proof_of(plan)}", highlight=False)

@@ -1,9 +1,11 @@
 """Calls to a running gateway, and where the command line finds the gateway and its keys."""
 
 import os
+import re
 import shlex
 import uuid
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NoReturn, Self
 
 import httpx
@@ -29,8 +31,11 @@ def call_gateway(
     folder: DataFolder,
     body: bytes | None = None,
     idempotency_key: str | None = None,
+    options: Mapping[str, str] = MappingProxyType({}),
 ) -> Any:
     """The JSON that the gateway answers: any JSON value, which the route documents.
+
+    `options` has the command's option for each field that has one: messages name the option.
 
     The command ends with a message on standard error when a setting is missing, when the gateway
     cannot be reached, and when it answers with a problem.
@@ -48,7 +53,8 @@ def call_gateway(
     except (httpx.TransportError, httpx.InvalidURL) as error:
         fail(f"no answer from {settings[_URL]}: {error}. Is `skyway up` running?")
     if not answer.is_success:
-        fail(f"{method} {path} was answered {answer.status_code}: {_problem(answer)}")
+        problem = _with_options(_problem(answer), options)
+        fail(f"{method} {path} was answered {answer.status_code}: {problem}")
     return answer.json() if answer.content else None
 
 
@@ -74,6 +80,13 @@ def _problem(answer: httpx.Response) -> str:
         return detail
     is_detail_of_fields = all(field in detail for field in fields)
     return "\n  ".join(["" if is_detail_of_fields else detail, *fields])
+
+
+def _with_options(problem: str, options: Mapping[str, str]) -> str:
+    """The text with each field, such as `packages.0.latest_at`, replaced by its option."""
+    for field, option in options.items():
+        problem = re.sub(rf"\b(packages\.\d+\.)?{field}\b", option, problem)
+    return problem
 
 
 def read_keys(folder: DataFolder) -> dict[str, str]:

@@ -15,6 +15,8 @@ _COMMANDS: Final = {
     "demo": "skyway.cli.demo.command:demo_command",
     "compose": "skyway.cli.compose:compose_command",
     "experiment": "skyway.cli.experiment:experiment_command",
+    "quote": "skyway.cli.quote:quote_command",
+    "accept": "skyway.cli.delivery:accept_command",
     "request": "skyway.cli.delivery:request_command",
     "track": "skyway.cli.delivery:track_command",
     "drone": "skyway.cli.drones.drone:drone_command",

@@ -11,6 +11,7 @@ from rich.text import Text
 from skyway.cli.delivery import proof_of
 from skyway.cli.demo.flown import HANDLING_STEPS, Flown
 from skyway.cli.demo.webhook_receiver import Notification
+from skyway.cli.quote import price_in_words
 from skyway.contracts.drone_report import DroneState
 
 _BATTERY_CELLS = 20
@@ -87,10 +88,9 @@ class DemoScreen:
         """Print the offers, the best by this objective first, and providers without an offer."""
         self._console.print(f"\n[bold]Offers[/] {objective} first")
         for offer in quote["offers"]:
-            price = offer["price"]
             self._console.print(
                 f"  {self._provider_names.get(offer['provider_id'], offer['provider_id']):<20} "
-                f"{price['amount'] / 100:>7.2f} {price['currency']}  "
+                f"{price_in_words(offer['price']):>11}  "
                 f"{_duration(offer['delivery_time_s']):>8}  {offer['energy_j'] / 3.6e6:.3f} kWh  "
                 f"score {offer['score']:.3f}",
                 highlight=False,
@@ -102,10 +102,9 @@ class DemoScreen:
     def plan(self, mission: dict[str, Any]) -> None:
         """Show the provider, the drone and the composed plan."""
         provider = self._provider_names.get(mission["provider_id"], mission["provider_id"])
-        price = mission["price"]
         self._console.print(
             f"\n[bold]Composed[/] by {provider}, drone {mission['drone_id']}, "
-            f"{price['amount'] / 100:.2f} {price['currency']}, revision {mission['revision']}"
+            f"{price_in_words(mission['price'])}, revision {mission['revision']}"
         )
         self._console.print(_plan_table(mission["plan"]))
         self._console.print(f"[bold green]{_proven(mission['plan'])}[/]", highlight=False)

@@ -1,0 +1,208 @@
+"""The options that say what a customer requests, and the JSON of the delivery request they make."""
+
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from functools import cache, partial
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import typer
+
+from skyway.cli.data_folder import DataFolder
+from skyway.cli.gateway import call_gateway, fail
+
+CUSTOMER_KEY: Final = "SKYWAY_CUSTOMER_KEY"
+
+PickupArgument = Annotated[str | None, typer.Argument(help="The pickup station.")]
+
+PackageOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--package",
+        "-p",
+        metavar="STATION=KG",
+        help="The destination and the mass of a package; repeat it for each package.",
+    ),
+]
+
+FileOption = Annotated[
+    Path | None, typer.Option(help="A delivery request as JSON, instead of the other options.")
+]
+
+#: `skyway.delivery.request.Objective`, which would make the start of every command slow.
+_ObjectiveName = Literal["fastest", "cheapest", "greenest"]
+
+ObjectiveOption = Annotated[_ObjectiveName, typer.Option(help="What makes an offer best.")]
+
+#: `skyway.delivery.request.Priority`, which would make the start of every command slow.
+_PriorityName = Literal["STANDARD", "PRIORITY"]
+
+PriorityOption = Annotated[
+    _PriorityName,
+    typer.Option(help="PRIORITY is planned first, at a price factor of the provider."),
+]
+
+_WINDOWS = "Windows, in fleet time: 2026-03-02T14:00:00Z, or +2h30m from now"
+
+EarliestPickupOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="MOMENT",
+        help="Loading does not begin before.",
+        rich_help_panel=_WINDOWS,
+    ),
+]
+
+LatestPickupOption = Annotated[
+    str | None,
+    typer.Option(metavar="MOMENT", help="Loading is over by then.", rich_help_panel=_WINDOWS),
+]
+
+NotBeforeOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="[STATION=]MOMENT",
+        help="The hand-over does not begin before; without STATION at every destination.",
+        rich_help_panel=_WINDOWS,
+    ),
+]
+
+LatestOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="[STATION=]MOMENT",
+        help="The hand-over is over by then; without STATION at every destination.",
+        rich_help_panel=_WINDOWS,
+    ),
+]
+
+#: The field of each window option.
+_FIELDS: Final = {
+    "--earliest-pickup": "earliest_pickup_at",
+    "--latest-pickup": "latest_pickup_at",
+    "--not-before": "not_before_at",
+    "--latest": "latest_at",
+}
+
+#: A time from now: days, hours, minutes and seconds, each optional.
+_FROM_NOW: Final = re.compile(
+    r"\+(?=\d)(?:(\d{1,4})d)?(?:(\d{1,4})h)?(?:(\d{1,6})m)?(?:(\d{1,8})s)?"
+)
+
+#: Reads the moment of an option; the second text is the option.
+_ReadMoment = Callable[[str, str], str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RequestOptions:
+    """What the command line says about a delivery request."""
+
+    pickup: str | None
+    packages: Sequence[str]
+    file: Path | None
+    objective: str
+    priority: str
+    earliest_pickup: str | None
+    latest_pickup: str | None
+    not_before: Sequence[str]
+    latest: Sequence[str]
+
+    @property
+    def fields(self) -> Mapping[str, str]:
+        """The option of each field that an option has set, so that a message can name it."""
+        return {} if self.file is not None else {field: opt for opt, field in _FIELDS.items()}
+
+    @property
+    def _windows(self) -> dict[str, Sequence[str]]:
+        """The texts of each window option."""
+        pickups = (self.earliest_pickup, self.latest_pickup)
+        pickup_texts = ([] if text is None else [text] for text in pickups)
+        return dict(zip(_FIELDS, (*pickup_texts, self.not_before, self.latest), strict=True))
+
+    def document(self, folder: DataFolder) -> dict[str, Any]:
+        """The JSON of the delivery request; the command ends with a message at a wrong option.
+
+        The gateway of the folder says what the fleet time is, if an option counts from now.
+        """
+        if self.file is not None:
+            given = [option for option, texts in self._windows.items() if texts]
+            if self.pickup or self.packages or given:
+                options = ", ".join(given) or "a pickup station or --package"
+                fail(f"--file excludes {options}: write what you request into {self.file}")
+            return _object(self.file)
+        if not self.pickup or not self.packages:
+            fail("give a pickup station and at least one --package STATION=KG, or --file")
+        request: dict[str, Any] = {
+            "pickup": {"station_id": self.pickup},
+            "packages": [_package(number, text) for number, text in enumerate(self.packages, 1)],
+            "qos": {"objective": self.objective, "priority": self.priority},
+        }
+        read_moment = partial(_moment, now=cache(partial(_fleet_now, folder)))
+        for option, texts in self._windows.items():
+            for text in texts:
+                _set_window(request, option, text, read_moment)
+        return request
+
+
+def _object(file: Path) -> dict[str, Any]:
+    try:
+        document = json.loads(file.read_bytes())
+    except ValueError as error:
+        fail(f"--file {file}: not JSON: {error}")
+    if not isinstance(document, dict):
+        fail(f"--file {file}: a delivery request is a JSON object")
+    return document
+
+
+def _package(number: int, text: str) -> dict[str, Any]:
+    destination, equals, mass = text.partition("=")
+    if not destination or not equals:
+        name = destination or "STATION"
+        fail(f"--package {text}: the mass is missing; write --package {name}=KG")
+    try:
+        mass_kg = float(mass)
+    except ValueError:
+        fail(f"--package {text}: {mass!r} is not a mass in kg")
+    place = {"station_id": destination}
+    return {"package_id": f"p{number}", "mass_kg": mass_kg, "destination": place}
+
+
+def _set_window(request: dict[str, Any], option: str, text: str, read_moment: _ReadMoment) -> None:
+    """Write one end of a window into the request, or into its packages."""
+    field = _FIELDS[option]
+    if option in ("--earliest-pickup", "--latest-pickup"):
+        request[field] = read_moment(text, option)
+        return
+    station, equals, moment = text.rpartition("=")
+    chosen = [
+        package
+        for package in request["packages"]
+        if not equals or package["destination"]["station_id"] == station
+    ]
+    if not chosen:
+        fail(f"{option} {text}: no --package goes to {station!r}")
+    for package in chosen:
+        package[field] = read_moment(moment, option)
+
+
+def _moment(text: str, option: str, *, now: Callable[[], datetime]) -> str:
+    """The moment in RFC 3339."""
+    if (span := _FROM_NOW.fullmatch(text)) is not None:
+        days, hours, minutes, seconds = (int(each or 0) for each in span.groups())
+        later = timedelta(days=days, hours=hours, minutes=minutes, seconds=seconds)
+        return (now() + later).isoformat()
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        fail(f"{option} {text}: not a moment; write 2026-03-02T14:00:00Z, or +2h30m from now")
+    if moment.tzinfo is None:
+        fail(f"{option} {text}: the time zone is missing; write {moment.isoformat()}Z for UTC")
+    return moment.isoformat()
+
+
+def _fleet_now(folder: DataFolder) -> datetime:
+    clock = call_gateway("GET", "/v1/clock", key_name=CUSTOMER_KEY, folder=folder)
+    return datetime.fromisoformat(clock["now"])
