@@ -44,8 +44,8 @@ from skyway_gateway.notifications.routes import clock_routes, webhook_routes
 from skyway_gateway.notifications.stream_events import EventStream
 from skyway_gateway.parts import SERVICE, Parts, running_parts
 from skyway_gateway.quotes import store as quote_store
-from skyway_gateway.quotes.network_store import read_networks
 from skyway_gateway.quotes.routes import quote_routes
+from skyway_gateway.quotes.store import read_networks
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.statistics.routes import statistics_routes
 

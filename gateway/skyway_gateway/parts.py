@@ -32,11 +32,10 @@ from skyway_gateway.notifications.stream_events import EventListeners
 from skyway_gateway.notifications.webhooks.post_webhook import WebhookPost
 from skyway_gateway.notifications.webhooks.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhooks.targets import Targets
-from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks
-from skyway_gateway.quotes.keep_offer import OfferKeeper
+from skyway_gateway.quotes.accept_offer import OfferKeeper
+from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks, ShortWait
 from skyway_gateway.quotes.make_quote import HoldLimits, QuoteMaker
-from skyway_gateway.quotes.network_store import keep_network
-from skyway_gateway.quotes.short_wait import ShortWait
+from skyway_gateway.quotes.store import keep_network
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import outbox
 

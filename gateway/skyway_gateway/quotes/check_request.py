@@ -5,10 +5,12 @@ registry says how heavy a package may be; its answer is cached for a moment. Whi
 away, nobody checks masses and providers: booking finds out later, and rejects the delivery.
 """
 
+import asyncio
 import contextlib
+from collections.abc import Coroutine
 from dataclasses import dataclass
 from datetime import timedelta
-from typing import Final
+from typing import Any, Final, TypeVar
 
 from skyway.announced_networks import CachedNetworks
 from skyway.contracts.candidate import PayloadLimit, PayloadLimitQuery, ProviderReason
@@ -19,9 +21,9 @@ from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import ServiceUnavailable
 from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.quotes.check_windows import check_windows
-from skyway_gateway.quotes.short_wait import ShortWait
 
 #: How long a limit is used without asking again, wall time. Fleets hardly change meanwhile, and
 #: booking finds out whether a drone is available.
@@ -38,6 +40,9 @@ _FURTHEST_PICKUP: Final = timedelta(days=30)
 #: A mass that exceeds the limit by less than this counts as equal, kilograms.
 _MASS_TOLERANCE_KG: Final = 1e-9
 
+#: How long a request waits for a service before it goes on without, wall seconds. The socket of a
+#: process that restarts stays open, so a call would wait there until the process is back.
+_ANSWERS_WITHIN_S: Final = 1.0
 
 #: Why a request has no offers when none of the providers that may serve it has a drone.
 NO_PROVIDER: Final = ProviderReason(
@@ -46,6 +51,39 @@ NO_PROVIDER: Final = ProviderReason(
     detail="no provider serves it: none of the providers that may serve it has a drone",
     is_temporary=True,
 )
+
+AnswerT = TypeVar("AnswerT")
+
+
+class ShortWait:
+    """Asks one service; while a question is unanswered for longer, others do not wait at all."""
+
+    def __init__(self) -> None:
+        self._asking = set[asyncio.Task[Any]]()  # tasks of any answer
+        self._is_silent = False
+
+    async def answer_of(self, question: Coroutine[Any, Any, AnswerT]) -> AnswerT | None:
+        """The answer; None when the service is away or does not answer in time."""
+        if self._is_silent and self._asking:
+            question.close()
+            return None
+        asking = asyncio.create_task(question)
+        self._asking.add(asking)
+        asking.add_done_callback(self._ended)
+        done, _ = await asyncio.wait({asking}, timeout=_ANSWERS_WITHIN_S)
+        if not done:
+            self._is_silent = True
+            return None
+        try:
+            return asking.result()
+        except ServiceUnavailable:
+            return None
+
+    def _ended(self, asking: asyncio.Task[Any]) -> None:
+        self._asking.discard(asking)
+        self._is_silent = False
+        if not asking.cancelled():
+            asking.exception()  # it was raised already, or nobody waits for it any more
 
 
 class CachedPayloadLimits:

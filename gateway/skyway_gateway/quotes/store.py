@@ -1,5 +1,10 @@
-"""A quote as customers see it, and all SQL of quotes."""
+"""A quote as customers see it, and all SQL of quotes and of known networks.
 
+The last known networks are stored, so that a gateway that starts while composition is away can
+check requests.
+"""
+
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Annotated, Final
 
@@ -10,16 +15,17 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.message import FleetMoment, WallMoment
 from skyway.contracts.quote import OfferTerms
+from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, HoldId, OfferId, QuoteId, SubjectId
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.sql.connection import AnyRow
-from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.store import owned
-from skyway_gateway.tables import quotes
+from skyway_gateway.tables import known_networks, quotes
 
 #: How long an offer can be accepted, seconds of wall time (docs/reference/time.md).
 OFFER_LIFE_S: Final = 120.0
@@ -151,3 +157,28 @@ def _quote(row: AnyRow) -> Quote:
         taken_offer_id=row.taken_offer_id,
         delivery_id=row.delivery_id,
     )
+
+
+async def keep_network(db: Database, stations: NetworkStations) -> None:
+    """Store this version of a network in place of an older one."""
+    row = {
+        "network_id": stations.network_id,
+        "version": stations.version,
+        "stations": stations.model_dump_json(),
+    }
+    async with db.write() as tx:
+        new = tx.insert(known_networks).values(row)
+        await tx.execute(
+            new.on_conflict_do_update(
+                index_elements=["network_id"],
+                set_={name: row[name] for name in ("version", "stations")},
+                where=known_networks.c.version < stations.version,
+            )
+        )
+
+
+async def read_networks(db: Database) -> Sequence[NetworkStations]:
+    """The last known version of each network."""
+    async with db.read() as connection:
+        found = (await connection.execute(select(known_networks.c.stations))).scalars().all()
+    return [NetworkStations.read(each) for each in found]

@@ -38,10 +38,11 @@ from skyway_gateway.deliveries.booking.booking_round import (
 from skyway_gateway.deliveries.booking.queue_store import (
     claim_queued,
     hold,
+    line_up,
     note_reasons,
     try_later,
+    wait_longer,
 )
-from skyway_gateway.deliveries.booking.waiting_store import line_up, wait_longer
 from skyway_gateway.deliveries.booking.wake_waiting import Waker, next_try_at
 from skyway_gateway.deliveries.lifecycle.booking_effects import (
     after_booking,

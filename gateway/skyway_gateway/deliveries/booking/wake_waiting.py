@@ -17,7 +17,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.loops import Wake
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
-from skyway_gateway.deliveries.booking.waiting_store import waiting_networks, wake_first
+from skyway_gateway.deliveries.booking.queue_store import waiting_networks, wake_first
 from skyway_gateway.quotes.store import has_hold_ended
 
 #: Shortest and longest wait for the next try, wall time.

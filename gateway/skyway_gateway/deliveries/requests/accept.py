@@ -37,9 +37,8 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Flags, Packag
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery, StoredDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.notifications.record_events import Happening
-from skyway_gateway.quotes.accept_offer import accept_offer
+from skyway_gateway.quotes.accept_offer import OfferKeeper, accept_offer
 from skyway_gateway.quotes.check_request import CheckedRequest, RequestChecks
-from skyway_gateway.quotes.keep_offer import OfferKeeper
 from skyway_gateway.quotes.store import hold_of, one_of
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from skyway_gateway.app import take_over
-from skyway_gateway.quotes.network_store import keep_network
+from skyway_gateway.quotes.store import keep_network
 
 from skyway.contracts.candidate import PayloadLimit
 from skyway.contracts.station_check import NetworkStations
