@@ -33,7 +33,7 @@ from skyway_gateway.audit.routes import audit_routes
 from skyway_gateway.audit.trail import AuditTrail
 from skyway_gateway.deliveries.booking.queue_store import free_claims
 from skyway_gateway.deliveries.reading.routes import earnings_routes, reading_routes
-from skyway_gateway.deliveries.reporting.routes import report_routes
+from skyway_gateway.deliveries.report_routes import report_routes
 from skyway_gateway.deliveries.requests.routes import cancelling_routes, delivery_routes
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes

@@ -13,18 +13,16 @@ from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import mint
 from skyway.runtime.sql.database import Database
-from skyway_gateway.access.issue_keys import Keys
-from skyway_gateway.access.recognise_keys import CachedKeys, DroneKeys
+from skyway_gateway.access.keys import CachedKeys, DroneKeys, Keys
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
+from skyway_gateway.deliveries.apply_reports import OverdueNotifier, ReportApplier
 from skyway_gateway.deliveries.booking.book import Booker
 from skyway_gateway.deliveries.booking.horizon import ScheduleOpener
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.booking.wake_waiting import Waker
 from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
-from skyway_gateway.deliveries.reporting.apply_reports import ReportApplier
-from skyway_gateway.deliveries.reporting.notify_overdue import OverdueNotifier
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
 from skyway_gateway.notifications.record_events import EventRecorder

@@ -1,5 +1,5 @@
 """API keys: who is calling, and in which role.
 
-`issue_keys` makes and deletes keys, `recognise_keys` finds the caller of a shown key. `routes` has
-the gate that asks each request for a key.
+`keys` issues and deletes keys, and finds the caller of a shown key. `routes` has the gate that asks
+each request for a key. `store` has the SQL.
 """

@@ -15,10 +15,8 @@ from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import store
-from skyway_gateway.access.issue_keys import Keys
-from skyway_gateway.access.key import ApiKey, IssuedKey, KeyRole, NewKey
-from skyway_gateway.access.recognise_keys import CachedKeys, DroneKeys
-from skyway_gateway.access.store import KeyFilter
+from skyway_gateway.access.keys import CachedKeys, DroneKeys, Keys
+from skyway_gateway.access.store import ApiKey, IssuedKey, KeyFilter, KeyRole, NewKey
 
 _bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a drone's: dk_...")
 

@@ -1,10 +1,11 @@
-"""The SQL of API keys, and the condition in every query of things that belong to customers."""
+"""API keys as operators see them, their SQL, and the condition for what belongs to a customer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Final
+from typing import Annotated, Final, Literal
 
+from pydantic import AwareDatetime, Field
 from sqlalchemy import (
     Column,
     ColumnElement,
@@ -20,14 +21,60 @@ from sqlalchemy import (
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import KeyId, SubjectId
+from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_gateway.access.key import ApiKey, KeyRole
 from skyway_gateway.tables import api_keys
+
+KeyRole = Literal["customer", "provider", "operator"]
+
+
+class NewKey(JsonModel):
+    """The key to issue: its role, and the customer, provider or operator that it is for."""
+
+    role: Annotated[KeyRole, Field(description="Who the key is for.")]
+    subject_id: Annotated[
+        SubjectId,
+        Field(description="A customer's own name, a provider's id, or an operator's name."),
+    ]
+
+
+class ApiKey(JsonModel):
+    """A key, without its secret."""
+
+    key_id: Annotated[KeyId, Field(description="The id of the key, which is not secret.")]
+    role: Annotated[KeyRole, Field(description="Who the key is for.")]
+    subject_id: Annotated[
+        SubjectId,
+        Field(description="The customer's name, the provider's id or the operator's name."),
+    ]
+    created_at: Annotated[AwareDatetime, Field(description="RFC 3339 UTC, wall time")]
+
+
+class BrokerLogin(JsonModel):
+    """A broker account; each new key of a customer gives the same account a new password."""
+
+    user_name: Annotated[str, Field(description="The user name at the broker.")]
+    password: Annotated[
+        str, Field(description="The password; a later key of the same customer replaces it.")
+    ]
+
+
+class IssuedKey(ApiKey):
+    """A new key with its secrets, which are shown only once."""
+
+    key: Annotated[
+        str, Field(description="The secret key for `Authorization: Bearer`; it is shown only once.")
+    ]
+    mqtt: Annotated[
+        BrokerLogin | None,
+        Field(description="The broker account; null for providers, which have none."),
+    ]
+
 
 #: Runs with each request, so it is built once.
 _CALLER: Final = select(api_keys.c.role, api_keys.c.subject_id).where(

@@ -10,8 +10,8 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
-from skyway_gateway.access.key import KeyRole
 from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.store import KeyRole
 from skyway_gateway.audit import store
 from skyway_gateway.audit.store import LONGEST_PATH, AuditEntry, AuditFilter
 

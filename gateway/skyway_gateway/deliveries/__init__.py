@@ -2,6 +2,6 @@
 
 `lifecycle` decides: a delivery and what happened go in, the changed delivery and its events come
 out. `records` stores deliveries. On these stand the rooms that act: `booking` plans packages that
-wait, `reporting` applies mission reports, `reading` answers queries. `requests` accepts requests,
-which it hands to `booking`, and cancels what can still be stopped.
+wait, `apply_reports` applies mission reports, `reading` answers queries. `requests` accepts
+requests, which it hands to `booking`, and cancels what can still be stopped.
 """

@@ -18,7 +18,7 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.sql.database import Database, Tx
-from skyway_gateway.access.issue_keys import Keys
+from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.forward.table import FORWARDED, Forwarded
 

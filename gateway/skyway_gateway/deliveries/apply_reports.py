@@ -1,12 +1,19 @@
-"""Applies mission reports to deliveries: each once, in the order of its mission."""
+"""Applies the mission reports that composition sends: each once, in the order of its mission.
+
+A delivery whose reports do not arrive is marked late by `OverdueNotifier`.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from datetime import timedelta
 from functools import partial
 from typing import Final
 
 from skyway.contracts.mission import LIVE_MISSION_STATES, CancelMissions
-from skyway.contracts.mission_reports import MissionReport, TracedReport
+from skyway.contracts.mission_reports import (
+    MissionReport,
+    TracedReport,
+)
 from skyway.ids import StationId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
@@ -16,6 +23,8 @@ from skyway.runtime.tracing import tracing
 from skyway_gateway.clients import CANCELLATIONS_PATH
 from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.deliveries.lifecycle.lateness import TOLERANCE_S, when_overdue
+from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.lifecycle.report_effects import after_report
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.stored_delivery import Outdated, StoredDelivery
@@ -23,6 +32,9 @@ from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 
 #: Reports after which a drone or pads may be free again.
 _FREEING: Final = ("REFUSED", "RELEASED", "ENDED")
+
+#: How many overdue deliveries one step looks at.
+_BATCH: Final = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,3 +132,24 @@ def _cancel_late_booking(tx: Tx, delivery: Delivery, report: MissionReport) -> N
     )
     path = CANCELLATIONS_PATH.format(delivery_id=delivery.delivery_id)
     tx.report("composition", path, body, stream=delivery.delivery_id)
+
+
+@dataclass(frozen=True, slots=True)
+class OverdueNotifier:
+    """Records `delivery.delayed` when an ETA has passed without a hand-over."""
+
+    db: Database
+    writer: DeliveryWriter
+    clock: FleetClock
+
+    async def step(self) -> bool:
+        """One step of the loop: look at overdue deliveries; True when there may be more."""
+        before = self.clock.now() - timedelta(seconds=TOLERANCE_S)
+        async with self.db.read() as connection:
+            found = await delivery_store.overdue(connection, before=before, limit=_BATCH)
+        for delivery_id in found:
+            await self.writer.write(delivery_id, change=self._marked_late)
+        return len(found) == _BATCH
+
+    def _marked_late(self, delivery: Delivery) -> Progress:
+        return Progress(*when_overdue(delivery, at=self.clock.now()))

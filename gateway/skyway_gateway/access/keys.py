@@ -1,11 +1,19 @@
-"""Issues and deletes API keys, and the broker accounts that belong to them."""
+"""API keys: issued and deleted with the broker accounts that belong to them, and recognised.
 
+A busy caller shows its key with each request, so a key is looked up once a second at most. A key
+that this process deletes stops immediately; a key that another replica deletes stops within the
+second.
+"""
+
+import hashlib
 import secrets
+from datetime import timedelta
 from pathlib import Path
 from typing import Final, Protocol
 
 from skyway.errors import InvalidInput
-from skyway.ids import KeyId, SubjectId
+from skyway.ids import DroneId, KeyId, SubjectId
+from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller, read_secret
 from skyway.runtime.idempotency.once import Answer, once
@@ -13,16 +21,15 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access import store
-from skyway_gateway.access.key import (
-    ApiKey,
-    BrokerLogin,
-    IssuedKey,
-    KeyRole,
-    NewKey,
-    new_secret,
-    secret_hash,
-)
-from skyway_gateway.access.recognise_keys import CachedKeys
+from skyway_gateway.access.store import ApiKey, BrokerLogin, IssuedKey, KeyRole, NewKey
+
+#: How long a caller is cached, wall time.
+_KEPT: Final = timedelta(seconds=1)
+_MOST_CACHED: Final = 10_000
+
+_PREFIX: Final = "sk_"
+#: 256 bits cannot be guessed, so a fast hash is enough.
+_SECRET_BYTES: Final = 32
 
 #: Accounts of Skyway's own processes, and how the names of drones' accounts begin.
 _RESERVED_NAMES: Final = frozenset({"operator", "gateway", "registry", "composition"})
@@ -33,6 +40,57 @@ _FIRST_KEYS: Final[tuple[tuple[str, KeyRole, str], ...]] = (
     ("operator_key", "operator", "operator"),
     ("customer_key", "customer", "newcomer"),
 )
+
+
+def _new_secret() -> str:
+    """A new API key."""
+    return _PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
+
+
+def secret_hash(secret: str) -> str:
+    """The hash of an API key: it is stored instead of the key, and finds a shown key."""
+    return hashlib.sha256(secret.encode()).hexdigest()
+
+
+class CachedKeys:
+    """Recognises keys of customers, providers and operators; unknown keys are never cached."""
+
+    def __init__(self, db: Database, clock: FleetClock) -> None:
+        self._db = db
+        self._cached = AnswerCache(self._look_up, clock=clock, kept=_KEPT, most=_MOST_CACHED)
+
+    async def caller_of(self, secret: str) -> Caller | None:
+        """The caller with this key; None when the key is unknown or deleted."""
+        key_hash = secret_hash(secret)
+        return self._cached.cached(key_hash) or await self._cached.ask(key_hash)
+
+    def forget(self) -> None:
+        """Empty the cache, because a key was deleted."""
+        self._cached.clear()
+
+    async def _look_up(self, key_hash: str) -> Caller | None:
+        async with self._db.read() as connection:
+            return await store.caller_of(connection, key_hash)
+
+
+class DroneKeyRegistry(Protocol):
+    """The registry, which issues the keys of drones."""
+
+    async def drone_of(self, key_hash: str) -> DroneId | None:
+        """The drone with this key; None when the key is unknown or no longer valid."""
+        ...
+
+
+class DroneKeys:
+    """Recognises keys of drones; the registry is asked each time, so a revoked key stops."""
+
+    def __init__(self, registry: DroneKeyRegistry) -> None:
+        self._registry = registry
+
+    async def caller_of(self, secret: str) -> Caller | None:
+        """The drone that calls; None when the key is unknown or no longer valid."""
+        drone_id = await self._registry.drone_of(secret_hash(secret))
+        return None if drone_id is None else Caller("drone", drone_id)
 
 
 class BrokerAccounts(Protocol):
@@ -116,7 +174,7 @@ class Keys:
 
     async def add(self, tx: Tx, role: KeyRole, subject_id: SubjectId) -> IssuedKey:
         """A new key, added in this transaction."""
-        key, secret = self._key(role, subject_id), new_secret()
+        key, secret = self._key(role, subject_id), _new_secret()
         await store.add(tx, key, key_hash=secret_hash(secret), is_account_open=role != "customer")
         return IssuedKey(**dict(key), key=secret, mqtt=self._login(role, subject_id))
 

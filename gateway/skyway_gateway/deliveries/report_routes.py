@@ -14,7 +14,7 @@ from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway_gateway.deliveries.reporting.apply_reports import ReportApplier
+from skyway_gateway.deliveries.apply_reports import ReportApplier
 
 
 def report_routes(*, gate: ServiceGate, applier: ReportApplier) -> ServiceRouter:

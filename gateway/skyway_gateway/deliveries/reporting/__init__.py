@@ -1,1 +1,0 @@
-"""Mission reports from composition: applied once each, and what happens when none arrive."""
