@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from skyway.bounds import Amperes, Celsius, Metres, Volts, WindComponent
 from skyway.contracts.message import Soc
 from skyway.ids import StationId
 from skyway.json_model import WireModel
@@ -48,8 +49,14 @@ class Failsafe(StrEnum):
 class Wind(WireModel):
     """Where the air goes, as estimated on board from ground against air speed."""
 
-    east_mps: Annotated[float, Field(description="Speed towards the east in metres per second.")]
-    north_mps: Annotated[float, Field(description="Speed towards the north in metres per second.")]
+    east_mps: Annotated[
+        WindComponent,
+        Field(description="Speed towards the east in metres per second."),
+    ]
+    north_mps: Annotated[
+        WindComponent,
+        Field(description="Speed towards the north in metres per second."),
+    ]
 
 
 class DroneHealth(WireModel):
@@ -60,25 +67,25 @@ class DroneHealth(WireModel):
     with this load above the reserve; `safe_landings` are the nearest stations that can be reached.
     """
 
-    voltage_v: Annotated[float, Field(description="Battery voltage in volts.")]
-    current_a: Annotated[float, Field(description="Battery current in amperes.")]
+    voltage_v: Annotated[Volts, Field(description="Battery voltage in volts.")]
+    current_a: Annotated[Amperes, Field(description="Battery current in amperes.")]
     soc_error: Annotated[
-        float, Field(ge=0, description="One standard deviation of the state of charge, 0 to 1.")
+        float,
+        Field(ge=0, le=10, description="One standard deviation of the state of charge, 0 to 1."),
     ]
     cell_spread_v: Annotated[
-        float,
-        Field(
-            ge=0, description="The difference between the highest and the lowest cell, in volts."
-        ),
+        Volts,
+        Field(description="The difference between the highest and the lowest cell, in volts."),
     ]
-    temperature_c: Annotated[float, Field(description="Battery temperature in degrees Celsius.")]
+    temperature_c: Annotated[Celsius, Field(description="Battery temperature in degrees Celsius.")]
     state_of_health: Soc
     consumption_factor: Annotated[
-        float, Field(gt=0, description="Energy used per energy planned; 1.0 is as planned.")
+        float,
+        Field(gt=0, le=1_000, description="Energy used per energy planned; 1.0 is as planned."),
     ] = 1.0
     range_m: Annotated[
-        float,
-        Field(ge=0, description="How far the drone can still fly above its reserve, in metres."),
+        Metres,
+        Field(description="How far the drone can still fly above its reserve, in metres."),
     ]
     wind: Annotated[Wind | None, Field(description="The wind, if it can be estimated.")] = None
     safe_landings: Annotated[

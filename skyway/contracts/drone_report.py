@@ -1,13 +1,25 @@
 """Drone to cloud: acks, events, state, telemetry and the last will."""
 
 from enum import StrEnum
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
+from skyway.bounds import (
+    Celsius,
+    Count,
+    Joules,
+    Kilograms,
+    Metres,
+    MetresPerSecond,
+    SmallObject,
+    Volts,
+    Watts,
+    Words,
+)
 from skyway.contracts.drone_health import ActiveFailsafe, AlarmLevel, DroneHealth, Fault
 from skyway.contracts.flight_step import StepKind
-from skyway.contracts.message import Count, DroneMessage, FleetMoment, Message, Soc
+from skyway.contracts.message import DroneMessage, FleetMoment, Message, Soc
 from skyway.geo import Position
 from skyway.ids import InstructionId, MissionId, PackageId, StationId
 
@@ -43,9 +55,9 @@ class Ack(DroneMessage):
     code: Annotated[RefusalCode | None, Field(description="Why it is rejected, for programs.")] = (
         None
     )
-    detail: Annotated[str | None, Field(description="Why it is rejected, for people.")] = None
+    detail: Annotated[Words | None, Field(description="Why it is rejected, for people.")] = None
     #: Numbers behind a code: need_j and have_j, expected_seq, mass_kg and limit_kg.
-    data: dict[str, Any] = Field(
+    data: SmallObject = Field(
         default_factory=dict,
         description="The numbers behind the code, such as need_j and have_j.",
     )
@@ -81,18 +93,18 @@ class DroneEvent(DroneMessage):
     station_id: StationId | None = None
     position: Annotated[Position, Field(description="Where the drone is, in degrees.")]
     soc: Soc
-    energy_j: Annotated[float, Field(description="used by the step; 0 while charging")] = 0.0
+    energy_j: Annotated[Joules, Field(description="used by the step; 0 while charging")] = 0.0
     package_ids: Annotated[
         tuple[PackageId, ...], Field(description="The packages that the step handled.")
     ] = ()
     code: Annotated[
-        str | None, Field(description="Why it failed, or what the alarm is about, for programs.")
+        Words | None, Field(description="Why it failed, or what the alarm is about, for programs.")
     ] = None
-    detail: Annotated[str | None, Field(description="The same for people.")] = None
+    detail: Annotated[Words | None, Field(description="The same for people.")] = None
     #: Of an alarm: how bad it is.
     level: Annotated[AlarmLevel | None, Field(description="How bad an alarm is.")] = None
     #: Evidence: place and weights at a hand-over, need_j and have_j at a failure.
-    data: dict[str, Any] = Field(
+    data: SmallObject = Field(
         default_factory=dict,
         description="Evidence: place and masses at a hand-over, need_j and have_j at a failure.",
     )
@@ -138,7 +150,7 @@ class DroneState(DroneMessage):
     station_id: StationId | None = None
     position: Annotated[Position, Field(description="Where the drone is, in degrees.")]
     soc: Soc
-    load_kg: Annotated[float, Field(ge=0, description="The mass on board in kilograms.")] = 0.0
+    load_kg: Annotated[Kilograms, Field(description="The mass on board in kilograms.")] = 0.0
     package_ids: Annotated[tuple[PackageId, ...], Field(description="The packages on board.")] = ()
     health: Annotated[
         DroneHealth | None, Field(description="The results of the analysis on board.")
@@ -159,14 +171,16 @@ class Telemetry(DroneMessage):
     at: FleetMoment
     position: Annotated[Position, Field(description="Where the drone is, in degrees.")]
     soc: Soc
-    power_w: Annotated[float, Field(description="Electrical power in watts.")]
-    speed_mps: Annotated[float, Field(description="Speed over ground in metres per second.")]
-    voltage_v: Annotated[float | None, Field(description="Battery voltage in volts.")] = None
+    power_w: Annotated[Watts, Field(description="Electrical power in watts.")]
+    speed_mps: Annotated[
+        MetresPerSecond, Field(description="Speed over ground in metres per second.")
+    ]
+    voltage_v: Annotated[Volts | None, Field(description="Battery voltage in volts.")] = None
     temperature_c: Annotated[
-        float | None, Field(description="Battery temperature in degrees Celsius.")
+        Celsius | None, Field(description="Battery temperature in degrees Celsius.")
     ] = None
     range_m: Annotated[
-        float | None,
+        Metres | None,
         Field(description="How far the drone can still fly above its reserve, in metres."),
     ] = None
 

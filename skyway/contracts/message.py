@@ -3,15 +3,14 @@
 from datetime import datetime
 from typing import Annotated, Literal
 
-from pydantic import AwareDatetime, Field
+from pydantic import Field
 
+from skyway.bounds import Count, Moment, Words
 from skyway.json_model import WireModel
 
-FleetMoment = Annotated[AwareDatetime, Field(description="RFC 3339 UTC, fleet time")]
-WallMoment = Annotated[AwareDatetime, Field(description="RFC 3339 UTC, wall time")]
+FleetMoment = Annotated[Moment, Field(description="RFC 3339 UTC, fleet time")]
+WallMoment = Annotated[Moment, Field(description="RFC 3339 UTC, wall time")]
 Soc = Annotated[float, Field(ge=0.0, le=1.0, description="state of charge")]
-#: A whole number that every reader of JSON and every database holds exactly.
-Count = Annotated[int, Field(ge=0, le=2**53 - 1)]
 
 
 class Message(WireModel):
@@ -20,10 +19,10 @@ class Message(WireModel):
     schema_version: Annotated[
         Literal[1], Field(description="The version of this message's schema.")
     ] = 1
-    message_id: Annotated[str, Field(description="Id of the message.")]
+    message_id: Annotated[Words, Field(description="Id of the message.")]
     sent_at: FleetMoment
     traceparent: Annotated[
-        str | None, Field(description="The W3C trace context of what led to the message.")
+        Words | None, Field(description="The W3C trace context of what led to the message.")
     ] = None
 
 

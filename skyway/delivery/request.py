@@ -5,8 +5,9 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import AwareDatetime, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from skyway.bounds import Moment
 from skyway.ids import PackageId, ProviderId, StationId
 from skyway.json_model import JsonModel
 
@@ -55,11 +56,11 @@ class Package(JsonModel):
         Field(description="Where it goes if nobody is at the destination; the pickup if null."),
     ] = None
     not_before_at: Annotated[
-        AwareDatetime | None,
+        Moment | None,
         Field(description="The hand-over does not begin before, RFC 3339 UTC, fleet time."),
     ] = None
     latest_at: Annotated[
-        AwareDatetime | None,
+        Moment | None,
         Field(description="The hand-over is over by then, RFC 3339 UTC, fleet time."),
     ] = None
 
@@ -133,7 +134,7 @@ class QoS(JsonModel):
         Field(description="How much time, price and energy count, instead of an objective."),
     ] = None
     deadline_at: Annotated[
-        AwareDatetime | None,
+        Moment | None,
         Field(description="The last delivery must be over by then, RFC 3339 UTC, fleet time."),
     ] = None
     max_price: Annotated[
@@ -187,11 +188,11 @@ class DeliveryRequest(JsonModel):
         QoS, Field(description="How offers are ranked, and the limits that they must keep.")
     ] = QoS()
     earliest_pickup_at: Annotated[
-        AwareDatetime | None,
+        Moment | None,
         Field(description="The drone does not begin to load before, RFC 3339 UTC, fleet time."),
     ] = None
     latest_pickup_at: Annotated[
-        AwareDatetime | None,
+        Moment | None,
         Field(
             description="Loading is over by then, RFC 3339 UTC, fleet time. Then the drone may "
             "set out for the pickup before `earliest_pickup_at`."

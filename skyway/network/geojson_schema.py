@@ -6,8 +6,9 @@ A network may hold a million features, so `read_network` reads the JSON by colum
 from datetime import date
 from typing import Annotated, Literal
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 
+from skyway.bounds import Moment
 from skyway.geo import Position
 from skyway.ids import StationId, ZoneId
 from skyway.network.geojson_features import MAX_SEGMENT_LENGTH_M
@@ -137,10 +138,10 @@ class ZoneProperties(_Open):
     kind: Annotated[Literal["zone"], Field(description="Always zone.")]
     zone_id: Annotated[ZoneId, Field(description="The zone's id, unique in its network.")]
     active_from: Annotated[
-        AwareDatetime | None, Field(description="When it begins, fleet time; always if missing.")
+        Moment | None, Field(description="When it begins, fleet time; always if missing.")
     ] = None
     active_until: Annotated[
-        AwareDatetime | None, Field(description="When it ends, fleet time; never if missing.")
+        Moment | None, Field(description="When it ends, fleet time; never if missing.")
     ] = None
 
 

@@ -10,7 +10,6 @@ from itertools import islice
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
-    AwareDatetime,
     BeforeValidator,
     FailFast,
     Field,
@@ -21,6 +20,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from skyway.bounds import Moment
 from skyway.delivery.request import MAX_PACKAGES
 from skyway.errors import FieldFault, InvalidNetwork, InvalidProblem
 from skyway.ids import StationId
@@ -111,7 +111,7 @@ class Problem(JsonModel):
 
     network: Annotated[NetworkAsGeoJson, Field(description="The network, as GeoJSON.")]
     start_at: Annotated[
-        AwareDatetime | None,
+        Moment | None,
         Field(description="The fleet time of second 0; zones need it."),
         BeforeValidator(_written_moment),
     ] = None

@@ -11,7 +11,9 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Protocol, Self
 
-from pydantic import AwareDatetime, Field, TypeAdapter
+from pydantic import Field, TypeAdapter
+
+from skyway.bounds import Moment
 
 #: The longest single sleep, seconds of wall time: the machine's clock may be set during it.
 _LONGEST_SLEEP_S = 60.0
@@ -42,8 +44,8 @@ class FleetClock(Protocol):
 class AnchoredClock:
     """The clock of a running process: an anchor and the machine's clock."""
 
-    fleet_at: AwareDatetime
-    wall_at: AwareDatetime
+    fleet_at: Moment
+    wall_at: Moment
     rate: Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
     @classmethod

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated, Final, Literal
 
-from pydantic import AwareDatetime, Field
+from pydantic import Field
 from sqlalchemy import (
     Column,
     ColumnElement,
@@ -20,6 +20,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.bounds import Moment
 from skyway.ids import KeyId, SubjectId
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound
@@ -52,7 +53,7 @@ class ApiKey(JsonModel):
         SubjectId,
         Field(description="The customer's name, the provider's id or the operator's name."),
     ]
-    created_at: Annotated[AwareDatetime, Field(description="RFC 3339 UTC, wall time")]
+    created_at: Annotated[Moment, Field(description="RFC 3339 UTC, wall time")]
 
 
 class BrokerLogin(JsonModel):

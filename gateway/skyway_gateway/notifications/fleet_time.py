@@ -2,8 +2,9 @@
 
 from typing import Annotated, Final
 
-from pydantic import AwareDatetime, Field
+from pydantic import Field
 
+from skyway.bounds import Moment
 from skyway.contracts.topics import CLOCK
 from skyway.contracts.world import ClockAnchor
 from skyway.json_model import JsonModel
@@ -18,12 +19,12 @@ CLOCK_EVERY_S: Final = 30.0
 class FleetTime(JsonModel):
     """Fleet time = fleet_at + (wall time - wall_at) * rate; `now` is fleet time at the answer."""
 
-    fleet_at: Annotated[AwareDatetime, Field(description="Fleet time at the anchor.")]
-    wall_at: Annotated[AwareDatetime, Field(description="Wall time at the anchor.")]
+    fleet_at: Annotated[Moment, Field(description="Fleet time at the anchor.")]
+    wall_at: Annotated[Moment, Field(description="Wall time at the anchor.")]
     rate: Annotated[
         float, Field(gt=0, description="Seconds of fleet time in one second of wall time, above 0.")
     ]
-    now: Annotated[AwareDatetime, Field(description="Fleet time when this was answered.")]
+    now: Annotated[Moment, Field(description="Fleet time when this was answered.")]
 
 
 def fleet_time(anchor: AnchoredClock) -> FleetTime:

@@ -3,8 +3,9 @@
 from datetime import datetime
 from typing import Annotated, Any
 
-from pydantic import AwareDatetime, Field
+from pydantic import Field
 
+from skyway.bounds import Moment
 from skyway.errors import InvalidInput
 from skyway.ids import ClosureId, DroneModelId, NetworkId, ProviderId, StationId
 from skyway.json_model import JsonModel
@@ -19,7 +20,7 @@ _REASON = Field(
     examples=["roof is being repaired"],
 )
 Until = Annotated[
-    AwareDatetime | None,
+    Moment | None,
     Field(description="End of the closure, fleet time; without it until an operator lifts it."),
 ]
 
@@ -28,7 +29,7 @@ class ClosureOrder(JsonModel):
     """When something is closed, and why."""
 
     from_at: Annotated[
-        AwareDatetime | None,
+        Moment | None,
         Field(description="Start of the closure, fleet time; without it the present moment."),
     ] = None
     until: Until = None

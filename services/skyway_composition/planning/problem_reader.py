@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated, Any, Self
 
-from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
+from skyway.bounds import Moment
 from skyway.errors import InvalidProblem
 from skyway.ids import NetworkId
 from skyway.json_model import JsonModel
@@ -89,7 +90,7 @@ class ProblemReader:
 def _start_at(document: dict[str, Any]) -> datetime | None:
     """The start that a problem gives; None when it is missing or cannot be read."""
     try:
-        moment: datetime = TypeAdapter(AwareDatetime).validate_python(document.get("start_at"))
+        moment: datetime = TypeAdapter(Moment).validate_python(document.get("start_at"))
     except ValidationError:
         return None
     return moment

@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import AwareDatetime, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
+from skyway.bounds import Moment
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId, StationId
 from skyway.json_model import JsonModel
@@ -69,8 +70,8 @@ class TakenPad(JsonModel):
 
     station_id: StationId
     pad: Annotated[int, Field(ge=0)] | None = None
-    from_at: AwareDatetime
-    until_at: AwareDatetime
+    from_at: Moment
+    until_at: Moment
 
     @model_validator(mode="after")
     def _ends_after_it_begins(self) -> Self:

@@ -3,8 +3,9 @@
 from datetime import datetime
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import AwareDatetime, Field, field_validator
+from pydantic import Field, field_validator
 
+from skyway.bounds import Moment
 from skyway.contracts.candidate import Standby
 from skyway.contracts.drone_health import ActiveFailsafe, DroneHealth, Fault
 from skyway.contracts.message import Soc
@@ -196,7 +197,7 @@ class Drone(JsonModel):
         ActiveFailsafe | None, Field(description="the failsafe that the drone carries out now")
     ]
     last_seen_at: Annotated[
-        AwareDatetime | None, Field(description="moment of its last message, fleet time")
+        Moment | None, Field(description="moment of its last message, fleet time")
     ]
 
 

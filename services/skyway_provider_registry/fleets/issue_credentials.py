@@ -3,8 +3,9 @@
 from datetime import datetime
 from typing import Annotated, Final
 
-from pydantic import AwareDatetime, Field
+from pydantic import Field
 
+from skyway.bounds import Moment
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.passwords import hash_password
 from skyway.contracts.message import Soc
@@ -55,9 +56,7 @@ class IssuedToken(JsonModel):
     enrolment_token: Annotated[
         str, Field(repr=False, description="the token; it is shown only once")
     ]
-    expires_at: Annotated[
-        AwareDatetime, Field(description="until when it can be exchanged, wall time")
-    ]
+    expires_at: Annotated[Moment, Field(description="until when it can be exchanged, wall time")]
 
 
 class ClientCertificate(JsonModel):

@@ -2,8 +2,9 @@
 
 from typing import Annotated, Final, Literal, TypeVar
 
-from pydantic import AwareDatetime, Field, field_validator
+from pydantic import Field, field_validator
 
+from skyway.bounds import Moment
 from skyway.contracts.candidate import Loading, Standby
 from skyway.delivery.offer import Tariff
 from skyway.ids import ProviderId
@@ -85,9 +86,7 @@ class Provider(JsonModel):
     ]
     loading: Annotated[Loading, Field(description=_LOADING)]
     standby: Annotated[Standby, Field(description=_STANDBY)]
-    created_at: Annotated[
-        AwareDatetime, Field(description="moment of its registration, fleet time")
-    ]
+    created_at: Annotated[Moment, Field(description="moment of its registration, fleet time")]
 
     @property
     def card(self) -> ProviderCard:

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import AwareDatetime, Field, model_validator
+from pydantic import Field, model_validator
 
+from skyway.bounds import Moment
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.ids import DeliveryId, EventId, WebhookId
 from skyway.json_model import JsonModel
@@ -19,7 +20,7 @@ WebhookUrl = Annotated[str, Field(min_length=1, max_length=2000)]
 EventTypes = Annotated[
     tuple[DeliveryEventType, ...], Field(min_length=1, max_length=len(DeliveryEventType))
 ]
-WallTime = Annotated[AwareDatetime, Field(description="RFC 3339 UTC, wall time")]
+WallTime = Annotated[Moment, Field(description="RFC 3339 UTC, wall time")]
 
 WebhookState = Literal["ACTIVE", "DISABLED"]
 Outcome = Literal["DELIVERED", "FAILED", "GIVEN_UP"]
