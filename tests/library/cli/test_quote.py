@@ -177,7 +177,7 @@ def test_a_wrong_moment_is_refused_by_the_name_of_its_option(
     assert gateway.called == []
 
 
-def test_a_limit_that_the_gateway_names_is_told_with_the_option(gateway: Gateway) -> None:
+def test_a_limit_that_the_gateway_names_is_printed_with_the_option(gateway: Gateway) -> None:
     detail = "10:00 is before packages.1.not_before_at 11:00"
     error = {"field": "packages.0.latest_at", "detail": detail}
     gateway.answers["POST", "/v1/quotes"] = (422, {"detail": "wrong", "errors": [error]})
