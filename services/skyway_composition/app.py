@@ -21,7 +21,7 @@ from skyway.runtime.http.identity import ServiceIdentity, read_secret
 from skyway.runtime.loops import Loops
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.migrations import migrate
-from skyway_composition.alarms.routes import alarm_routes
+from skyway_composition.alarm_routes import alarm_routes
 from skyway_composition.closures.routes import area_routes, place_routes
 from skyway_composition.missions.booking.routes import booking_routes
 from skyway_composition.missions.interventions.cancel import Cancellations
@@ -34,10 +34,10 @@ from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, airspace_rou
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
 from skyway_composition.pads.routes import pad_routes
 from skyway_composition.parts import SERVICE, Parts, parts_of
-from skyway_composition.planning.problem_reader import ProblemReader
 from skyway_composition.planning.routes import (
     COMPOSITION_LIMIT_BYTES,
     CompositionProblem,
+    ProblemReader,
     composition_routes,
     quote_routes,
 )

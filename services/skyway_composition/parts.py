@@ -15,7 +15,7 @@ from skyway_composition.missions.booking.keep_offer import OfferKeeper
 from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.quotes import Quotes
+from skyway_composition.planning.plan_offers import Quotes
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.settings import CompositionSettings
 from skyway_composition.tables import outbox

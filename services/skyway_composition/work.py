@@ -20,7 +20,7 @@ from skyway_composition.missions.timeouts import (
     LoadingTimeouts,
     OverdueMissions,
 )
-from skyway_composition.networks.announce import NetworkVersions
+from skyway_composition.networks.publish import NetworkVersions
 from skyway_composition.pads.announce import StationStates
 from skyway_composition.parts import Parts
 

@@ -12,15 +12,8 @@ from skyway.runtime.http.paging import Page
 from skyway.runtime.http.problem_answers import NOT_FOUND
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.closures.close import Closings
-from skyway_composition.closures.handle import (
+from skyway_composition.closures.handle_orders import (
     MADE,
-    closure_of,
-    lift,
-    make_or_preview,
-    page_of_kind,
-    status_of,
-)
-from skyway_composition.closures.orders import (
     ClosureInfo,
     ClosureMade,
     ClosureOrder,
@@ -28,6 +21,11 @@ from skyway_composition.closures.orders import (
     DryRun,
     GroundStopOrder,
     ZoneOrder,
+    closure_of,
+    lift,
+    make_or_preview,
+    page_of_kind,
+    status_of,
 )
 
 PadNumber = Annotated[int, Path(ge=0, lt=MAX_PADS, description="The number of the pad, from 0.")]

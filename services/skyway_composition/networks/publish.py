@@ -1,20 +1,26 @@
 """Publish a network: its version changes exactly when its content changes.
 
 Missions that use a station, segment or airspace that the new version takes away are replanned.
+`NetworkVersions` publishes the current versions over MQTT: retained, on change and on connect.
 """
 
 import asyncio
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+from skyway.contracts.topics import NETWORK_VERSION
+from skyway.contracts.world import NetworkVersion
 from skyway.ids import ClosureId, NetworkId, StationId
 from skyway.network.geojson import read_network, write_network
 from skyway.network.network import Network, Zone
 from skyway.planner.airspace import Airspace, SegmentEnds
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound, PreconditionFailed
+from skyway.runtime.minting import Mint
+from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_composition.closures.closure import Closure, ClosureKind, Impact, Reach
@@ -26,7 +32,7 @@ from skyway_composition.networks.station_store import (
     reserved_pads,
     stations_elsewhere,
 )
-from skyway_composition.networks.store import VersionRow
+from skyway_composition.networks.store import VersionRow, all_current
 
 #: The most stations or segments that a sentence names.
 _MOST_NAMED = 5
@@ -233,3 +239,38 @@ def _named(names: Iterable[str]) -> str:
     ordered = sorted(names)
     more = len(ordered) - _MOST_NAMED
     return ", ".join(ordered[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+@dataclass(slots=True)
+class NetworkVersions:
+    """Publishes the current versions that it has not published yet."""
+
+    db: Database
+    mqtt: MqttClient
+    clock: FleetClock
+    mint: Mint
+    _published: dict[NetworkId, int] = field(default_factory=dict)
+
+    def forget(self) -> None:
+        """Publish everything again, because a broker may lose retained messages in a restart."""
+        self._published.clear()
+
+    async def step(self) -> bool:
+        """Publish the versions that are new."""
+        if not self.mqtt.is_connected:
+            return False
+        async with self.db.read() as connection:
+            rows = await all_current(connection)
+        for row in rows:
+            if self._published.get(row.network_id) != row.version:
+                message = NetworkVersion(
+                    message_id=self.mint("msg"),
+                    sent_at=self.clock.now(),
+                    network_id=row.network_id,
+                    version=row.version,
+                    sha256=row.sha256,
+                    href=f"/v1/networks/{row.network_id}?version={row.version}",
+                )
+                await self.mqtt.publish(NETWORK_VERSION(row.network_id), message)
+                self._published[row.network_id] = row.version
+        return False

@@ -1,6 +1,7 @@
 """Stations of networks over REST, and other services' questions about stations."""
 
-from typing import Annotated
+from collections.abc import Collection, Iterable
+from typing import Annotated, Final
 
 from fastapi import Depends, Query
 from pydantic import Field, field_validator
@@ -9,7 +10,10 @@ from skyway.contracts.station_check import NetworkStations, StationCheck, Statio
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.json_model import JsonModel
+from skyway.network.components import station_parts
+from skyway.network.network import Network
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import Conflict
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
@@ -17,9 +21,22 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.closures.store import closed_stations
-from skyway_composition.networks.prepared import PreparedNetworks, current_row
-from skyway_composition.networks.station_check import all_stations, check_stations
-from skyway_composition.networks.station_store import Box, StationRow, stations_after
+from skyway_composition.networks.prepared import (
+    NOTHING_PUBLISHED,
+    PreparedNetwork,
+    PreparedNetworks,
+    current_row,
+)
+from skyway_composition.networks.station_store import (
+    Box,
+    StationRow,
+    stations_after,
+    stations_named,
+)
+from skyway_composition.networks.store import has_networks
+
+#: The most stations of a network that is sent whole: about a megabyte.
+_MOST_SENT: Final = 20_000
 
 
 class StationInfo(JsonModel):
@@ -110,7 +127,7 @@ def station_check_routes(
     ) -> StationCheck:
         """Check which of these stations exist, where they are, and which can be reached."""
         caller.must_be("service")
-        return await check_stations(db, networks, query)
+        return await _check_stations(db, networks, query)
 
     @router.get("/internal/networks/{network_id}/stations")
     async def list_all_stations(
@@ -118,7 +135,7 @@ def station_check_routes(
     ) -> NetworkStations:
         """All stations of the current version, their positions and their connected parts."""
         caller.must_be("service")
-        return all_stations(await networks.current(network_id))
+        return _all_stations(await networks.current(network_id))
 
     return router
 
@@ -130,4 +147,65 @@ def _station(row: StationRow, closed: frozenset[StationId]) -> StationInfo:
         pads=row.pads,
         position=row.position,
         is_closed=row.station_id in closed,
+    )
+
+
+async def _check_stations(
+    db: Database, networks: PreparedNetworks, query: StationCheckQuery
+) -> StationCheck:
+    """Which of these stations exist, where they are, and which of them cannot be reached.
+
+    Raises
+    ------
+    Conflict
+        No network is published at all, so there are no stations.
+    """
+    asked = list(dict.fromkeys(query.station_ids))
+    async with db.read() as connection:
+        known = await stations_named(connection, asked)
+        if len(known) < len(asked) and not await has_networks(connection):
+            raise Conflict("NO_NETWORK", NOTHING_PUBLISHED)
+    unreachable: Iterable[StationId] = ()
+    if query.reachable_from is not None:
+        around = await networks.around(query.reachable_from)
+        reached: Collection[StationId] = ()
+        if around is not None:
+            ends = {each for each in known if each in around.network.stations}
+            reached = _reached(around.network, query.reachable_from, ends)
+        unreachable = (each for each in asked if each in known and each not in reached)
+    return StationCheck(
+        network_ids={each: known[each].network_id for each in asked if each in known},
+        positions={each: known[each].position for each in asked if each in known},
+        unknown=tuple(each for each in asked if each not in known),
+        unreachable=tuple(unreachable),
+    )
+
+
+def _reached(network: Network, start: StationId, ends: Collection[StationId]) -> set[StationId]:
+    """The stations of `ends` that a path leads to; the search ends when all are found."""
+    seen, frontier = {start}, [start]
+    missing = set(ends) - seen
+    while frontier and missing:
+        for segment in network.segments_from(frontier.pop()):
+            if segment.to_id not in seen:
+                seen.add(segment.to_id)
+                missing.discard(segment.to_id)
+                frontier.append(segment.to_id)
+    return set(ends) - missing
+
+
+def _all_stations(skyway: PreparedNetwork) -> NetworkStations:
+    """All stations of this version, for services that cache them; none of a large network."""
+    columns = skyway.network.columns
+    if len(columns.station_ids) > _MOST_SENT:
+        return NetworkStations(network_id=skyway.network_id, version=skyway.version)
+    places = zip(columns.longitude_deg.tolist(), columns.latitude_deg.tolist(), strict=True)
+    return NetworkStations(
+        network_id=skyway.network_id,
+        version=skyway.version,
+        station_ids=columns.station_ids,
+        positions=tuple(Position(*place) for place in places),
+        parts=tuple(station_parts(skyway.network).tolist()),
+        loading_s=skyway.settings.loading_s,
+        dropoff_s=skyway.settings.dropoff_s,
     )

@@ -1,28 +1,69 @@
-"""POST /v1/compositions and quotes: planning that changes nothing."""
+"""POST /v1/compositions and quotes: planning that changes nothing.
+
+A problem may refer to a published network; then it is completed with the network's reservations.
+"""
 
 import asyncio
-from typing import Annotated, Final, Protocol
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Annotated, Any, Final, Protocol, Self
 
 from fastapi import Depends, Request
-from pydantic import Field, create_model
+from pydantic import Field, TypeAdapter, ValidationError, create_model
 
+from skyway.bounds import Moment
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.delivery.plan import Plan
+from skyway.errors import InvalidProblem
+from skyway.ids import NetworkId
+from skyway.json_model import JsonModel
 from skyway.planner.problem import Problem
 from skyway.planner.problem_document import read_problem
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import NotFound
 from skyway.runtime.http.app import internal_body, read_json
 from skyway.runtime.http.client_disconnect import cancel_on_disconnect
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.openapi_document import body_of
 from skyway.runtime.http.problem_answers import NOT_FOUND
 from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
+from skyway.units import moment_to_ms
+from skyway_composition.networks.prepared import NOTHING_PUBLISHED, PreparedNetworks
 from skyway_composition.networks.settings import NetworkDocument
-from skyway_composition.planning.problem_reader import NetworkReference, ProblemReader
+from skyway_composition.networks.store import has_networks
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.world import compose_in
+from skyway_composition.planning.world import World, compose_in
 
 #: The most bytes of a problem with its network (docs/reference/rest.md).
 COMPOSITION_LIMIT_BYTES: Final = 256 * 1024 * 1024
+
+
+class NetworkReference(JsonModel):
+    """A published network in the place of a network's GeoJSON."""
+
+    network_id: Annotated[NetworkId, Field(description="Id of the published network.")]
+    version: Annotated[
+        int | None,
+        Field(ge=1, description="Number of the version; without it the current version."),
+    ] = None
+
+    @classmethod
+    def of(cls, value: Any) -> Self:  # any JSON object
+        """The reference in a problem's `network`.
+
+        Raises
+        ------
+        InvalidProblem
+            A field is wrong; the error names the field.
+        """
+        try:
+            return cls.model_validate(value)
+        except ValidationError as error:
+            fault = error.errors()[0]
+            field = ".".join(str(part) for part in ("network", *fault["loc"]))
+            raise InvalidProblem(field, fault["msg"]) from error
+
 
 #: The body of POST /v1/compositions; `read_problem` reads it.
 CompositionProblem: Final = create_model(
@@ -34,6 +75,54 @@ CompositionProblem: Final = create_model(
         Field(description="The network: GeoJSON, or the id of a published network."),
     ],
 )
+
+
+@dataclass(frozen=True, slots=True)
+class ProblemReader:
+    """Reads problems and adds the published network and its reservations."""
+
+    db: Database
+    networks: PreparedNetworks
+    clock: FleetClock
+
+    async def problem(
+        self, document: dict[str, Any], reference: NetworkReference
+    ) -> tuple[Problem, World]:
+        """The problem on a published network, and the world with this network's reservations.
+
+        Raises
+        ------
+        InvalidProblem
+            There is no such network or version, or a field of the problem is wrong.
+        """
+        try:
+            skyway = (
+                await self.networks.current(reference.network_id)
+                if reference.version is None
+                else await self.networks.version(reference.network_id, reference.version)
+            )
+        except NotFound as error:
+            async with self.db.read() as connection:
+                is_empty = not await has_networks(connection)
+            detail = NOTHING_PUBLISHED if is_empty else str(error)
+            raise InvalidProblem("network", detail) from error
+        start_at = _start_at(document) or self.clock.now()
+        complete = {**document, "network": skyway.network}
+        if document.get("start_at") is None:
+            complete["start_at"] = start_at
+        problem = await asyncio.to_thread(read_problem, complete)
+        after_ms = moment_to_ms(start_at)
+        # Pure planning adds no margins; only bookings do.
+        return problem, await World.of(skyway, self.db, after_ms=after_ms, pad_gap_s=0.0)
+
+
+def _start_at(document: dict[str, Any]) -> datetime | None:
+    """The start that a problem gives; None when it is missing or cannot be read."""
+    try:
+        moment: datetime = TypeAdapter(Moment).validate_python(document.get("start_at"))
+    except ValidationError:
+        return None
+    return moment
 
 
 class QuoteAnswerer(Protocol):

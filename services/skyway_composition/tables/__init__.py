@@ -1,11 +1,10 @@
 """The tables of composition; `_ms` is fleet time and `_wall_ms` is wall time, ms since 1970."""
 
 from skyway.runtime.outbox.outbox_store import outbox_table
-from skyway_composition.tables.alarms import alarms
-from skyway_composition.tables.holds import offer_holds
 from skyway_composition.tables.links import drone_links, instructions
 from skyway_composition.tables.metadata import metadata
 from skyway_composition.tables.missions import (
+    alarms,
     cancellations,
     custody,
     cut_steps,
@@ -17,6 +16,7 @@ from skyway_composition.tables.missions import (
     is_under_way,
     mission_steps,
     missions,
+    offer_holds,
 )
 from skyway_composition.tables.networks import (
     closures,

@@ -1,4 +1,4 @@
-"""The tables of deliveries, missions, their steps, and the packages that they carry."""
+"""The tables of deliveries, missions, their steps and packages, and of held offers and alarms."""
 
 from typing import Final
 
@@ -10,6 +10,7 @@ from sqlalchemy import (
     ForeignKey,
     Index,
     Integer,
+    SmallInteger,
     Table,
     Text,
     UniqueConstraint,
@@ -110,7 +111,6 @@ is_under_way: Final = missions.c.state.in_(
     [literal_column("'ACCEPTED'"), literal_column("'ACTIVE'")]
 )
 
-
 #: The steps of a mission through all its revisions, as they were sent, and how they ended.
 mission_steps = Table(
     "mission_steps",
@@ -167,7 +167,6 @@ cut_steps = Table(
     Index("cut_steps_by_time", "ended_ms"),
 )
 
-
 #: Who holds a package, from the pickup station to the recipient: rows are only added.
 custody = Table(
     "custody",
@@ -199,4 +198,41 @@ cancellations = Table(
     Column("cancellation_id", Text, primary_key=True),
     Column("answer", Text, nullable=False),  # JSON of skyway.contracts.mission.Cancellation
     Column("at_ms", BigInteger, nullable=False),
+)
+
+#: One row for each quote whose offers are held, and for each offer that is being accepted. Its pads
+#: are in `pad_reservations`, its drones are marked in `drone_links`.
+offer_holds = Table(
+    "offer_holds",
+    metadata,
+    Column("hold_id", Text, primary_key=True),
+    Column("customer_id", Text, nullable=False),
+    # Numbers the holds of a customer from 1 to its limit; null for an offer that is being accepted.
+    Column("slot", SmallInteger),
+    Column("until_ms", BigInteger, nullable=False),  # from then on nothing is held
+    Column("offers", Text, nullable=False),  # JSON list of missions.booking.held_offer.HeldOffer
+    UniqueConstraint("customer_id", "slot", name="hold_slot"),
+    CheckConstraint("slot >= 1", name="hold_slot_counts"),
+    Index("offer_holds_by_end", "until_ms"),
+)
+
+#: Problems that operators must acknowledge, or have acknowledged.
+alarms = Table(
+    "alarms",
+    metadata,
+    Column("alarm_id", Text, primary_key=True),
+    Column("level", Text, nullable=False),
+    Column("code", Text, nullable=False),
+    Column("detail", Text, nullable=False),
+    Column("at_ms", BigInteger, nullable=False),
+    Column("provider_id", Text),
+    Column("drone_id", Text),
+    Column("mission_id", Text),
+    Column("station_id", Text),
+    Column("data", Text, nullable=False),  # JSON object
+    Column("acknowledged_ms", BigInteger),
+    Column("acknowledged_by", Text),
+    Column("note", Text),  # the remark of the operator who acknowledged the alarm
+    CheckConstraint("level IN ('WARNING', 'URGENT', 'CRITICAL')", name="alarm_level"),
+    Index("alarms_open", "acknowledged_ms", "alarm_id"),
 )

@@ -1,7 +1,7 @@
 """Verification: what must always hold in composition's database (docs/reference/invariants.md).
 
-`rules` lists all rules. Each file has the rules of one subject: `missions`, their `steps`, the
-`custody` of packages, `pads`, `closures`, `networks`, the `links` to drones, and the `reports` to
-other services. `sent_steps` and `package_stories` read what several rules need. `facts` are
-compared with other services.
+`rules` lists all rules. Each file has the rules of one subject: `missions` and the reports about
+them, their `steps`, drones' `calendars`, the `custody` of packages, `pads` and held offers,
+`networks` and their closures, and the `links` to drones. `evidence` reads what several rules need.
+`facts` are compared with other services.
 """

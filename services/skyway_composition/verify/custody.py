@@ -12,7 +12,7 @@ from skyway.contracts.mission import Cancellation
 from skyway.runtime.verification.rule import Finder, Rule
 from skyway.runtime.verification.survey import Survey
 from skyway_composition.tables import cancellations, custody, drone_links, is_open, missions
-from skyway_composition.verify.package_stories import PackageStory, package_stories
+from skyway_composition.verify.evidence import PackageStory, package_stories
 
 _link = custody.alias("link")
 _previous = custody.alias("previous")

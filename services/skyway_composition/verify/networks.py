@@ -1,15 +1,37 @@
-"""The rules of networks: a version never changes, and stations are those of the current version."""
+"""The rules of networks and of their closures.
+
+A version never changes, and the stations are those of the current version. No live plan uses what
+was closed before the plan was made (I11).
+
+A mission that a closure hits has a trouble, waits stuck, or has a proposal until it has another
+plan. A mission that was given up lands where it can, closed or not. Ground stops are left out: they
+forbid the next take-off only, and composition enforces them every second.
+"""
 
 import hashlib
-from collections.abc import Mapping
-from typing import Final
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
 
 from sqlalchemy import and_, func, literal_column, or_, select
 
 from skyway.network.geojson_text import read_network_text
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.survey import Survey
-from skyway_composition.tables import network_versions, networks, stations
+from skyway_composition.closures.closure import Closure
+from skyway_composition.closures.conditions import Conditions
+from skyway_composition.closures.store import in_force
+from skyway_composition.tables import (
+    closures,
+    is_live,
+    mission_steps,
+    missions,
+    network_versions,
+    networks,
+    pad_reservations,
+    stations,
+)
 
 _is_current = and_(
     network_versions.c.network_id == networks.c.network_id,
@@ -18,6 +40,15 @@ _is_current = and_(
 
 #: The values of a row of `stations`.
 _Station = tuple[str | None, int, float, float]
+
+_has_its_plan = and_(
+    is_live, missions.c.trouble.is_(None), missions.c.stuck.is_(None), missions.c.proposal.is_(None)
+)
+#: Closures of a network's past that changed its conditions, and those that did so twice.
+_concerns = and_(
+    or_(closures.c.network_id == networks.c.network_id, closures.c.network_id.is_(None)),
+    closures.c.made_ms > networks.c.published_ms,
+)
 
 
 async def _changed_contents(survey: Survey) -> list[str]:
@@ -93,5 +124,104 @@ NETWORKS: Final = (
         "I12 the stations are those of the current version",
         _other_stations,
         "Publish a new version of the network (PUT /v1/networks/{id}): it writes all stations.",
+    ),
+)
+
+
+async def _met_by_plans(survey: Survey) -> set[str]:
+    """The missions whose plans land, fly or charge where it is closed."""
+    query = select(networks.c.network_id, network_versions.c.content).join(
+        network_versions,
+        and_(
+            network_versions.c.network_id == networks.c.network_id,
+            network_versions.c.version == networks.c.version,
+        ),
+    )
+    found: set[str] = set()
+    for row in await survey.rows(query):
+        closed = await in_force(survey.connection, row.network_id, after_ms=0)
+        if any(each.kind != "GROUND_STOP" for each in closed):
+            conditions = Conditions(read_network_text(row.content), closed)
+            found |= await _met_by(survey, row.network_id, conditions)
+    return found
+
+
+async def _met_by(survey: Survey, network_id: str, conditions: Conditions) -> set[str]:
+    of_network = and_(_has_its_plan, missions.c.network_id == network_id)
+    flights = await survey.rows(
+        select(mission_steps, missions.c.body)
+        .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
+        .where(of_network, mission_steps.c.status == "PLANNED", mission_steps.c.kind == "FLY")
+    )
+    held = await survey.rows(
+        select(pad_reservations)
+        .join(missions, missions.c.mission_id == pad_reservations.c.mission_id)
+        .where(of_network)
+    )
+    found: set[str] = set()
+    for closure in conditions.closures:
+        if closure.kind == "PAD":
+            found |= {row.mission_id for row in held if _charges_at(row, closure)}
+        elif closure.kind != "GROUND_STOP":
+            stations, segments = map(set, conditions.reach(closure))
+            found |= {
+                row.mission_id
+                for row in flights
+                if (_lands_at(row, closure, stations) or _flies(row, closure, segments))
+                and json.loads(row.body)["given_up"] is None
+            }
+    return found
+
+
+def _charges_at(row: Any, closure: Closure) -> bool:  # a row of pad_reservations
+    is_there = (row.station_id, row.pad) == (closure.station_id, closure.pad)
+    return is_there and _begins_within(row.start_ms, closure)
+
+
+def _lands_at(row: Any, closure: Closure, stations: Iterable[Any]) -> bool:  # of mission_steps
+    return (
+        row.lands and row.to_station_id in stations and _begins_within(row.planned_end_ms, closure)
+    )
+
+
+def _flies(row: Any, closure: Closure, segments: Iterable[Any]) -> bool:  # of mission_steps
+    is_there = (row.from_station_id, row.to_station_id) in segments
+    begins_before = row.planned_start_ms <= closure.from_ms < row.planned_end_ms
+    is_planned_later = row.planned_start_ms > closure.made_ms
+    return is_there and (
+        _begins_within(row.planned_start_ms, closure) or (begins_before and is_planned_later)
+    )
+
+
+def _begins_within(moment_ms: int, closure: Closure) -> bool:
+    """Whether a moment that was ahead when the closure was made lies in the closure."""
+    until_ms = math.inf if closure.until_ms is None else closure.until_ms
+    return max(closure.from_ms, closure.made_ms) < moment_ms < until_ms
+
+
+CLOSURES: Final[Sequence[Rule]] = (
+    Rule(
+        "I11 no live plan uses what is closed",
+        _met_by_plans,
+        "The closure was made without the service, so no mission was replanned. Lift it and make "
+        "it again (DELETE and POST of the closure): missions that it hits get other plans.",
+    ),
+    Rule(
+        "a closure is lifted after it was made",
+        select(closures.c.closure_id).where(closures.c.lifted_ms < closures.c.made_ms),
+        "Its times were changed. The audit log has the calls that made and lifted it: correct "
+        "`made_ms` or `lifted_ms`.",
+    ),
+    Rule(
+        "I11 a network's conditions count every closure",
+        select(networks.c.network_id).where(
+            networks.c.conditions
+            < select(func.count(closures.c.made_ms) + func.count(closures.c.lifted_ms))
+            .where(_concerns)
+            .correlate(networks)
+            .scalar_subquery()
+        ),
+        "A closure was made or lifted without the service, so cached conditions are out of date. "
+        "Lift it and make it again (DELETE and POST of the closure).",
     ),
 )

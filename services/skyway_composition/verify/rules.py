@@ -32,14 +32,11 @@ from skyway_composition.tables import (
     outbox,
 )
 from skyway_composition.verify.calendars import CALENDARS, read_stored_stays
-from skyway_composition.verify.closures import CLOSURES
 from skyway_composition.verify.custody import CUSTODY
-from skyway_composition.verify.holds import HOLDS
 from skyway_composition.verify.links import LINKS
-from skyway_composition.verify.missions import MISSIONS
-from skyway_composition.verify.networks import NETWORKS
-from skyway_composition.verify.pads import PADS
-from skyway_composition.verify.reports import REPORTS
+from skyway_composition.verify.missions import MISSIONS, REPORTS
+from skyway_composition.verify.networks import CLOSURES, NETWORKS
+from skyway_composition.verify.pads import HOLDS, PADS
 from skyway_composition.verify.steps import STEPS
 
 _FORMS: Final = form_rule(

@@ -14,7 +14,7 @@ from skyway.runtime.verification.rule import Finder, Rule
 from skyway.runtime.verification.survey import Survey
 from skyway.units import moment_to_ms
 from skyway_composition.tables import cut_steps, is_live, mission_steps, missions
-from skyway_composition.verify.sent_steps import SentMission, StepJson, sent_missions, step_json
+from skyway_composition.verify.evidence import SentMission, StepJson, sent_missions, step_json
 
 #: Share of the battery by which a stretch may be short: rounding only, as in the drone's own check.
 _ENERGY_TOLERANCE: Final = 1e-6

@@ -5,7 +5,7 @@ from datetime import timedelta
 from typing import Any, cast
 
 import pytest
-from skyway_composition.networks.announce import NetworkVersions
+from skyway_composition.networks.publish import NetworkVersions
 from skyway_composition.pads.announce import StationStates
 from skyway_composition.parts import Parts
 

@@ -22,7 +22,7 @@ from skyway_composition.missions.booking.hold_store import Hold, add_hold, delet
 from skyway_composition.missions.booking.rounds import Rounds
 from skyway_composition.planning.availability import BookedMission, start_ms
 from skyway_composition.planning.offer import Offers
-from skyway_composition.planning.quotes import Quotes, answer_of
+from skyway_composition.planning.plan_offers import Quotes, answer_of
 from skyway_composition.planning.world import World
 
 #: At most this many offers of a quote are held, the best first. Our own choice.

@@ -6,7 +6,7 @@ from dataclasses import replace
 from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, RechargeStep, ReturnStep
 from skyway.units import moment_to_ms
-from skyway_composition.alarms.store import add as raise_alarm
+from skyway_composition.alarm_store import add as raise_alarm
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.following.advance import (
     begin,

@@ -20,7 +20,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.alarms import store as alarm_store
+from skyway_composition import alarm_store
 from skyway_composition.missions.interventions import store
 from skyway_composition.missions.interventions.stop_packages import (
     PACKAGES_CANCELLED,
@@ -95,9 +95,9 @@ class Loadings:
                 tx, mission_id, provider_id=provider_id, clock=self.clock, mint=self.mint
             )
             _refuse_unless_loading(work, record)
-            refuse_unknown_packages(record, listed)
+            _refuse_unknown_packages(record, listed)
             tx.after_commit(self.stuck.set)
-            fault = loading_fault(record, listed)
+            fault = _loading_fault(record, listed)
             if fault is not None:
                 await refuse_loading(work, record, fault)
                 return LoadingAnswer(outcome="REFUSED", code=fault.code, detail=fault.detail)
@@ -169,7 +169,7 @@ async def _confirm(
     await request_plan(work, record, trouble)
 
 
-def refuse_unknown_packages(record: MissionRecord, listed: Sequence[PackageOnBoard]) -> None:
+def _refuse_unknown_packages(record: MissionRecord, listed: Sequence[PackageOnBoard]) -> None:
     """Check that each listed package belongs to the mission and is listed once.
 
     Raises
@@ -185,7 +185,7 @@ def refuse_unknown_packages(record: MissionRecord, listed: Sequence[PackageOnBoa
         unlisted.remove(each.package_id)
 
 
-def loading_fault(record: MissionRecord, listed: Sequence[PackageOnBoard]) -> LoadingFault | None:
+def _loading_fault(record: MissionRecord, listed: Sequence[PackageOnBoard]) -> LoadingFault | None:
     """The first fault of a loading; None when all is as agreed."""
     measured_kg = {each.package_id: each.mass_kg for each in listed}
     return (

@@ -11,7 +11,7 @@ from skyway.ids import StationId
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.alarms import store
+from skyway_composition import alarm_store
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
@@ -78,7 +78,7 @@ async def raise_alarm(
     data: Mapping[str, Any] | None = None,  # numbers behind the code
 ) -> None:
     """Raise an alarm about a mission and its drone now."""
-    await store.add(
+    await alarm_store.add(
         work.tx,
         level=level,
         code=code,

@@ -1,27 +1,53 @@
-"""Checks the plan of a mission after each new event or state."""
+"""Checks the plan of a mission after each new event or state.
 
-from datetime import datetime
+The plan no longer holds if the mission is so far from the plan that this costs a pad, charge or the
+deadline. A late drone may also meet a closure that it would have avoided in time.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
 from typing import Final
 
 from skyway.contracts.drone_report import DroneEvent, DroneState
+from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, RechargeStep
+from skyway.contracts.mission import PackageEta
 from skyway.runtime.clock import fleet_margin
-from skyway.units import moment_to_ms
+from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.outlook.deviation import (
-    LEAST_SHORTFALL_SOC,
-    REPORTED_LATENESS,
-    Outlook,
-    outlook,
+from skyway_composition.missions.replanning.outlook.prediction import Load, PredictedStep, predict
+from skyway_composition.missions.replanning.outlook.situation import (
+    Situation,
+    Whereabouts,
+    waits_for_pad,
+    whereabouts,
 )
-from skyway_composition.missions.replanning.outlook.situation import Situation, waits_for_pad
 from skyway_composition.missions.replanning.request_plan import request_plan
-from skyway_composition.planning.problem_for import used_more
+from skyway_composition.planning.problem_for import used_more, with_margin
 from skyway_composition.planning.world import ClosedAhead
+
+#: A smaller delay is not reported to the customer. Our own choice.
+_REPORTED_LATENESS: Final = timedelta(seconds=60)
+
+#: A smaller shortfall of charge is rounding, or is covered by the margin. Our own choice.
+_LEAST_SHORTFALL_SOC: Final = 0.001
 
 #: Longest time until a drone's report arrives, for `fleet_margin`. Our own choice.
 REPORT_DELAY: Final = {"fleet_s": 30.0, "wall_s": 2.0}
+
+
+@dataclass(frozen=True, slots=True)
+class _Outlook:
+    """What to expect of the remaining plan: trouble, and the arrival times of packages.
+
+    `late_by` is the largest delay of a delivery against the arrival times reported before.
+    """
+
+    trouble: Trouble | None
+    etas: tuple[PackageEta, ...]
+    late_by: timedelta
 
 
 async def check_plan(
@@ -46,7 +72,7 @@ async def check_plan_after_step(
         return record
     if seen.trouble is not None:
         return await request_plan(work, record, _explained(seen.trouble, event))
-    if seen.late_by < REPORTED_LATENESS:
+    if seen.late_by < _REPORTED_LATENESS:
         return record
     record = report(
         work,
@@ -72,7 +98,7 @@ def _explained(trouble: Trouble, event: DroneEvent) -> Trouble:
 
 async def _outlook(
     work: MissionUnitOfWork, record: MissionRecord, closed: ClosedAhead | None = None
-) -> Outlook | None:
+) -> _Outlook | None:
     """What to expect of the plan.
 
     None if another plan is needed already, if the mission is held, in doubt or waits, or without a
@@ -93,7 +119,7 @@ async def _outlook(
     situation = await Situation.of(work, record)
     # Reports about the last seconds may be on their way: the drone may be further than reported.
     reported_until = work.clock.now() - fleet_margin(work.clock, **REPORT_DELAY)
-    return outlook(situation, now_ms=moment_to_ms(reported_until), closed=closed)
+    return _expected(situation, now_ms=moment_to_ms(reported_until), closed=closed)
 
 
 def _is_as_booked(record: MissionRecord, state: DroneState | None, *, now: datetime) -> bool:
@@ -108,6 +134,154 @@ def _is_as_booked(record: MissionRecord, state: DroneState | None, *, now: datet
     return (
         (state.activity, state.station_id) == ("IDLE", drone.station_id)
         and state.at <= mission.start_at
-        and state.soc >= drone.soc - LEAST_SHORTFALL_SOC
+        and state.soc >= drone.soc - _LEAST_SHORTFALL_SOC
         and used_more(factor) <= mission.margins.energy_margin
+    )
+
+
+def _expected(
+    situation: Situation, *, now_ms: int, closed: ClosedAhead | None = None
+) -> _Outlook | None:
+    """What the drone's last report means for its plan; None before its first report.
+
+    Closures are checked only if `closed` is given.
+    """
+    where = whereabouts(situation)
+    if where is None:
+        return None
+    record = situation.record
+    load = Load(situation.masses_kg, situation.carried)
+    for step in situation.planned:
+        load = load.after(step) if step.step_id < where.next_step else load
+    steps = [each for each in situation.planned if each.step_id >= where.next_step]
+    model, more = record.candidate.model, used_more(situation.consumption_factor)
+    careful = with_margin(model, max(more, record.mission.margins.energy_margin))
+    true = with_margin(model, more) if more else model
+    ahead = list(predict(steps, where, model=careful, load=load, now_ms=now_ms))
+    likely = list(predict(steps, where, model=true, load=load, now_ms=now_ms))
+    reported = {each.package_id: each.eta_at for each in record.mission.packages}
+    etas = tuple(_etas(ahead))
+    late_by = max(
+        (each.eta_at - reported[each.package_id] for each in etas if each.package_id in reported),
+        default=timedelta(0),
+    )
+    trouble = _trouble(record, ahead, likely, where=where)
+    if trouble is None and closed is not None:
+        trouble = _closed_by_then(ahead, where, closed)
+    return _Outlook(trouble, etas, late_by)
+
+
+def _etas(ahead: Sequence[PredictedStep]) -> Iterator[PackageEta]:
+    for predicted in ahead:
+        if isinstance(predicted.step, DeliverStep):
+            eta_at = ms_to_moment(predicted.end_ms)
+            for package_id in predicted.step.package_ids:
+                yield PackageEta(package_id=package_id, eta_at=eta_at)
+
+
+def _trouble(
+    record: MissionRecord,
+    ahead: Sequence[PredictedStep],
+    likely: Sequence[PredictedStep],
+    *,
+    where: Whereabouts,
+) -> Trouble | None:
+    """The first trouble of the plan, in the order of its steps.
+
+    `ahead` is predicted with the margin on all flights, `likely` without: the margin may cover the
+    charge that a tolerated delay costs. A landing under way cannot be changed, so it is no trouble.
+    If the drone will arrive at a pad below its reserve, the steps after it are checked later, when
+    its charge is reported.
+    """
+    least_soc = record.candidate.model.reserve_soc - _LEAST_SHORTFALL_SOC
+    tolerated_s = record.mission.margins.tolerated_lateness_s
+    short: PredictedStep | None = None
+    soc = where.soc
+    for predicted, expected in zip(ahead, likely, strict=True):
+        step = predicted.step
+        came_with_soc, soc = soc, predicted.soc_end
+        if isinstance(step, RechargeStep) and predicted.is_lost:
+            return _late(predicted, f"its pad at {step.station_id!r} is lost")
+        if isinstance(step, RechargeStep) and came_with_soc < least_soc:
+            return None
+        if isinstance(step, FlyStep) and step.lands and where.is_doing(step):
+            continue
+        if predicted.is_short:
+            short = predicted
+        if isinstance(step, FlyStep) and predicted.soc_end < least_soc:
+            if short is not None and _late_by_s(short) > tolerated_s:
+                return _late(short, "it cannot charge enough")
+            is_late = short is not None and _late_by_s(short) > 0
+            if is_late and expected.soc_end >= least_soc:
+                continue
+            detail = f"charge {predicted.soc_end:.3f} at {step.to_id!r} would be below the reserve"
+            return Trouble(code="MORE_ENERGY", detail=detail)
+        if _misses_deadline(record, predicted) and _late_by_s(predicted) > tolerated_s:
+            return _late(predicted, "the deadline is missed")
+    return None
+
+
+def _late(predicted: PredictedStep, loss: str) -> Trouble:
+    return Trouble(code="LATE", detail=f"{_late_by_s(predicted):.0f} s late: {loss}")
+
+
+def _late_by_s(predicted: PredictedStep) -> float:
+    """How much later than planned a step begins."""
+    return (predicted.start_ms - moment_to_ms(predicted.step.planned_start_at)) / 1000
+
+
+def _misses_deadline(record: MissionRecord, predicted: PredictedStep) -> bool:
+    """Whether a delivery that was planned before its deadline, or its window's end, is later."""
+    step = predicted.step
+    if not isinstance(step, DeliverStep):
+        return False
+    limits = [record.request.qos.deadline_at]
+    limits += [each.latest_at for each in record.packages(frozenset(step.package_ids))]
+    end_at = ms_to_moment(predicted.end_ms)
+    return any(limit is not None and step.planned_end_at <= limit < end_at for limit in limits)
+
+
+def _closed_by_then(
+    ahead: Iterable[PredictedStep], where: Whereabouts, closed: ClosedAhead
+) -> Trouble | None:
+    """The first flight or hand-over that meets a closure, and would not at its planned time.
+
+    A flight that meets a closure at its planned time was planned so, because no other way was left.
+    """
+    for predicted in ahead:
+        step = predicted.step
+        planned = moment_to_ms(step.planned_start_at), moment_to_ms(step.planned_end_at)
+        expected = predicted.start_ms, predicted.end_ms
+        is_begun = where.is_doing(step)
+        is_shut = isinstance(step, PickUpStep | DeliverStep) and (
+            _is_shut(step, expected, closed) and not _is_shut(step, planned, closed)
+        )
+        if is_shut and not is_begun:
+            detail = "its station has closed when packages would change hands there"
+            return Trouble(code="LATE", detail=detail)
+        if not isinstance(step, FlyStep):
+            continue
+        if _meets(step, expected, closed, is_begun=is_begun) and not _meets(
+            step, planned, closed, is_begun=is_begun
+        ):
+            detail = f"the way to {step.to_id!r} is closed when the drone comes"
+            return Trouble(code="LATE", detail=detail)
+    return None
+
+
+def _is_shut(step: PickUpStep | DeliverStep, span_ms: tuple[int, int], closed: ClosedAhead) -> bool:
+    """Whether the station is closed by its opening hours at some moment of this act."""
+    # A station that closes at the very end of the act is open during the act.
+    return any(closed.is_shut(step.station_id, at_ms) for at_ms in (span_ms[0], span_ms[1] - 1))
+
+
+def _meets(step: FlyStep, span_ms: tuple[int, int], closed: ClosedAhead, *, is_begun: bool) -> bool:
+    """Whether a flight meets a closure; of a flight that has begun only the landing counts."""
+    start_ms, end_ms = span_ms
+    if step.lands and closed.closes_landing(step.to_id, end_ms):
+        return True
+    if step.lands and not is_begun and closed.is_shut(step.to_id, end_ms):
+        return True
+    return not is_begun and closed.closes_segment(
+        step.from_id, step.to_id, start_ms=start_ms, end_ms=end_ms
     )

@@ -1,7 +1,10 @@
-"""The REST bodies of closures: an operator's orders, and the answers."""
+"""Handle requests about closures of every kind: make, preview, list and lift.
+
+Their REST bodies are here too: an operator's orders, and the answers.
+"""
 
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from pydantic import Field
 
@@ -9,9 +12,14 @@ from skyway.bounds import Moment
 from skyway.errors import InvalidInput
 from skyway.ids import ClosureId, DroneModelId, NetworkId, ProviderId, StationId
 from skyway.json_model import JsonModel
-from skyway.runtime.http.paging import PageQuery
+from skyway.runtime.errors import NotFound
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.closures import store
+from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import AffectedMission, Area, Closure, ClosureKind
+from skyway_composition.closures.store import ClosureFilter
 
 Reason = Annotated[str, Field(min_length=1, max_length=500)]
 #: How the field of a reason is described.
@@ -23,6 +31,9 @@ Until = Annotated[
     Moment | None,
     Field(description="End of the closure, fleet time; without it until an operator lifts it."),
 ]
+
+#: A closure has no id before it is made.
+_NOT_MADE: Final = ClosureId("")
 
 
 class ClosureOrder(JsonModel):
@@ -147,12 +158,112 @@ class ClosureMade(_Closed):
     ]
 
 
-def shown(closure: Closure) -> ClosureInfo:
+#: The answer to a POST that made a closure; a dry run is answered with 200.
+MADE: Final[dict[int | str, dict[str, Any]]] = {201: {"model": ClosureMade}}
+
+
+def closure_of(
+    kind: ClosureKind,
+    network_id: NetworkId | None,
+    closings: Closings,
+    order: ClosureOrder | None,
+    **members: Any,  # the members of Closure that this kind has
+) -> Closure:
+    """The closure that an order asks for; it is not made yet."""
+    order = order or ClosureOrder()
+    from_ms, until_ms = order.span_ms(closings.now_ms)
+    return Closure(
+        closure_id=_NOT_MADE,
+        kind=kind,
+        network_id=network_id,
+        from_ms=from_ms,
+        made_ms=closings.now_ms,
+        until_ms=until_ms,
+        reason=order.reason,
+        **members,
+    )
+
+
+def status_of(query: DryRun) -> int:
+    """The HTTP status: 201 when a closure is made, 200 for a dry run."""
+    return 200 if query.dry_run else 201
+
+
+async def make_or_preview(closings: Closings, closure: Closure, query: DryRun) -> ClosureMade:
+    """Make the closure, or preview it for a dry run; the answer names the affected missions."""
+    if query.dry_run:
+        affected = await closings.preview(closure)
+    else:
+        closure, affected = await closings.make(closure)
+    return _made(closure, affected)
+
+
+async def page_of_kind(
+    closings: Closings,
+    caller: Caller,
+    query: ClosureQuery,
+    kind: ClosureKind,
+    *,
+    station_id: StationId | None = None,
+    pad: int | None = None,
+    to_station_id: StationId | None = None,
+) -> Page[ClosureInfo]:
+    """The closures of this kind and place, in order of their ids."""
+    caller.must_be("customer", "provider", "operator", "service")
+    if station_id is not None:
+        await closings.around(station_id)
+    after = query.after(str)
+    shown_ones = ClosureFilter(
+        kind=kind,
+        lasting_beyond_ms=None if query.all else closings.now_ms,
+        station_id=station_id,
+        pad=pad,
+        to_station_id=to_station_id,
+    )
+    async with closings.db.read() as connection:
+        rows = await store.page(
+            connection, shown_ones, after=str(after[0]) if after else "", limit=query.limit + 1
+        )
+    return page_of(rows, query, item=_shown, sort_key=lambda row: (row.closure_id,))
+
+
+async def lift(
+    closings: Closings,
+    caller: Caller,
+    closure_id: ClosureId,
+    kind: ClosureKind,
+    *,
+    station_id: StationId | None = None,
+    pad: int | None = None,
+    to_station_id: StationId | None = None,
+) -> None:
+    """Lift a closure of this kind and place.
+
+    Raises
+    ------
+    NotFound
+        There is no such closure, or it has another kind or place.
+    """
+    caller.must_be("operator")
+    async with closings.db.read() as connection:
+        closure = await store.get(connection, closure_id)
+    asked = (kind, station_id, pad, to_station_id)
+    if closure is None or asked != (
+        closure.kind,
+        closure.station_id,
+        closure.pad,
+        closure.to_station_id,
+    ):
+        raise NotFound("closure", closure_id)
+    await closings.lift(closure)
+
+
+def _shown(closure: Closure) -> ClosureInfo:
     """A closure as lists show it."""
     return ClosureInfo(closure_id=closure.closure_id, **_members(closure))
 
 
-def made(closure: Closure, affected: tuple[AffectedMission, ...]) -> ClosureMade:
+def _made(closure: Closure, affected: tuple[AffectedMission, ...]) -> ClosureMade:
     """A closure as the answer to an order shows it."""
     return ClosureMade(
         closure_id=closure.closure_id or None, affected_missions=affected, **_members(closure)

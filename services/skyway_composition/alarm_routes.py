@@ -15,9 +15,8 @@ from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.alarms import store
-from skyway_composition.alarms.alarm import Alarm, AlarmState
-from skyway_composition.alarms.store import AlarmFilter
+from skyway_composition import alarm_store
+from skyway_composition.alarm_store import Alarm, AlarmFilter, AlarmState
 
 
 class AlarmQuery(PageQuery):
@@ -65,7 +64,7 @@ def alarm_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Servi
         )
         after = query.after(str)
         async with db.read() as connection:
-            rows = await store.page(
+            rows = await alarm_store.page(
                 connection,
                 shown,
                 before=str(after[0]) if after else None,
@@ -84,7 +83,7 @@ def alarm_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Servi
         """Acknowledge an alarm; of several acknowledgements the first is kept."""
         caller.must_be("operator")
         async with db.write() as tx:
-            alarm = await store.acknowledge(
+            alarm = await alarm_store.acknowledge(
                 tx,
                 alarm_id,
                 by=str(caller),

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from skyway_composition.alarms import store
+from skyway_composition import alarm_store
 
 from skyway.units import moment_to_ms
 
@@ -18,7 +18,7 @@ async def raise_alarm(composition: Any, **members: Any) -> str:
         **members,
     }
     async with composition.db.write() as tx:
-        return str(await store.add(tx, **values))
+        return str(await alarm_store.add(tx, **values))
 
 
 def ids(answer: Any) -> list[str]:
