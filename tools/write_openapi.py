@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import yaml
 from skyway_gateway.forward.document import RESOURCE, forwarded_document, whole_document
-from skyway_gateway.notifications.received_routes import with_event_examples
+from skyway_gateway.notifications.routes import with_event_examples
 
 from skyway.contracts.asyncapi import asyncapi_document, message_schemas
 from skyway.contracts.topics import TOPICS

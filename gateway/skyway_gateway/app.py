@@ -38,10 +38,14 @@ from skyway_gateway.deliveries.requests.routes import cancelling_routes, deliver
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.forward.table import larger_bodies
+from skyway_gateway.notifications.delivery_events import EventStream
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
-from skyway_gateway.notifications.received_routes import webhook_calls, with_event_examples
-from skyway_gateway.notifications.routes import clock_routes, webhook_routes
-from skyway_gateway.notifications.stream_events import EventStream
+from skyway_gateway.notifications.routes import (
+    clock_routes,
+    webhook_calls,
+    webhook_routes,
+    with_event_examples,
+)
 from skyway_gateway.parts import SERVICE, Parts, running_parts
 from skyway_gateway.quotes import store as quote_store
 from skyway_gateway.quotes.routes import quote_routes

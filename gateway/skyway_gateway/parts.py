@@ -25,11 +25,9 @@ from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
-from skyway_gateway.notifications.record_events import EventRecorder
-from skyway_gateway.notifications.stream_events import EventListeners
-from skyway_gateway.notifications.webhooks.post_webhook import WebhookPost
+from skyway_gateway.notifications.delivery_events import EventListeners, EventRecorder
+from skyway_gateway.notifications.webhooks.post_webhook import Targets, WebhookPost
 from skyway_gateway.notifications.webhooks.send_webhooks import WebhookSender
-from skyway_gateway.notifications.webhooks.targets import Targets
 from skyway_gateway.quotes.accept_offer import OfferKeeper
 from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks, ShortWait
 from skyway_gateway.quotes.make_quote import HoldLimits, QuoteMaker

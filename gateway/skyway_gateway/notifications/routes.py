@@ -1,35 +1,66 @@
-"""Webhooks over REST, and the fleet clock; a delivery's own event stream is the delivery's."""
+"""Webhooks over REST, and the fleet clock; a delivery's own event stream is the delivery's.
 
-from typing import Annotated
+The calls that customers' webhooks receive are here for the OpenAPI document. Nobody calls them:
+`send_webhooks` makes these calls.
+"""
 
-from fastapi import Depends, Query, Request, Response
+from typing import Annotated, Any, Final
 
+from fastapi import APIRouter, Body, Depends, Header, Query, Request, Response
+
+from skyway.contracts.delivery_event_examples import delivery_event_examples
+from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
 from skyway.ids import SubjectId, WebhookId
 from skyway.runtime.clock import AnchoredClock, FleetClock
 from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.problem_answers import conflicts
-from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.http.service_router import ServiceRouter, operation_id
 from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.notifications.fleet_time import FleetTime, fleet_time
 from skyway_gateway.notifications.webhooks import webhook_store
-from skyway_gateway.notifications.webhooks.replay_events import replay
-from skyway_gateway.notifications.webhooks.replay_store import Replay, ReplayRequest
+from skyway_gateway.notifications.webhooks.post_webhook import Targets
+from skyway_gateway.notifications.webhooks.replay_store import Replay, ReplayRequest, replay
 from skyway_gateway.notifications.webhooks.send_webhooks import WebhookSender
-from skyway_gateway.notifications.webhooks.sending_store import attempts_page
-from skyway_gateway.notifications.webhooks.targets import Targets
 from skyway_gateway.notifications.webhooks.webhook import (
     IssuedWebhook,
     NewWebhook,
+    TrialEvent,
     Webhook,
     WebhookAttempt,
     WebhookChange,
     new_webhook_secret,
 )
+from skyway_gateway.notifications.webhooks.webhook_store import attempts_page
+
+DELIVERY_EVENT: Final = "delivery-event"
+
+_ANSWERS: Final[dict[int | str, dict[str, Any]]] = {  # a part of the OpenAPI document
+    "2XX": {
+        "description": "Received. After any other answer, or none in time, it is sent again later."
+    }
+}
+
+_Id = Annotated[
+    str, Header(alias="webhook-id", description="The event's id, the same for each try.")
+]
+
+_Timestamp = Annotated[
+    int, Header(alias="webhook-timestamp", description="When it is sent: seconds since 1970.")
+]
+
+_Signature = Annotated[
+    str,
+    Header(
+        alias="webhook-signature",
+        description="`v1,` and the base64 HMAC-SHA256 of id, timestamp and body (Standard "
+        "Webhooks), with the secret of the webhook.",
+    ),
+]
 
 
 def clock_routes(*, gate: KeyGate, anchor: AnchoredClock) -> ServiceRouter:
@@ -212,3 +243,40 @@ def _changes(requested: WebhookChange) -> dict[str, object]:
         by_customer = "by its customer" if requested.state == "DISABLED" else None
         changes["disabled_reason"] = by_customer
     return changes
+
+
+def with_event_examples(document: dict[str, Any]) -> dict[str, Any]:  # a JSON document
+    """The document with an example of each delivery event: FastAPI drops what is null in them."""
+    call = document["webhooks"][DELIVERY_EVENT]["post"]
+    media = call["requestBody"]["content"]["application/json"]
+    media.pop("example", None)
+    media["examples"] = {
+        event.type: {"summary": type(event).__doc__, "value": event.model_dump(mode="json")}
+        for event in delivery_event_examples()
+    }
+    return document
+
+
+def webhook_calls() -> APIRouter:
+    """The calls to a customer's URL."""
+    router = APIRouter(tags=["webhooks"], generate_unique_id_function=operation_id)
+
+    @router.post(DELIVERY_EVENT, responses=_ANSWERS, response_class=Response)
+    def receive_delivery_event(
+        webhook_id: _Id,
+        webhook_timestamp: _Timestamp,
+        webhook_signature: _Signature,
+        event: Annotated[AnyDeliveryEvent, Body()],
+    ) -> None:
+        """An event of one of the customer's deliveries, in the order of its `sequence`."""
+
+    @router.post("webhook-test", responses=_ANSWERS, response_class=Response)
+    def receive_test_event(
+        webhook_id: _Id,
+        webhook_timestamp: _Timestamp,
+        webhook_signature: _Signature,
+        event: TrialEvent,
+    ) -> None:
+        """The event that `POST /v1/webhooks/{webhook_id}/test` sends."""
+
+    return router

@@ -13,7 +13,6 @@ from skyway.errors import InvalidInput
 from skyway.ids import ProviderId
 from skyway.json_model import JsonModel
 from skyway.units import hours_to_s, ms_to_moment
-from skyway_gateway.statistics.waiting_requests import WaitingRequests
 
 Bucket = Literal["hour", "day"]
 
@@ -23,6 +22,9 @@ _BUCKET_MS: Final[Mapping[Bucket, int]] = {
 }
 #: The most buckets of one answer.
 _MOST_BUCKETS: Final = 1000
+
+#: The upper ends of the ages, fleet seconds: a minute, 5, 15 and 60 minutes. Our own choice.
+AGES_S: Final = (60, 300, 900, 3600)
 
 Share = Annotated[float | None, Field(description="0 to 1; null when there is nothing to share")]
 MeanSeconds = Annotated[float | None, Field(description="mean, fleet seconds")]
@@ -111,6 +113,41 @@ class DeliveryBucket(DeliveryNumbers):
 
     from_at: Annotated[FleetMoment, Field(alias="from")]
     to_at: Annotated[FleetMoment, Field(alias="to")]
+
+
+class WaitingAge(JsonModel):
+    """The requests of one age: older than the age before, and at most `up_to_s`."""
+
+    up_to_s: Annotated[
+        float | None, Field(description="Upper end of the age, seconds; null means no end.")
+    ]
+    requests: Annotated[int, Field(description="How many requests have waited this long.")]
+
+
+class WaitingRequests(JsonModel):
+    """The requests that no drone could serve yet. Their ages are in fleet time."""
+
+    requests: Annotated[int, Field(description="How many requests wait for a drone now.")]
+    oldest_s: Annotated[
+        float | None, Field(description="How long the oldest has waited; null if none waits.")
+    ]
+    by_age: Annotated[
+        tuple[WaitingAge, ...], Field(description="The requests by age, the newest first.")
+    ]
+
+
+def waiting_requests(
+    by_age: Mapping[float | None, int], *, oldest_s: float | None
+) -> WaitingRequests:
+    """The answer, from the number of requests by the upper end of their age."""
+    return WaitingRequests(
+        requests=sum(by_age.values()),
+        oldest_s=oldest_s,
+        by_age=tuple(
+            WaitingAge(up_to_s=up_to_s, requests=by_age.get(up_to_s, 0))
+            for up_to_s in (*AGES_S, None)
+        ),
+    )
 
 
 class DeliveryStatistics(DeliveryBucket):

@@ -21,9 +21,9 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.statistics import Span
 from skyway.ids import ProviderId
-from skyway_gateway.statistics.delivery_statistics import Sums
-from skyway_gateway.statistics.waiting_requests import (
+from skyway_gateway.statistics.delivery_statistics import (
     AGES_S,
+    Sums,
     WaitingRequests,
     waiting_requests,
 )

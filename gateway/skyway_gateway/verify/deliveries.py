@@ -10,7 +10,7 @@ from skyway.delivery.request import PRIORITY_RANKS, DeliveryRequest
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.survey import Survey
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES, TERMINAL_STATES
-from skyway_gateway.notifications.stream_events import LAST_EVENTS
+from skyway_gateway.notifications.delivery_events import LAST_EVENTS
 from skyway_gateway.tables import deliveries, events, missions, packages
 
 #: A request is overdue when other deliveries were written this long after its end, fleet ms.

@@ -24,7 +24,7 @@ from skyway_gateway.deliveries.lifecycle.lateness import when_overdue
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.lifecycle.report_effects import after_report
 from skyway_gateway.deliveries.requests.accept import new_delivery
-from skyway_gateway.notifications.stream_events import LAST_EVENTS
+from skyway_gateway.notifications.delivery_events import LAST_EVENTS
 
 from skyway.contracts.mission import Cancellation, Mission
 from skyway.contracts.mission_reports import MissionReport

@@ -14,7 +14,7 @@ from skyway.ids import PackageId
 from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus, Proof
 from skyway_gateway.deliveries.lifecycle.progress import Progress, changed, with_packages
-from skyway_gateway.notifications.record_events import Happening
+from skyway_gateway.notifications.delivery_events import Happening
 
 _NUMBER: Final = TypeAdapter(float | None)
 _POSITION: Final = TypeAdapter(Position | None)

@@ -8,7 +8,7 @@ from skyway.contracts.message import utc_text
 from skyway.contracts.mission_reports import MissionReport
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
 from skyway_gateway.deliveries.lifecycle.progress import changed, with_packages
-from skyway_gateway.notifications.record_events import Happening
+from skyway_gateway.notifications.delivery_events import Happening
 
 #: A package is late when its ETA passes its promise by more than the larger of two limits.
 #: The first limit, seconds of fleet time.

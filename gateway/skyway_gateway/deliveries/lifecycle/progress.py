@@ -14,7 +14,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     Flags,
     PackageStatus,
 )
-from skyway_gateway.notifications.record_events import Happening
+from skyway_gateway.notifications.delivery_events import Happening
 
 #: The code of a package that somebody cancelled.
 CANCELLED_CODE: Final = "CANCELLED"

@@ -30,7 +30,7 @@ from skyway_gateway.deliveries.lifecycle.progress import (
     with_packages,
     with_returning,
 )
-from skyway_gateway.notifications.record_events import Happening
+from skyway_gateway.notifications.delivery_events import Happening
 
 
 def after_report(delivery: Delivery, report: MissionReport) -> Progress:

@@ -34,7 +34,7 @@ from skyway_gateway.deliveries.reading.views import (
     proof_of,
 )
 from skyway_gateway.deliveries.records import delivery_store
-from skyway_gateway.notifications.stream_events import EventStream
+from skyway_gateway.notifications.delivery_events import EventStream
 
 _SSE_HEADERS = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
 

@@ -15,8 +15,8 @@ from skyway_gateway.deliveries.records.stored_delivery import (
     QueuedDelivery,
     StoredDelivery,
 )
+from skyway_gateway.notifications.delivery_events import EventRecorder, Happening
 from skyway_gateway.notifications.event_store import NumberedEvent
-from skyway_gateway.notifications.record_events import EventRecorder, Happening
 
 #: What a change makes of the delivery as it is now; None when the change no longer applies.
 Change = Callable[[Delivery], Progress | None]

@@ -36,7 +36,7 @@ from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Flags, PackageStatus
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery, StoredDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
-from skyway_gateway.notifications.record_events import Happening
+from skyway_gateway.notifications.delivery_events import Happening
 from skyway_gateway.quotes.accept_offer import OfferKeeper, accept_offer
 from skyway_gateway.quotes.check_request import CheckedRequest, RequestChecks
 from skyway_gateway.quotes.store import hold_of, one_of

@@ -1,24 +1,151 @@
-"""Posts one signed notification to a customer's webhook, at an address that was checked first."""
+"""Posts one signed notification to a customer's webhook, at an address that was checked first.
+
+A webhook may never point into our own network (server-side request forgery). The host name is
+resolved, each address is checked, and the request goes to a checked address. A name that resolves
+to another address a moment later gains nothing.
+"""
 
 import asyncio
+import socket
 import ssl
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from http import HTTPStatus
+from ipaddress import (
+    IPv4Address,
+    IPv4Network,
+    IPv6Address,
+    IPv6Network,
+    ip_address,
+    ip_network,
+)
 from types import TracebackType
 from typing import Final, Self
 
 import httpx
 
 from skyway.errors import InvalidInput
-from skyway_gateway.notifications.webhooks.targets import IpAddress, Target, Targets
+
+IpAddress = IPv4Address | IPv6Address
+IpNetwork = IPv4Network | IPv6Network
+
+#: The addresses of a host and port, as text.
+Resolve = Callable[[str, int], Awaitable[Sequence[str]]]
+
+_DEFAULT_PORTS: Final = {"http": 80, "https": 443}
+_LARGEST_PORT: Final = 65535
+
+#: Addresses that the network translates to IPv4 (RFC 6052, RFC 8215): their target is unknown.
+_TRANSLATED: Final = (ip_network("64:ff9b::/96"), ip_network("64:ff9b:1::/48"))
 
 #: How long a receiver may take, seconds of wall time.
 _TIMEOUT_S: Final = 10.0
+
 _CONNECT_S: Final = 5.0
+
 _USER_AGENT: Final = "Skyway-Webhooks/1"
+
 #: The longest reason of a failed attempt that is shown to the customer, characters.
 _LONGEST_DETAIL: Final = 300
+
+
+class ForbiddenTarget(InvalidInput):
+    """A webhook's URL is not a URL, has no address, or points to a forbidden address."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__("url", detail)
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A webhook's URL and the checked addresses of its host."""
+
+    url: httpx.URL
+    addresses: tuple[IpAddress, ...]
+
+
+async def resolve_by_dns(host: str, port: int) -> Sequence[str]:
+    """The addresses that the system's resolver finds; empty when there are none."""
+    loop = asyncio.get_running_loop()
+    try:
+        found = await loop.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    except (socket.gaierror, UnicodeError):
+        return ()
+    return [str(address[0]) for *_, address in found]
+
+
+@dataclass(frozen=True, slots=True)
+class Targets:
+    """Checks URLs; `allowed` are private networks that the operator allows."""
+
+    allowed: tuple[IpNetwork, ...] = ()
+    resolve: Resolve = resolve_by_dns
+
+    async def check(self, url: str) -> Target:
+        """The target of a URL.
+
+        Raises
+        ------
+        ForbiddenTarget
+            It is not an http or https URL, has no address, or one of its addresses is forbidden.
+        """
+        parsed = _parse(url)
+        port = parsed.port or _DEFAULT_PORTS[parsed.scheme]
+        host = parsed.raw_host.decode("ascii")
+        found = await self.resolve(host, port)
+        if not found:
+            raise ForbiddenTarget(f"{parsed.host!r} has no address")
+        addresses = tuple(dict.fromkeys(ip_address(text.partition("%")[0]) for text in found))
+        for address in addresses:
+            if not self._admits(address):
+                raise ForbiddenTarget(
+                    f"{parsed.host!r} is at {address}, which is not a public address"
+                )
+        return Target(parsed, addresses)
+
+    def _admits(self, address: IpAddress) -> bool:
+        seen = [address, *_embedded(address)]
+        if any(address.version == net.version and address in net for net in _TRANSLATED):
+            return False
+        return all(self._is_allowed(one) or _is_public(one) for one in seen)
+
+    def _is_allowed(self, address: IpAddress) -> bool:
+        return any(address.version == net.version and address in net for net in self.allowed)
+
+
+def _parse(url: str) -> httpx.URL:
+    try:
+        parsed = httpx.URL(url)
+        host = parsed.host  # decoded here: not every "xn--..." is a name
+    except (httpx.InvalidURL, ValueError) as error:
+        raise ForbiddenTarget(f"not a URL: {error}") from error
+    if parsed.scheme not in _DEFAULT_PORTS:
+        raise ForbiddenTarget(f"must begin with http:// or https://, not {parsed.scheme!r}")
+    if not host:
+        raise ForbiddenTarget("names no host")
+    if parsed.userinfo:
+        raise ForbiddenTarget("must not hold a user name or password: notifications are signed")
+    if parsed.port is not None and not 0 < parsed.port <= _LARGEST_PORT:
+        raise ForbiddenTarget(f"port {parsed.port} is not between 1 and {_LARGEST_PORT}")
+    return parsed
+
+
+def _embedded(address: IpAddress) -> list[IpAddress]:
+    """The IPv4 addresses that an IPv6 address leads to: mapped, 6to4, Teredo."""
+    if isinstance(address, IPv4Address):
+        return []
+    teredo = address.teredo or ()
+    return [one for one in (address.ipv4_mapped, address.sixtofour, *teredo) if one is not None]
+
+
+def _is_public(address: IpAddress) -> bool:
+    if isinstance(address, IPv6Address):
+        if address.ipv4_mapped is not None:
+            return True  # the embedded IPv4 address is checked instead
+        if address.is_site_local:
+            return False
+    return address.is_global and not address.is_multicast and not address.is_reserved
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Which past events a replay sends again, and its SQL: they become due again at one webhook."""
+"""Replays: past events become due again at one webhook, and the sender sends them like new ones."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -10,16 +10,23 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.message import WallMoment
+from skyway.errors import InvalidInput
 from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId
 from skyway.json_model import JsonModel
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import Conflict, NotFound
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.loops import Wake
+from skyway.runtime.metrics import count
 from skyway.runtime.sql.claims import FREE
-from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
+from skyway_gateway.notifications.webhooks import webhook_store
 from skyway_gateway.tables import deliveries, events, notifications
 
 #: The most events that a call may name by id, and the most that it queues.
 _MOST_NAMED: Final = 100
-MOST_EVENTS: Final = 10_000
+_MOST_EVENTS: Final = 10_000
 
 
 class ReplayRequest(JsonModel):
@@ -63,7 +70,58 @@ class Replay(JsonModel):
     queued: Annotated[int, Field(ge=0, description="How many events were queued again.")]
 
 
-async def own_events(
+async def replay(
+    db: Database,
+    caller: Caller,
+    webhook_id: WebhookId,
+    requested: ReplayRequest,
+    *,
+    clock: FleetClock,
+    wake: Wake,
+) -> Replay:
+    """Queue events again for the caller's own webhook.
+
+    Raises
+    ------
+    NotFound
+        The webhook, the delivery or one of the events is not the caller's.
+    Conflict
+        WEBHOOK_DISABLED: nothing is sent to a disabled webhook.
+    InvalidInput
+        The span holds more events than one call may queue.
+    """
+    customer_id = SubjectId(caller.subject_id)
+    async with db.write() as tx:
+        webhook = await webhook_store.webhook_of(tx.connection, caller, webhook_id)
+        if webhook.state != "ACTIVE":
+            raise Conflict("WEBHOOK_DISABLED", f"webhook {webhook_id} is disabled")
+        await _refuse_foreign(tx, requested, customer_id)
+        which = _requested_events(
+            requested, customer_id=customer_id, event_types=webhook.event_types
+        )
+        if await _count_requested(tx.connection, which, at_most=_MOST_EVENTS) > _MOST_EVENTS:
+            detail = f"more than {_MOST_EVENTS} events in one call: shorten the span"
+            raise InvalidInput("from", detail)
+        queued = await _queue_again(tx, webhook_id, which, at=clock.wall_now())
+        tx.after_commit(wake.set)
+    count("skyway_webhook_replays", "notifications queued again", float(queued))
+    return Replay(queued=queued)
+
+
+async def _refuse_foreign(tx: Tx, requested: ReplayRequest, customer_id: SubjectId) -> None:
+    """Answer 404 for events and deliveries of other customers."""
+    if requested.event_ids is not None:
+        own = await _own_events(tx.connection, requested.event_ids, customer_id=customer_id)
+        for event_id in requested.event_ids:
+            if event_id not in own:
+                raise NotFound("event", event_id)
+    if requested.delivery_id is not None and not await _has_delivery(
+        tx.connection, requested.delivery_id, customer_id=customer_id
+    ):
+        raise NotFound("delivery", requested.delivery_id)
+
+
+async def _own_events(
     connection: AsyncConnection, event_ids: Sequence[EventId], *, customer_id: SubjectId
 ) -> frozenset[EventId]:
     """The events among these that belong to a customer."""
@@ -75,7 +133,7 @@ async def own_events(
     return frozenset((await connection.execute(statement)).scalars())
 
 
-async def has_delivery(
+async def _has_delivery(
     connection: AsyncConnection, delivery_id: DeliveryId, *, customer_id: SubjectId
 ) -> bool:
     """Whether a delivery belongs to a customer."""
@@ -85,7 +143,7 @@ async def has_delivery(
     return (await connection.execute(statement)).first() is not None
 
 
-async def count_requested(
+async def _count_requested(
     connection: AsyncConnection, requested: ColumnElement[bool], *, at_most: int
 ) -> int:
     """How many events are requested; the count stops at one more than the limit."""
@@ -94,7 +152,7 @@ async def count_requested(
     return int((await connection.execute(statement)).scalar_one())
 
 
-def requested_events(
+def _requested_events(
     requested: ReplayRequest,
     *,
     customer_id: SubjectId,
@@ -116,7 +174,7 @@ def requested_events(
     return owned & is_subscribed & is_in_span
 
 
-async def queue_again(
+async def _queue_again(
     tx: Tx, webhook_id: WebhookId, requested: ColumnElement[bool], *, at: datetime
 ) -> int:
     """Make the requested events due at a webhook with a new first attempt; how many.

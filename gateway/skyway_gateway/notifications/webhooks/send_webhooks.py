@@ -18,7 +18,6 @@ from skyway.runtime.loops import MissingParts, Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
-from skyway_gateway.notifications.webhooks import sending_store
 from skyway_gateway.notifications.webhooks.post_webhook import Reply, WebhookPost
 from skyway_gateway.notifications.webhooks.webhook import (
     Endpoint,
@@ -29,7 +28,14 @@ from skyway_gateway.notifications.webhooks.webhook import (
     pause_s,
     signed_headers,
 )
-from skyway_gateway.notifications.webhooks.webhook_store import disable_webhook
+from skyway_gateway.notifications.webhooks.webhook_store import (
+    add_attempt,
+    claim_due,
+    disable_webhook,
+    due_endpoints,
+    free_claims,
+    settle,
+)
 
 log = logging.getLogger(__name__)
 
@@ -78,10 +84,10 @@ class WebhookSender:
     async def _step(self, group: asyncio.TaskGroup) -> bool:
         if self.db.dialect == "sqlite" and not self._claims_are_free:
             async with self.db.write() as tx:
-                await sending_store.free_claims(tx)
+                await free_claims(tx)
             self._claims_are_free = True
         async with self.db.read() as connection:
-            due = await sending_store.due_endpoints(connection, at=self.clock.wall_now())
+            due = await due_endpoints(connection, at=self.clock.wall_now())
         for endpoint in due:
             if endpoint.webhook_id not in self._served and len(self._served) < _ENDPOINTS:
                 self._served.add(endpoint.webhook_id)
@@ -104,7 +110,7 @@ class WebhookSender:
 
     async def notify(self, endpoint: Endpoint) -> int:
         """Send what is due at one endpoint now; how many notifications that were."""
-        due = await sending_store.claim_due(
+        due = await claim_due(
             self.db,
             endpoint.webhook_id,
             limit=_AT_ONE_ENDPOINT,
@@ -132,7 +138,7 @@ class WebhookSender:
         )
         attempt = self._attempt(trial, await self._send(endpoint, trial), wait_s=None)
         async with self.db.write() as tx:
-            await sending_store.add_attempt(tx, endpoint.webhook_id, attempt)
+            await add_attempt(tx, endpoint.webhook_id, attempt)
         return attempt
 
     async def _try(self, endpoint: Endpoint, notification: Notification) -> None:
@@ -141,11 +147,9 @@ class WebhookSender:
         count("skyway_webhook_attempts", "tries to notify", outcome=attempt.outcome)
         async with self.db.write() as tx:
             # Nothing to note if the webhook was deleted meanwhile or another replica was faster.
-            if not await sending_store.settle(
-                tx, endpoint.webhook_id, notification.event_id, attempt=attempt
-            ):
+            if not await settle(tx, endpoint.webhook_id, notification.event_id, attempt=attempt):
                 return
-            await sending_store.add_attempt(tx, endpoint.webhook_id, attempt)
+            await add_attempt(tx, endpoint.webhook_id, attempt)
             if sent.reply.is_gone:
                 await disable_webhook(
                     tx, endpoint.webhook_id, reason="it answered 410", at=self.clock.wall_now()

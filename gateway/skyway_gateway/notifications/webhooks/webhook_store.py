@@ -1,24 +1,34 @@
-"""The SQL of customers' webhooks: URL, event types and state."""
+"""The SQL of customers' webhooks, of the notifications that are due there, and of each attempt."""
 
 import json
 from collections.abc import Sequence
 from datetime import datetime
+from typing import Final
 
-from sqlalchemy import and_, delete, insert, select, update
+from sqlalchemy import ColumnElement, and_, delete, exists, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.delivery_event import DeliveryEventType
-from skyway.ids import SubjectId, WebhookId
+from skyway.ids import EventId, SubjectId, WebhookId
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
-from skyway.runtime.sql.claims import FREE
+from skyway.runtime.sql.claims import FREE, claim, is_free
 from skyway.runtime.sql.connection import AnyRow
-from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.store import owned
-from skyway_gateway.notifications.webhooks.webhook import Endpoint, Webhook
-from skyway_gateway.tables import notifications, webhook_attempts, webhooks
+from skyway_gateway.notifications.webhooks.webhook import (
+    Endpoint,
+    Notification,
+    Webhook,
+    WebhookAttempt,
+)
+from skyway_gateway.tables import events, notifications, webhook_attempts, webhooks
+
+#: How long a claim holds: longer than an attempt may take, seconds of wall time.
+_LEASE_S: Final = 20.0
 
 
 async def add_webhook(tx: Tx, webhook: Webhook, *, customer_id: SubjectId, secret: str) -> None:
@@ -106,6 +116,98 @@ async def disable_webhook(tx: Tx, webhook_id: WebhookId, *, reason: str, at: dat
     await _give_up_pending(tx, webhook_id)
 
 
+async def due_endpoints(connection: AsyncConnection, *, at: datetime) -> Sequence[Endpoint]:
+    """The webhooks with a notification that is due now."""
+    is_due = exists().where(
+        notifications.c.webhook_id == webhooks.c.webhook_id,
+        _is_due(at),
+        is_free(notifications),
+    )
+    statement = select(webhooks).where(webhooks.c.state == "ACTIVE", is_due)
+    return [
+        Endpoint(row.webhook_id, row.url, row.secret)
+        for row in await connection.execute(statement, {"now_ms": moment_to_ms(at)})
+    ]
+
+
+async def claim_due(
+    db: Database,
+    webhook_id: WebhookId,
+    *,
+    limit: int,
+    claimant: str,
+    clock: FleetClock,
+) -> Sequence[Notification]:
+    """Claim notifications that are due at a webhook, each of another delivery."""
+    rows = await claim(
+        db,
+        notifications,
+        where=and_(notifications.c.webhook_id == webhook_id, _is_due(clock.wall_now())),
+        order_by=[notifications.c.next_try_wall_ms, notifications.c.event_id],
+        limit=limit,
+        claimant=claimant,
+        lease_s=_LEASE_S,
+        clock=clock,
+    )
+    if not rows:
+        return []
+    statement = select(events).where(events.c.event_id.in_([row.event_id for row in rows]))
+    async with db.read() as connection:
+        by_event_id = {event.event_id: event for event in await connection.execute(statement)}
+    return [_notification(row, by_event_id[row.event_id]) for row in rows]
+
+
+async def free_claims(tx: Tx) -> None:
+    """Free all claims. Only for SQLite, where all earlier claimants are dead at the start."""
+    await tx.execute(update(notifications).where(notifications.c.state == "PENDING").values(FREE))
+
+
+async def settle(
+    tx: Tx,
+    webhook_id: WebhookId,
+    event_id: EventId,
+    *,
+    attempt: WebhookAttempt,
+) -> bool:
+    """Write how an attempt went; False when the notification is no longer pending."""
+    state = {"DELIVERED": "DELIVERED", "FAILED": "PENDING", "GIVEN_UP": "GIVEN_UP"}
+    values = {
+        "state": state[attempt.outcome],
+        "attempts": attempt.number,
+        "next_try_wall_ms": moment_to_ms(attempt.next_try_at or attempt.at),
+        **FREE,
+    }
+    this = and_(
+        notifications.c.webhook_id == webhook_id,
+        notifications.c.event_id == event_id,
+        notifications.c.state == "PENDING",
+    )
+    found = await tx.execute(update(notifications).where(this).values(values))
+    return found.rowcount == 1
+
+
+async def add_attempt(tx: Tx, webhook_id: WebhookId, attempt: WebhookAttempt) -> None:
+    """Add an attempt, for the customer to see."""
+    row = {
+        **attempt.model_dump(exclude={"at", "next_try_at"}),
+        "webhook_id": webhook_id,
+        "at_wall_ms": moment_to_ms(attempt.at),
+        "next_try_wall_ms": attempt.next_try_at and moment_to_ms(attempt.next_try_at),
+    }
+    await tx.execute(insert(webhook_attempts).values(row))
+
+
+async def attempts_page(
+    connection: AsyncConnection, webhook_id: WebhookId, query: PageQuery
+) -> Sequence[WebhookAttempt]:
+    """Up to limit + 1 attempts of a webhook, the newest first."""
+    statement = select(webhook_attempts).where(webhook_attempts.c.webhook_id == webhook_id)
+    if (after := query.after(str)) is not None:
+        statement = statement.where(webhook_attempts.c.attempt_id < after[0])
+    statement = statement.order_by(webhook_attempts.c.attempt_id.desc()).limit(query.limit + 1)
+    return [_attempt(row) for row in await connection.execute(statement)]
+
+
 async def _give_up_pending(tx: Tx, webhook_id: WebhookId) -> None:
     """Give up all pending notifications of a webhook."""
     pending = and_(notifications.c.webhook_id == webhook_id, notifications.c.state == "PENDING")
@@ -136,4 +238,48 @@ def _webhook(row: AnyRow) -> Webhook:
         state=row.state,
         disabled_reason=row.disabled_reason,
         created_at=ms_to_moment(row.created_wall_ms),
+    )
+
+
+def _is_due(at: datetime) -> ColumnElement[bool]:
+    """Whether a notification is due and no earlier event of its delivery is pending there."""
+    earlier = notifications.alias("earlier")
+    has_earlier = exists().where(
+        earlier.c.webhook_id == notifications.c.webhook_id,
+        earlier.c.delivery_id == notifications.c.delivery_id,
+        earlier.c.sequence < notifications.c.sequence,
+        earlier.c.state == "PENDING",
+    )
+    return and_(
+        notifications.c.state == "PENDING",
+        notifications.c.next_try_wall_ms <= moment_to_ms(at),
+        ~has_earlier,
+    )
+
+
+def _notification(row: AnyRow, event: AnyRow) -> Notification:
+    """The notification in its own row and its event's row."""
+    return Notification(
+        event_id=row.event_id,
+        event_type=event.type,
+        delivery_id=row.delivery_id,
+        attempts=row.attempts,
+        body=event.body.encode(),
+    )
+
+
+def _attempt(row: AnyRow) -> WebhookAttempt:
+    next_try_ms = row.next_try_wall_ms
+    return WebhookAttempt(
+        attempt_id=row.attempt_id,
+        event_id=row.event_id,
+        event_type=row.event_type,
+        delivery_id=row.delivery_id,
+        number=row.number,
+        at=ms_to_moment(row.at_wall_ms),
+        duration_ms=row.duration_ms,
+        outcome=row.outcome,
+        status=row.status,
+        detail=row.detail,
+        next_try_at=None if next_try_ms is None else ms_to_moment(next_try_ms),
     )

@@ -4,8 +4,12 @@ from collections.abc import AsyncIterator, Sequence
 from ipaddress import ip_network
 
 import pytest
-from skyway_gateway.notifications.webhooks.post_webhook import Reply, WebhookPost
-from skyway_gateway.notifications.webhooks.targets import Targets
+from skyway_gateway.notifications.webhooks.post_webhook import (
+    ForbiddenTarget,
+    Reply,
+    Targets,
+    WebhookPost,
+)
 
 from tests.gateway.notifications.webhooks.receiver import Receiver, receiving
 
@@ -48,3 +52,138 @@ async def test_a_notification_goes_through_no_proxy(
         monkeypatch.setenv(name, "http://127.0.0.1:9")
 
     assert await send(receiver, "127.0.0.1") == Reply(204, None)
+
+
+PUBLIC = "93.184.216.34"
+
+
+def _resolving_to(*addresses: str) -> Targets:
+    async def resolve(_host: str, _port: int) -> Sequence[str]:
+        return addresses
+
+    return Targets(resolve=resolve)
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "ftp://example.com/",
+        "file:///etc/passwd",
+        "gopher://example.com/",
+        "example.com",
+        "//example.com",
+        "http://",
+        "http:///path",
+        "",
+        "http://user:secret@example.com/",
+        "http://example.com:0/",
+        "http://example.com:99999/",
+        "http://[::1",
+        "http://xn--/",
+    ],
+)
+async def test_only_plain_http_urls_are_allowed(url: str) -> None:
+    with pytest.raises(ForbiddenTarget):
+        await _resolving_to(PUBLIC).check(url)
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "http://127.0.0.1/",
+        "http://127.1/",
+        "http://2130706433/",
+        "http://0x7f000001/",
+        "http://0177.0.0.1/",
+        "http://0/",
+        "http://0.0.0.0/",
+        "http://localhost/",
+        "http://[::1]/",
+        "http://[::]/",
+        "http://[::ffff:127.0.0.1]/",
+        "http://[::ffff:7f00:1]/",
+        "http://[64:ff9b::7f00:1]/",
+        "http://169.254.169.254/latest/meta-data/",
+        "http://10.0.0.1/",
+        "http://example.com@127.0.0.1/",
+    ],
+)
+async def test_literal_addresses_of_our_own_network_are_refused(url: str) -> None:
+    """Uses the system's resolver, which accepts all these forms of 127.0.0.1."""
+    with pytest.raises(ForbiddenTarget):
+        await Targets().check(url)
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "10.1.2.3",
+        "172.16.0.1",
+        "192.168.1.1",
+        "100.64.0.1",
+        "169.254.1.1",
+        "127.0.0.53",
+        "0.0.0.0",
+        "224.0.0.1",
+        "240.0.0.1",
+        "255.255.255.255",
+        "192.0.2.1",
+        "::",
+        "::1",
+        "fe80::1%eth0",
+        "fc00::1",
+        "fec0::1",
+        "ff02::1",
+        "2001:db8::1",
+        "::ffff:10.0.0.1",
+        "::10.0.0.1",
+        "2002:0a00:0001::1",
+        "2001:0:0a00:1::1",
+        "64:ff9b::808:808",
+        "64:ff9b:1::1",
+    ],
+)
+async def test_a_name_with_a_private_address_is_refused(address: str) -> None:
+    with pytest.raises(ForbiddenTarget):
+        await _resolving_to(address).check("https://hooks.example.com/")
+    with pytest.raises(ForbiddenTarget):
+        await _resolving_to(PUBLIC, address).check("https://hooks.example.com/")
+
+
+async def test_a_name_without_an_address_is_refused() -> None:
+    with pytest.raises(ForbiddenTarget, match="has no address"):
+        await _resolving_to().check("https://hooks.example.com/")
+
+
+@pytest.mark.parametrize("address", [PUBLIC, "2606:2800:220:1::1", "::ffff:93.184.216.34"])
+async def test_a_public_address_is_allowed(address: str) -> None:
+    target = await _resolving_to(address).check("https://hooks.example.com:8443/in?x=1")
+    assert [str(one) for one in target.addresses] == [
+        address.replace("93.184.216.34", "5db8:d822")
+        if ":" in address and "." in address
+        else address
+    ]
+    assert target.url.port == 8443
+
+
+async def test_only_the_allowed_private_network_is_allowed() -> None:
+    targets = Targets(allowed=(ip_network("127.0.0.0/8"),))
+    target = await targets.check("http://127.0.0.1:9000/in")
+    assert [str(one) for one in target.addresses] == ["127.0.0.1"]
+    assert await targets.check("http://[::ffff:127.0.0.1]/")
+    for url in ("http://10.0.0.1/", "http://[::1]/"):
+        with pytest.raises(ForbiddenTarget):
+            await targets.check(url)
+
+
+@pytest.mark.parametrize("address", ["64:ff9b::7f00:1", "64:ff9b::808:808", "64:ff9b:1::1"])
+async def test_an_address_that_nat64_translates_is_refused_although_its_network_is_allowed(
+    address: str,
+) -> None:
+    async def resolve(_host: str, _port: int) -> Sequence[str]:
+        return [address]
+
+    targets = Targets(allowed=(ip_network("::/0"),), resolve=resolve)
+
+    with pytest.raises(ForbiddenTarget):
+        await targets.check("https://hooks.example.com/")

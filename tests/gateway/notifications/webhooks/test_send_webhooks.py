@@ -29,7 +29,7 @@ async def _webhook(gateway: Gateway, url: str, **fields: object) -> dict[str, An
 
 async def _notify(gateway: Gateway) -> int:
     """Send what is due now; how many."""
-    from skyway_gateway.notifications.webhooks.sending_store import due_endpoints
+    from skyway_gateway.notifications.webhooks.webhook_store import due_endpoints
 
     sent = 0
     while True:

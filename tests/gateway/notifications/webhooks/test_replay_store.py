@@ -6,8 +6,8 @@ from typing import Any
 
 import httpx
 import pytest
-from skyway_gateway.notifications.webhooks import replay_events
-from skyway_gateway.notifications.webhooks.sending_store import claim_due
+from skyway_gateway.notifications.webhooks import replay_store
+from skyway_gateway.notifications.webhooks.webhook_store import claim_due
 from sqlalchemy import text
 
 from skyway.ids import WebhookId
@@ -127,7 +127,7 @@ async def test_a_span_replays_the_events_that_were_recorded_in_it(gateway_on_bot
 async def test_a_span_of_too_many_events_is_refused(
     gateway: Gateway, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(replay_events, "MOST_EVENTS", 2)
+    monkeypatch.setattr(replay_store, "_MOST_EVENTS", 2)
     webhook_id = await make_webhook(gateway)
     since = gateway.clock.wall_now().isoformat()
     for _ in range(3):

@@ -2,7 +2,7 @@
 
 import asyncio
 
-from skyway_gateway.notifications.stream_events import EventListeners, EventStream
+from skyway_gateway.notifications.delivery_events import EventListeners, EventStream
 
 from tests.gateway.whole_gateway import Gateway
 
