@@ -26,8 +26,8 @@ from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
 from skyway_gateway.notifications.delivery_events import EventListeners, EventRecorder
-from skyway_gateway.notifications.webhooks.post_webhook import Targets, WebhookPost
-from skyway_gateway.notifications.webhooks.send_webhooks import WebhookSender
+from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
+from skyway_gateway.notifications.send_webhooks import WebhookSender
 from skyway_gateway.quotes.accept_offer import OfferKeeper
 from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks, ShortWait
 from skyway_gateway.quotes.make_quote import HoldLimits, QuoteMaker

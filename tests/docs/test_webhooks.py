@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_gateway.notifications.webhooks.webhook import new_webhook_secret, signed_headers
+from skyway_gateway.notifications.webhook import new_webhook_secret, signed_headers
 
 from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
 

@@ -18,9 +18,10 @@ from skyway_gateway.app import gateway_app, take_over
 from skyway_gateway.deliveries.records.delivery_rows import changing, package_values
 from skyway_gateway.deliveries.records.delivery_store import lock
 from skyway_gateway.deliveries.records.stored_delivery import StoredDelivery
+from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.parts import Parts, build_parts
 from skyway_gateway.settings import GatewaySettings
-from skyway_gateway.tables import deliveries, events
+from skyway_gateway.tables import events
 from skyway_gateway.verify.rules import RULES
 from sqlalchemy import select, text
 

@@ -21,12 +21,12 @@ from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.notifications import webhook_store
 from skyway_gateway.notifications.fleet_time import FleetTime, fleet_time
-from skyway_gateway.notifications.webhooks import webhook_store
-from skyway_gateway.notifications.webhooks.post_webhook import Targets
-from skyway_gateway.notifications.webhooks.replay_store import Replay, ReplayRequest, replay
-from skyway_gateway.notifications.webhooks.send_webhooks import WebhookSender
-from skyway_gateway.notifications.webhooks.webhook import (
+from skyway_gateway.notifications.post_webhook import Targets
+from skyway_gateway.notifications.replay_store import Replay, ReplayRequest, replay
+from skyway_gateway.notifications.send_webhooks import WebhookSender
+from skyway_gateway.notifications.webhook import (
     IssuedWebhook,
     NewWebhook,
     TrialEvent,
@@ -35,7 +35,7 @@ from skyway_gateway.notifications.webhooks.webhook import (
     WebhookChange,
     new_webhook_secret,
 )
-from skyway_gateway.notifications.webhooks.webhook_store import attempts_page
+from skyway_gateway.notifications.webhook_store import attempts_page
 
 DELIVERY_EVENT: Final = "delivery-event"
 

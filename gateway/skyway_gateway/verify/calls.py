@@ -9,15 +9,8 @@ from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.storage_rules import union_of
 from skyway.runtime.verification.survey import Survey
 from skyway_gateway.audit.store import entry_hash
-from skyway_gateway.tables import (
-    api_keys,
-    audit,
-    audit_head,
-    deliveries,
-    events,
-    idempotency,
-    webhooks,
-)
+from skyway_gateway.delivery_tables import deliveries
+from skyway_gateway.tables import api_keys, audit, audit_head, events, idempotency, webhooks
 
 #: Answers are deleted when they are a day old; a look at that moment may find them or not. Wall ms.
 _SWEPT_WITHIN_MS: Final = 600_000

@@ -1,6 +1,7 @@
-"""The rules of deliveries: each ends once, in bounded time, as its packages did (I5)."""
+"""The rules of deliveries and of their missions: a delivery ends once, as its packages did (I5)."""
 
 import json
+from datetime import datetime
 from typing import Any, Final
 
 from sqlalchemy import ColumnElement, and_, exists, func, or_, select
@@ -9,9 +10,11 @@ from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.delivery.request import PRIORITY_RANKS, DeliveryRequest
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.survey import Survey
+from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES, TERMINAL_STATES
+from skyway_gateway.delivery_tables import deliveries, missions, packages
 from skyway_gateway.notifications.delivery_events import LAST_EVENTS
-from skyway_gateway.tables import deliveries, events, missions, packages
+from skyway_gateway.tables import events
 
 #: A request is overdue when other deliveries were written this long after its end, fleet ms.
 _OVERDUE_MS: Final = 3_600_000
@@ -40,6 +43,11 @@ _REQUEUE: Final = (
     "Set `is_queued` to true and `next_try_wall_ms` to 0: booking looks at the delivery again, and "
     "books it or gives it up."
 )
+
+#: The columns that `missions.body` repeats.
+_REPEATED: Final = ("mission_id", "delivery_id", "attempt", "trip", "provider_id", "drone_id")
+
+_HAVE_ENDED: Final = ("COMPLETED", "ABORTED", "CANCELLED")
 
 
 def _event_count(*conditions: ColumnElement[bool]) -> ColumnElement[int]:
@@ -86,6 +94,20 @@ def _requested(text: str) -> tuple[str | None, dict[str, Any]]:
         each["package_id"]: (number, each["destination"]["station_id"], each["mass_kg"])
         for number, each in enumerate(request["packages"])
     }
+
+
+async def _other_than_body(survey: Survey) -> list[str]:
+    return [row.mission_id async for row in survey.each(select(missions)) if _differs(row)]
+
+
+def _differs(row: Any) -> bool:  # a row of missions
+    body = json.loads(row.body)
+    price, begun_at = body["price"], body.get("booked_start_at") or body["start_at"]
+    return (
+        any(body[name] != getattr(row, name) for name in _REPEATED)
+        or (price["amount"], price["currency"]) != (row.price_amount, row.currency)
+        or row.start_ms not in (None, moment_to_ms(datetime.fromisoformat(begun_at)))
+    )
 
 
 DELIVERIES: Final = (
@@ -200,5 +222,42 @@ DELIVERIES: Final = (
         _other_packages,
         "Correct the rows of `packages` by `deliveries.request`, which is what the customer asked "
         "for; its first event has the same request.",
+    ),
+)
+
+MISSIONS: Final = (
+    Rule(
+        "a mission's columns say what its body says",
+        _other_than_body,
+        "Composition has the same mission (GET /v1/missions/{id}): correct the value that differs. "
+        "Earnings and statistics read the columns.",
+    ),
+    Rule(
+        "a mission that is over has its end",
+        select(missions.c.mission_id).where(
+            or_(
+                and_(missions.c.state.in_(_HAVE_ENDED), missions.c.ended_ms.is_(None)),
+                and_(missions.c.state.in_(LIVE_MISSION_STATES), missions.c.ended_ms.is_not(None)),
+            )
+        ),
+        "Composition knows whether the mission is over (GET /v1/missions/{id}): correct `state` or "
+        "`ended_ms`.",
+    ),
+    Rule(
+        "a mission belongs to an attempt that was made",
+        select(missions.c.mission_id).where(
+            or_(
+                missions.c.trip < 1,
+                missions.c.attempt < 1,
+                ~exists().where(
+                    and_(
+                        deliveries.c.delivery_id == missions.c.delivery_id,
+                        deliveries.c.attempt >= missions.c.attempt,
+                    )
+                ),
+            )
+        ),
+        "A lower `deliveries.attempt` than that of a mission makes booking repeat an attempt, and "
+        "composition answers with the old missions. Set it to one more than the last attempt.",
     ),
 )

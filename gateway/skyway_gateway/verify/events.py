@@ -1,20 +1,41 @@
-"""The rules of delivery events: what a customer was notified of never changes."""
+"""The rules of events and notifications.
+
+What a customer was notified of never changes. Each webhook gets each event, in sequence, or visibly
+not (I14).
+"""
 
 import json
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, func, or_, select
+from sqlalchemy import ColumnElement, String, and_, cast, exists, func, or_, select
 
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.survey import Survey
+from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.notifications.event_store import hash_after
-from skyway_gateway.tables import deliveries, events
+from skyway_gateway.notifications.webhook import LONGEST_PAUSE_S, MOST_ATTEMPTS
+from skyway_gateway.tables import events, notifications, webhook_attempts, webhooks
 
 _is_own = events.c.delivery_id == deliveries.c.delivery_id
+
+_earlier = notifications.alias("earlier")
+
+_is_of_event = events.c.event_id == notifications.c.event_id
+
+_is_its_attempt = and_(
+    webhook_attempts.c.webhook_id == notifications.c.webhook_id,
+    webhook_attempts.c.event_id == notifications.c.event_id,
+    webhook_attempts.c.number == notifications.c.attempts,
+)
 
 _RESTORE: Final = (
     "Events are what the customer was notified of. Restore the rows of `events` from a backup; the "
     "customer's webhook has received the same bodies."
+)
+
+_SEND_AGAIN: Final = (
+    "Ask for the events again: POST /v1/webhooks/{id}/replay with the event's id. The webhook may "
+    "then receive an event twice, under the same id."
 )
 
 
@@ -48,6 +69,14 @@ def _differs(row: Any) -> bool:  # a row of events
     return any(body[name] != getattr(row, name) for name in names)
 
 
+async def _waiting_too_long(survey: Survey) -> set[str]:
+    latest_ms = survey.wall_ms + int(LONGEST_PAUSE_S * 1000)
+    late = select(notifications.c.event_id).where(
+        notifications.c.state == "PENDING", notifications.c.next_try_wall_ms > latest_ms
+    )
+    return {str(row.event_id) for row in await survey.rows(late)}
+
+
 EVENTS: Final = (
     Rule(
         "a delivery's events have no gap",
@@ -66,5 +95,74 @@ EVENTS: Final = (
         _other_than_body,
         "Webhooks and streams choose events by the columns, and send the body. Set the columns to "
         "the values of the body if the chain of hashes holds; else restore the row.",
+    ),
+)
+
+NOTIFICATIONS: Final = (
+    Rule(
+        "I14 each webhook is notified of each event that it subscribes to",
+        select(events.c.event_id)
+        .join(deliveries, _is_own)
+        .join(webhooks, webhooks.c.customer_id == deliveries.c.customer_id)
+        .where(
+            webhooks.c.state == "ACTIVE",
+            webhooks.c.changed_wall_ms < events.c.recorded_wall_ms,
+            or_(
+                webhooks.c.event_types.is_(None),
+                webhooks.c.event_types.contains('"' + cast(events.c.type, String) + '"'),
+            ),
+            ~exists().where(
+                notifications.c.webhook_id == webhooks.c.webhook_id,
+                notifications.c.event_id == events.c.event_id,
+            ),
+        ),
+        _SEND_AGAIN,
+    ),
+    Rule(
+        "I14 notifications of a delivery arrive in sequence",
+        select(notifications.c.event_id).where(
+            notifications.c.state == "DELIVERED",
+            exists().where(
+                _earlier.c.webhook_id == notifications.c.webhook_id,
+                _earlier.c.delivery_id == notifications.c.delivery_id,
+                _earlier.c.sequence < notifications.c.sequence,
+                _earlier.c.state == "PENDING",
+                ~_earlier.c.is_replay,
+            ),
+        ),
+        _SEND_AGAIN,
+    ),
+    Rule(
+        "I14 a notification that was delivered or tried has its attempt",
+        select(notifications.c.event_id).where(
+            or_(
+                and_(
+                    notifications.c.state == "DELIVERED",
+                    ~exists().where(_is_its_attempt, webhook_attempts.c.outcome == "DELIVERED"),
+                ),
+                and_(
+                    notifications.c.attempts > 0,
+                    ~exists().where(_is_its_attempt),
+                ),
+                ~notifications.c.attempts.between(0, MOST_ATTEMPTS),
+            )
+        ),
+        "Nothing shows that the webhook has received it. " + _SEND_AGAIN,
+    ),
+    Rule(
+        "I14 a notification is about its event",
+        select(notifications.c.event_id).where(
+            ~exists().where(
+                _is_of_event,
+                events.c.delivery_id == notifications.c.delivery_id,
+                events.c.sequence == notifications.c.sequence,
+            )
+        ),
+        "Set `delivery_id` and `sequence` to those of the event.",
+    ),
+    Rule(
+        "I14 a notification is tried again within its schedule",
+        _waiting_too_long,
+        "Set `next_try_wall_ms` to 0: it is sent with the next round.",
     ),
 )

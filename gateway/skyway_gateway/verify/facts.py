@@ -18,7 +18,8 @@ from skyway.delivery.offer import Price
 from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.survey import Survey
 from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES
-from skyway_gateway.tables import api_keys, custody, deliveries, missions, outbox, packages
+from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
+from skyway_gateway.tables import api_keys, outbox
 
 
 async def _deliveries(survey: Survey) -> AsyncIterator[AnyFacts]:

@@ -7,7 +7,8 @@ from sqlalchemy import exists, or_, select
 
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.survey import Survey
-from skyway_gateway.tables import deliveries, quotes
+from skyway_gateway.delivery_tables import deliveries
+from skyway_gateway.tables import quotes
 
 
 async def _other_limits(survey: Survey) -> list[str]:

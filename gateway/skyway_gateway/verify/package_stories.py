@@ -13,7 +13,8 @@ from skyway.runtime.verification.rule import Finder
 from skyway.runtime.verification.survey import Survey
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES
-from skyway_gateway.tables import custody, deliveries, events, missions, packages
+from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
+from skyway_gateway.tables import events
 
 #: The end of a package, as its event and as its row say: event type, station, moment, mission.
 End = tuple[str, str | None, int | None, str | None]

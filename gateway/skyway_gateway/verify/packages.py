@@ -13,7 +13,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     SETTLED_PACKAGE_STATES,
     Proof,
 )
-from skyway_gateway.tables import custody, missions, packages
+from skyway_gateway.delivery_tables import custody, missions, packages
 from skyway_gateway.verify.package_stories import PackageStory, packages_where
 
 _is_of_package = and_(

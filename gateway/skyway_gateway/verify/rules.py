@@ -17,26 +17,22 @@ from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.storage_rules import storage_rules
 from skyway.runtime.verification.stored_forms import form_rule
 from skyway_gateway.deliveries.lifecycle.delivery import FlownMission, Proof, Refusal
-from skyway_gateway.notifications.webhooks.webhook import signing_key
+from skyway_gateway.delivery_tables import deliveries, missions, packages
+from skyway_gateway.notifications.webhook import signing_key
 from skyway_gateway.quotes.store import Offer
 from skyway_gateway.tables import (
     api_keys,
-    deliveries,
     events,
     idempotency,
     known_networks,
     metadata,
-    missions,
     outbox,
-    packages,
     quotes,
     webhooks,
 )
 from skyway_gateway.verify.calls import CALLS
-from skyway_gateway.verify.deliveries import DELIVERIES
-from skyway_gateway.verify.events import EVENTS
-from skyway_gateway.verify.missions import MISSIONS
-from skyway_gateway.verify.notifications import NOTIFICATIONS
+from skyway_gateway.verify.deliveries import DELIVERIES, MISSIONS
+from skyway_gateway.verify.events import EVENTS, NOTIFICATIONS
 from skyway_gateway.verify.offers import OFFERS
 from skyway_gateway.verify.packages import PACKAGES
 

@@ -22,7 +22,7 @@ from skyway_gateway.deliveries.records.delivery_rows import (
 )
 from skyway_gateway.deliveries.records.delivery_store import NEXT_VERSION, with_parts
 from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache, QueuedDelivery
-from skyway_gateway.tables import deliveries
+from skyway_gateway.delivery_tables import deliveries
 
 #: How long a claim holds unless it is renewed, seconds of wall time. After that, another process
 #: books what a killed process had claimed. If two processes book the same delivery, composition

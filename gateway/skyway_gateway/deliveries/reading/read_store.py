@@ -18,7 +18,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery, DeliveryState
 from skyway_gateway.deliveries.lifecycle.waiting import Waiting
 from skyway_gateway.deliveries.reading.views import DayEarnings, EarningsQuery
 from skyway_gateway.deliveries.records.delivery_store import with_parts
-from skyway_gateway.tables import deliveries, missions
+from skyway_gateway.delivery_tables import deliveries, missions
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,7 +63,7 @@ from skyway_gateway.deliveries.records.stored_delivery import (
     QueuedDelivery,
     StoredDelivery,
 )
-from skyway_gateway.tables import custody, deliveries, missions, packages
+from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
 
 # Statements that every delivery runs are built once: building one takes as long as running it.
 

@@ -4,14 +4,14 @@ from collections.abc import AsyncIterator, Sequence
 from ipaddress import ip_network
 
 import pytest
-from skyway_gateway.notifications.webhooks.post_webhook import (
+from skyway_gateway.notifications.post_webhook import (
     ForbiddenTarget,
     Reply,
     Targets,
     WebhookPost,
 )
 
-from tests.gateway.notifications.webhooks.receiver import Receiver, receiving
+from tests.gateway.notifications.receiver import Receiver, receiving
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.store import owned
-from skyway_gateway.notifications.webhooks.webhook import (
+from skyway_gateway.notifications.webhook import (
     Endpoint,
     Notification,
     Webhook,

@@ -6,8 +6,8 @@ from typing import Any
 
 import httpx
 import pytest
-from skyway_gateway.notifications.webhooks import replay_store
-from skyway_gateway.notifications.webhooks.webhook_store import claim_due
+from skyway_gateway.notifications import replay_store
+from skyway_gateway.notifications.webhook_store import claim_due
 from sqlalchemy import text
 
 from skyway.ids import WebhookId

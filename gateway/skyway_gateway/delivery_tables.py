@@ -1,4 +1,7 @@
-"""Deliveries, their packages, the custody of packages, and the missions that fly them."""
+"""Deliveries, their packages, the custody of packages, and the missions that fly them.
+
+`_ms` is fleet time, in ms since 1970. `tables` has all other tables of the gateway.
+"""
 
 from sqlalchemy import (
     BigInteger,
@@ -9,6 +12,7 @@ from sqlalchemy import (
     ForeignKey,
     Index,
     Integer,
+    MetaData,
     SmallInteger,
     Table,
     Text,
@@ -19,7 +23,8 @@ from sqlalchemy import (
 )
 
 from skyway.runtime.sql.claims import claim_columns
-from skyway_gateway.tables.metadata import metadata
+
+metadata = MetaData()
 
 #: Rows with `is_queued` are the queue of `deliveries.booking`.
 deliveries = Table(

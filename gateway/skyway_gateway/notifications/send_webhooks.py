@@ -18,8 +18,8 @@ from skyway.runtime.loops import MissingParts, Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
-from skyway_gateway.notifications.webhooks.post_webhook import Reply, WebhookPost
-from skyway_gateway.notifications.webhooks.webhook import (
+from skyway_gateway.notifications.post_webhook import Reply, WebhookPost
+from skyway_gateway.notifications.webhook import (
     Endpoint,
     Notification,
     Outcome,
@@ -28,7 +28,7 @@ from skyway_gateway.notifications.webhooks.webhook import (
     pause_s,
     signed_headers,
 )
-from skyway_gateway.notifications.webhooks.webhook_store import (
+from skyway_gateway.notifications.webhook_store import (
     add_attempt,
     claim_due,
     disable_webhook,

@@ -21,8 +21,9 @@ from skyway.runtime.metrics import count
 from skyway.runtime.sql.claims import FREE
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
-from skyway_gateway.notifications.webhooks import webhook_store
-from skyway_gateway.tables import deliveries, events, notifications
+from skyway_gateway.delivery_tables import deliveries
+from skyway_gateway.notifications import webhook_store
+from skyway_gateway.tables import events, notifications
 
 #: The most events that a call may name by id, and the most that it queues.
 _MOST_NAMED: Final = 100

@@ -4,7 +4,7 @@ import random
 from datetime import UTC, datetime
 
 import pytest
-from skyway_gateway.notifications.webhooks.webhook import (
+from skyway_gateway.notifications.webhook import (
     MOST_ATTEMPTS,
     new_webhook_secret,
     pause_s,

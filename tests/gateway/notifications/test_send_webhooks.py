@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from standardwebhooks import Webhook
 
-from tests.gateway.notifications.webhooks.receiver import Receiver, receiving
+from tests.gateway.notifications.receiver import Receiver, receiving
 from tests.gateway.whole_gateway import Gateway
 
 
@@ -29,7 +29,7 @@ async def _webhook(gateway: Gateway, url: str, **fields: object) -> dict[str, An
 
 async def _notify(gateway: Gateway) -> int:
     """Send what is due now; how many."""
-    from skyway_gateway.notifications.webhooks.webhook_store import due_endpoints
+    from skyway_gateway.notifications.webhook_store import due_endpoints
 
     sent = 0
     while True:

@@ -1,0 +1,186 @@
+"""The tables of the gateway; `_ms` is fleet time, `_wall_ms` wall time, in ms since 1970.
+
+`delivery_tables` has the tables of deliveries.
+"""
+
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    CheckConstraint,
+    Column,
+    ForeignKey,
+    Index,
+    Integer,
+    SmallInteger,
+    Table,
+    Text,
+    UniqueConstraint,
+    false,
+    text,
+)
+
+from skyway.runtime.idempotency.answer_store import idempotency_table
+from skyway.runtime.outbox.outbox_store import outbox_table
+from skyway.runtime.sql.claims import claim_columns
+from skyway_gateway import delivery_tables
+
+#: All tables of the gateway, for migrations and verification.
+metadata = delivery_tables.metadata
+
+outbox = outbox_table(metadata)
+idempotency = idempotency_table(metadata)
+
+#: Only the hash of a key is stored. Deleted keys stay, so that a restart does not add them again.
+api_keys = Table(
+    "api_keys",
+    metadata,
+    Column("key_id", Text, primary_key=True),
+    Column("key_hash", Text, nullable=False),
+    Column("role", Text, nullable=False),
+    Column("subject_id", Text, nullable=False),
+    Column("created_wall_ms", BigInteger, nullable=False),
+    Column("deleted_wall_ms", BigInteger),
+    # Whether the registry has the broker account that was issued with the key.
+    Column("is_account_open", Boolean, nullable=False),
+    UniqueConstraint("key_hash", name="api_key_hash"),
+    CheckConstraint("role IN ('customer', 'provider', 'operator')", name="api_key_role"),
+    Index("api_keys_by_subject", "role", "subject_id"),
+)
+
+#: The calls of operators and providers: one row for each answered call. Rows are only added.
+audit = Table(
+    "audit",
+    metadata,
+    Column("entry_id", Text, primary_key=True),
+    Column("at_ms", BigInteger, nullable=False),
+    Column("at_wall_ms", BigInteger, nullable=False),
+    Column("role", Text, nullable=False),
+    Column("subject_id", Text, nullable=False),
+    Column("method", Text, nullable=False),
+    Column("path", Text, nullable=False),
+    Column("status", Integer, nullable=False),
+    Column("body", Text),  # JSON as it came, without secrets, cut where it is long
+    Column("traceparent", Text),
+    # Counts the entries from 1, without gaps.
+    Column("number", BigInteger, nullable=False, server_default="0"),
+    # Of this entry and all entries before it, as `audit.store.entry_hash` chains them.
+    Column("hash", Text, nullable=False, server_default=text("''")),
+    Index("audit_number", "number", unique=True),
+    Index("audit_by_subject", "role", "subject_id", "entry_id"),
+)
+
+#: One row: how many entries the audit log has, and the hash of the last one.
+audit_head = Table(
+    "audit_head",
+    metadata,
+    Column("only", SmallInteger, primary_key=True, autoincrement=False),
+    Column("entries", BigInteger, nullable=False),
+    Column("hash", Text, nullable=False),
+)
+
+#: Offers to customers, which reserve nothing unless they are held.
+quotes = Table(
+    "quotes",
+    metadata,
+    Column("quote_id", Text, primary_key=True),
+    Column("customer_id", Text, nullable=False),
+    Column("request", Text, nullable=False),  # JSON of skyway.delivery.request.DeliveryRequest
+    Column("offers", Text, nullable=False),  # JSON list of quotes.quote.Offer
+    Column("infeasible", Text, nullable=False),  # JSON list of ProviderReason
+    Column("made_ms", BigInteger, nullable=False),
+    Column("expires_wall_ms", BigInteger, nullable=False),
+    Column("taken_offer_id", Text),
+    Column("delivery_id", Text),
+    # What composition holds for its first offers until they expire; null if nothing is held.
+    Column("hold_id", Text),
+    Index("quotes_by_expiry", "expires_wall_ms"),
+    Index(
+        "quotes_held",
+        "expires_wall_ms",
+        sqlite_where=text("hold_id IS NOT NULL"),
+        postgresql_where=text("hold_id IS NOT NULL"),
+    ),
+)
+
+#: The last known version of each network, for the time in which composition is away.
+known_networks = Table(
+    "known_networks",
+    metadata,
+    Column("network_id", Text, primary_key=True),
+    Column("version", Integer, nullable=False),
+    Column("stations", Text, nullable=False),  # JSON of contracts.station_check.NetworkStations
+)
+
+events = Table(
+    "events",
+    metadata,
+    Column("event_id", Text, primary_key=True),
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), nullable=False),
+    Column("sequence", Integer, nullable=False),
+    Column("type", Text, nullable=False),
+    Column("body", Text, nullable=False),  # JSON of DeliveryEvent, as every channel carries it
+    Column("recorded_wall_ms", BigInteger, nullable=False),
+    UniqueConstraint("delivery_id", "sequence", name="event_sequence"),
+)
+
+webhooks = Table(
+    "webhooks",
+    metadata,
+    Column("webhook_id", Text, primary_key=True),
+    Column("customer_id", Text, nullable=False),
+    Column("url", Text, nullable=False),
+    Column("event_types", Text),  # JSON list; null means all
+    Column("secret", Text, nullable=False),
+    Column("state", Text, nullable=False),
+    Column("disabled_reason", Text),
+    Column("created_wall_ms", BigInteger, nullable=False),
+    Column("changed_wall_ms", BigInteger, nullable=False),
+    CheckConstraint("state IN ('ACTIVE', 'DISABLED')", name="webhook_state"),
+    Index("webhooks_by_customer", "customer_id", "webhook_id"),
+)
+
+#: One event on its way to one webhook, written in the event's transaction.
+notifications = Table(
+    "notifications",
+    metadata,
+    # No foreign key: a webhook may be deleted while an event is recorded.
+    Column("webhook_id", Text, primary_key=True),
+    Column("event_id", Text, ForeignKey("events.event_id"), primary_key=True),
+    Column("delivery_id", Text, nullable=False),
+    Column("sequence", Integer, nullable=False),
+    Column("state", Text, nullable=False),
+    Column("attempts", Integer, nullable=False),
+    Column("next_try_wall_ms", BigInteger, nullable=False),
+    # A replay that the customer asked for comes after later events.
+    Column("is_replay", Boolean, nullable=False, server_default=false()),
+    *claim_columns(),
+    CheckConstraint("state IN ('PENDING', 'DELIVERED', 'GIVEN_UP')", name="notification_state"),
+    Index(
+        "notifications_pending",
+        "webhook_id",
+        "delivery_id",
+        "sequence",
+        sqlite_where=text("state = 'PENDING'"),
+        postgresql_where=text("state = 'PENDING'"),
+    ),
+)
+
+#: Each attempt to notify a webhook; `event_id` is its webhook-id.
+webhook_attempts = Table(
+    "webhook_attempts",
+    metadata,
+    Column("attempt_id", Text, primary_key=True),
+    Column("webhook_id", Text, nullable=False),
+    Column("event_id", Text, nullable=False),
+    Column("event_type", Text, nullable=False),
+    Column("delivery_id", Text),
+    Column("number", Integer, nullable=False),
+    Column("at_wall_ms", BigInteger, nullable=False),
+    Column("duration_ms", Integer, nullable=False),
+    Column("outcome", Text, nullable=False),
+    Column("status", Integer),
+    Column("detail", Text),
+    Column("next_try_wall_ms", BigInteger),
+    CheckConstraint("outcome IN ('DELIVERED', 'FAILED', 'GIVEN_UP')", name="attempt_outcome"),
+    Index("webhook_attempts_by_webhook", "webhook_id", "attempt_id"),
+)
