@@ -17,8 +17,7 @@ from typing import Any, Final
 from skyway_provider_registry.presence import sighting_store as sightings
 from skyway_provider_registry.presence.follow import PresenceFollower
 from skyway_provider_registry.tables import drones, providers
-from skyway_provider_registry.telemetry.recorder import TelemetryRecorder
-from skyway_provider_registry.telemetry.thinning import KeepTimes, Thinning
+from skyway_provider_registry.telemetry.keep_telemetry import KeepTimes, TelemetryRecorder, Thinning
 from sqlalchemy import text
 
 from skyway.contracts.drone_report import Telemetry

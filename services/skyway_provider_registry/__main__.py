@@ -4,8 +4,7 @@ import sys
 
 from skyway.runtime.service_process import ServiceProcess
 from skyway_provider_registry.settings import RegistrySettings
-from skyway_provider_registry.verify.facts import FACTS
-from skyway_provider_registry.verify.rules import RULES
+from skyway_provider_registry.verify import FACTS, RULES
 
 
 def _serve(settings: RegistrySettings) -> int:

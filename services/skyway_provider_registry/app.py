@@ -27,19 +27,19 @@ from skyway_provider_registry.candidates.routes import candidate_routes
 from skyway_provider_registry.enrolment.routes import drone_key_routes, enrolment_routes
 from skyway_provider_registry.fleets.credential_routes import credential_routes
 from skyway_provider_registry.fleets.drone_model_routes import drone_model_routes
-from skyway_provider_registry.fleets.registration_routes import (
+from skyway_provider_registry.fleets.routes import (
     REGISTRATION_LIMIT_BYTES,
+    fleet_routes,
+    fleet_statistics_routes,
     registration_routes,
 )
-from skyway_provider_registry.fleets.routes import fleet_routes, fleet_statistics_routes
 from skyway_provider_registry.parts import SERVICE, Parts, composition_client, parts_in_life
 from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, PresenceFollower
 from skyway_provider_registry.presence.routes import presence_routes
 from skyway_provider_registry.providers.routes import provider_routes
 from skyway_provider_registry.settings import RegistrySettings
-from skyway_provider_registry.telemetry.recorder import TelemetryRecorder
+from skyway_provider_registry.telemetry.keep_telemetry import KeepTimes, TelemetryRecorder, Thinning
 from skyway_provider_registry.telemetry.routes import TelemetryGeoJson, telemetry_routes
-from skyway_provider_registry.telemetry.thinning import KeepTimes, Thinning
 
 PACKAGE: Final = "skyway_provider_registry"
 

@@ -30,7 +30,7 @@ NOT_YET: Final = (
 #: Names that stay: the OpenAPI documents show these arguments as titles of bodies.
 PUBLIC_NAMES: Final = {
     "gateway/skyway_gateway/deliveries/requests/routes.py": "wanted",
-    "services/skyway_provider_registry/fleets/registration_routes.py": "wanted",
+    "services/skyway_provider_registry/fleets/routes.py": "wanted",
 }
 
 #: Words that mean something else together: a drone takes off, a gateway takes over, in turns.

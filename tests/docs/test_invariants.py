@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from skyway_composition.verify.rules import RULES as COMPOSITION
 from skyway_gateway.verify.rules import RULES as GATEWAY
-from skyway_provider_registry.verify.rules import RULES as REGISTRY
+from skyway_provider_registry.verify import RULES as REGISTRY
 
 from skyway.cli.verify.command import RULES as ACROSS
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.tables import broker_accounts, drones, presence
-from skyway_provider_registry.verify.rules import RULES
+from skyway_provider_registry.verify import RULES
 from sqlalchemy import Executable, delete, insert, update
 
 from skyway.broker_setup.passwords import hash_password

@@ -13,8 +13,8 @@ from skyway_composition.verify.facts import FACTS as COMPOSITION_FACTS
 from skyway_composition.verify.rules import RULES as COMPOSITION_RULES
 from skyway_gateway.verify.facts import FACTS as GATEWAY_FACTS
 from skyway_gateway.verify.rules import RULES as GATEWAY_RULES
-from skyway_provider_registry.verify.facts import FACTS as REGISTRY_FACTS
-from skyway_provider_registry.verify.rules import RULES as REGISTRY_RULES
+from skyway_provider_registry.verify import FACTS as REGISTRY_FACTS
+from skyway_provider_registry.verify import RULES as REGISTRY_RULES
 
 from skyway.cli.verify.across import broken_across
 from skyway.cli.verify.command import RULES as ACROSS

@@ -1,27 +1,176 @@
-"""All fleets in memory, refreshed from the database before each use.
+"""All fleets in memory as columns, refreshed from the database before each use.
 
 Reading every drone for each request would cost more than everything else. So the fleets stay in
 memory, and a refresh reads only the changes since the last one. Changes of other replicas are found
 too, because every write stores its number (`change_store`). Refreshes that are requested while one
-runs, or soon after, share the next one.
+runs, or soon after, share the next one. numpy compares a request with thousands of drones by their
+columns.
 """
 
 import asyncio
-from collections.abc import Mapping
-from typing import Final
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
 
 from skyway.announced_networks import CachedNetworks
 from skyway.drone.model import DroneModel
-from skyway.ids import DroneModelId
+from skyway.geo import unit_vector
+from skyway.ids import DroneId, DroneModelId, NetworkId, ProviderId, StationId
 from skyway.runtime.pace import Pace
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates import store
-from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns
+from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvider
 from skyway_provider_registry.change_store import ChangeMarks
-from skyway_provider_registry.fleets import drone_model_store as drone_models
+from skyway_provider_registry.fleets.store import every_model
+
+#: One drone; `x`, `y`, `z` are its direction from the Earth's centre.
+_DRONE: Final = np.dtype(
+    [
+        ("provider", np.int32),
+        ("station", np.int32),
+        ("network", np.int32),
+        ("payload_kg", np.float64),
+        ("soc", np.float64),
+        ("x", np.float64),
+        ("y", np.float64),
+        ("z", np.float64),
+        ("online_until_ms", np.int64),
+        ("free_ms", np.int64),
+        ("speed_mps", np.float64),
+        ("is_busy", np.bool_),
+        ("is_low", np.bool_),
+    ]
+)
+#: Rows of the first table; a full table is doubled.
+_FIRST_CAPACITY: Final = 256
+_NOWHERE: Final = -1
+
+Columns = npt.NDArray[np.void]
+Rows = npt.NDArray[np.intp]
+Flags = npt.NDArray[np.bool_]
 
 #: Before the first change.
 _NOTHING_SEEN: Final = -1
+
+
+@dataclass(slots=True)
+class FleetColumns:
+    """The drones by row, and the strongest model of each provider; ties are broken by id."""
+
+    networks: CachedNetworks
+    drones: list[CachedDrone] = field(default_factory=list)
+    strongest: dict[ProviderId, DroneModel] = field(default_factory=dict)
+    _rows: dict[DroneId, int] = field(default_factory=dict)
+    _providers: dict[ProviderId, int] = field(default_factory=dict)
+    _stations: dict[StationId, int] = field(default_factory=dict)
+    _networks: dict[NetworkId, int] = field(default_factory=dict)
+    _networks_seen: int = -1  # the revision when the column `network` was last written
+    _table: Columns = field(default_factory=lambda: np.zeros(_FIRST_CAPACITY, _DRONE))
+    _order: Rows | None = None
+
+    def put(self, drones: Iterable[CachedDrone]) -> None:
+        """Store the current data of these drones; new drones get new rows."""
+        for drone in drones:
+            row = self._rows.get(drone.drone_id)
+            if row is None:
+                row = self._rows[drone.drone_id] = len(self.drones)
+                self.drones.append(drone)
+                self._order = None
+                self._compare(drone.provider_id, drone.model)
+                if row == len(self._table):
+                    self._table = np.concatenate((self._table, np.zeros_like(self._table)))
+            self.drones[row] = drone
+            self._table[row] = self._row_of(drone)
+
+    def __contains__(self, drone_id: DroneId) -> bool:
+        return drone_id in self._rows
+
+    def column(self, name: str) -> npt.NDArray[Any]:  # each column has a type of its own
+        """One column of all drones: a view, which is valid until the next `put`."""
+        column: npt.NDArray[Any] = self._table[name][: len(self.drones)]
+        return column
+
+    def rows_of(self, drone_ids: Iterable[DroneId]) -> list[int]:
+        """The rows of these drones; unknown drones are left out."""
+        return [self._rows[one] for one in drone_ids if one in self._rows]
+
+    def station(self, station_id: StationId) -> int:
+        """The value of the column `station` for this station; -2 when no drone ever stood there."""
+        return self._stations.get(station_id, _NOWHERE - 1)
+
+    def elsewhere(self, station_id: StationId) -> Flags:
+        """The drones that stand in another network than this station, as far as we know."""
+        if self._networks_seen != self.networks.revision:
+            self._find_networks()
+        network, here = self.column("network"), self._network_of(station_id)
+        if here == _NOWHERE:
+            return np.zeros(len(network), np.bool_)
+        others: Flags = (network != here) & (network != _NOWHERE)
+        return others
+
+    @property
+    def providers(self) -> Mapping[ProviderId, int]:
+        """The value of the column `provider`, by provider."""
+        return self._providers
+
+    @property
+    def order(self) -> Rows:
+        """The rank of each row among all drone ids, which breaks every tie."""
+        if self._order is None:
+            ids = [drone.drone_id for drone in self.drones]
+            ranks = np.empty(len(ids), np.intp)
+            ranks[sorted(range(len(ids)), key=ids.__getitem__)] = np.arange(len(ids))
+            self._order = ranks
+        return self._order
+
+    def _compare(self, provider_id: ProviderId, model: DroneModel) -> None:
+        strongest = self.strongest.setdefault(provider_id, model)
+        self.strongest[provider_id] = min(
+            (strongest, model), key=lambda one: (-one.max_payload_kg, one.model_id)
+        )
+
+    def _find_networks(self) -> None:
+        """Write the column `network` again, after the cached networks have changed."""
+        # The last entry is for drones that stand at no station.
+        by_station = [*map(self._network_of, self._stations), _NOWHERE]
+        self.column("network")[:] = np.array(by_station)[self.column("station")]
+        self._networks_seen = self.networks.revision
+
+    def _network_of(self, station_id: StationId | None) -> int:
+        """The value of the column `network` for drones at this station."""
+        network_id = None if station_id is None else self.networks.network_of(station_id)
+        if network_id is None:
+            return _NOWHERE
+        return self._networks.setdefault(network_id, len(self._networks))
+
+    def _row_of(self, drone: CachedDrone) -> tuple[object, ...]:
+        station = drone.station_id
+        return (
+            self._providers.setdefault(drone.provider_id, len(self._providers)),
+            _NOWHERE
+            if station is None
+            else self._stations.setdefault(station, len(self._stations)),
+            self._network_of(station),
+            drone.model.max_payload_kg,
+            drone.soc,
+            *unit_vector(drone.position),
+            drone.online_until_ms,
+            drone.free_ms,
+            drone.model.speed_empty_mps,
+            drone.is_busy or station is None,
+            drone.soc < drone.model.reserve_soc,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Fleet:
+    """All providers and their drones."""
+
+    providers: Mapping[ProviderId, CachedProvider]
+    columns: FleetColumns
 
 
 class FleetView:
@@ -61,7 +210,7 @@ class FleetView:
             if seen is not None and now.removals > seen.removals:
                 columns, rows = FleetColumns(columns.networks), await store.every_drone(connection)
             if any(row.drone_id not in columns for row in rows):
-                self._models = await drone_models.every(connection)
+                self._models = await every_model(connection)
         networks = columns.networks
         columns.put(store.cached_drone(row, self._models, networks) for row in rows)
         self._fleet = Fleet(providers, columns)

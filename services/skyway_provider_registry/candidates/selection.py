@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyway.contracts.candidate import (
+    MAX_CANDIDATES,
+    MAX_CANDIDATES_PER_PROVIDER,
     CandidateQuery,
     PayloadLimit,
     ProviderReason,
@@ -15,9 +17,9 @@ from skyway.contracts.candidate import (
 )
 from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.delivery.request import ProviderChoice
+from skyway.geo import EARTH_RADIUS_M, unit_vector
 from skyway.ids import ProviderId
-from skyway_provider_registry.candidates.fleet_columns import Flags, Fleet, FleetColumns, Rows
-from skyway_provider_registry.candidates.ranking import Ranked, in_turn
+from skyway_provider_registry.candidates.fleet_view import Flags, Fleet, FleetColumns, Rows
 from skyway_provider_registry.candidates.reasons import (
     CachedDrone,
     CachedProvider,
@@ -47,6 +49,9 @@ _NONE: Final = -1
 #: The places of the temporary obstacles, counted from 1.
 _PASSING: Final = [1 + _OBSTACLES.index(code) for code in ("BUSY", "LOW_CHARGE")]
 
+#: This many nearest drones include enough drones of most providers.
+_WORTH_RANKING: Final = 4 * MAX_CANDIDATES
+
 
 def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int, now_ms: int) -> Candidates:
     """The drones to compare, nearest first, and a reason for each provider that has none."""
@@ -63,8 +68,8 @@ def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int, now_ms: int
     lifting = _lifting(query, columns, elsewhere)
     obstacles = _obstacles(query, columns, lifting.drones, elsewhere, wall_now_ms=wall_now_ms)
     able = np.flatnonzero((obstacles == 0) & admitted[columns.column("provider")])
-    ranked = Ranked.of(query, columns, able, lifting.split, now_ms=now_ms)
-    chosen = in_turn(ranked, len(columns.providers)).tolist()
+    ranked = _Ranked.of(query, columns, able, lifting.split, now_ms=now_ms)
+    chosen = _in_turn(ranked, len(columns.providers)).tolist()
     kept = [row for row in columns.rows_of(query.kept_drone_ids) if row in able]
     candidates = [columns.drones[row] for row in dict.fromkeys((*chosen, *kept))]
     compared = {drone.provider_id for drone in candidates}
@@ -196,3 +201,79 @@ def payload_limit(fleet: Fleet, choice: ProviderChoice) -> PayloadLimit:
             if provider_id not in fleet.providers
         ),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Ranked:
+    """Able drones in order: those that can be at the pickup first, then the fullest; ties by id.
+
+    The time to the pickup counts from now, with the missions that the drone has before.
+
+    They include every drone that can become a candidate.
+    """
+
+    rows: Rows
+    provider: npt.NDArray[np.int32]
+    #: Sorts the drones of a provider that would split the request: the strongest first.
+    weakness_kg: npt.NDArray[np.float64]
+
+    @classmethod
+    def of(
+        cls,
+        query: CandidateQuery,
+        columns: FleetColumns,
+        able: Rows,
+        split: Flags,
+        *,
+        now_ms: int,
+    ) -> "_Ranked":
+        """The ranked rows of `able`, without drones that are too far to become candidates."""
+        is_away = columns.column("station")[able] != columns.station(query.pickup_station_id)
+        # The chord is a little shorter than the way along the ground, and is cheap to compute.
+        x, y, z = unit_vector(query.pickup_position)
+        chord = (
+            (columns.column("x")[able] - x) ** 2
+            + (columns.column("y")[able] - y) ** 2
+            + (columns.column("z")[able] - z) ** 2
+        )
+        flight_s = EARTH_RADIUS_M * np.sqrt(chord) / columns.column("speed_mps")[able]
+        wait_s = np.maximum(0, columns.column("free_ms")[able] - now_ms) / 1000
+        arrival_s = np.where(is_away, flight_s, 0.0) + wait_s
+        near = _near_enough(arrival_s, columns.column("provider")[able], split)
+        able, arrival_s = able[near], arrival_s[near]
+        emptiness = -columns.column("soc")[able]
+        rows = able[np.lexsort((columns.order[able], emptiness, is_away[near], arrival_s))]
+        provider = columns.column("provider")[rows]
+        weakness_kg = np.where(split[provider], -columns.column("payload_kg")[rows], 0.0)
+        return cls(rows, provider, weakness_kg)
+
+
+def _near_enough(
+    arrival_s: npt.NDArray[np.float64], provider: npt.NDArray[np.int32], split: Flags
+) -> Flags:
+    """Which drones are ranked: not those with enough nearer drones of the same provider.
+
+    Ranking thousands of drones would take longer than everything else.
+    """
+    if len(arrival_s) <= _WORTH_RANKING:
+        return np.ones(len(arrival_s), np.bool_)
+    near: Flags = arrival_s <= np.partition(arrival_s, _WORTH_RANKING)[_WORTH_RANKING]
+    is_short = np.bincount(provider[near], minlength=len(split)) < MAX_CANDIDATES_PER_PROVIDER
+    is_needed: Flags = near | (is_short | split)[provider]
+    return is_needed
+
+
+def _in_turn(ranked: _Ranked, providers: int) -> Rows:
+    """The candidates, nearest first; each provider's best comes before any provider's second."""
+    if not len(ranked.rows):
+        return ranked.rows
+    # A stable sort: within a provider the rank stays, unless its strongest drones go first.
+    by_provider = np.lexsort((ranked.weakness_kg, ranked.provider))
+    provider = ranked.provider[by_provider]
+    first = np.searchsorted(provider, np.arange(providers))
+    turn = np.empty(len(provider), np.intp)
+    turn[by_provider] = np.arange(len(provider)) - first[provider]
+    chosen = np.argsort(turn, kind="stable")
+    chosen = chosen[turn[chosen] < MAX_CANDIDATES_PER_PROVIDER][:MAX_CANDIDATES]
+    rows: Rows = ranked.rows[np.sort(chosen)]
+    return rows

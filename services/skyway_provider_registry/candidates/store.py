@@ -14,7 +14,7 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvider
 from skyway_provider_registry.change_store import ONLY_ROW, ChangeMarks
 from skyway_provider_registry.presence.drone_presence import SILENCE
-from skyway_provider_registry.presence.mission_hint_store import IS_LAST_MISSION, LAST_MISSION
+from skyway_provider_registry.presence.store import IS_LAST_MISSION, LAST_MISSION
 from skyway_provider_registry.providers import store as providers
 from skyway_provider_registry.tables import changes, drones, mission_hints, presence
 

@@ -12,7 +12,7 @@ from skyway.broker_setup.passwords import hash_password, write_password_file
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.identity import read_secret
 from skyway.runtime.sql.database import Database
-from skyway_provider_registry.enrolment import account_store
+from skyway_provider_registry.enrolment import credential_store
 
 log = logging.getLogger(__name__)
 
@@ -82,7 +82,7 @@ class PasswordFile:
         if not self._deployment_hashes:
             self._deployment_hashes = self._hash_deployment_users()
         async with self._db.read() as connection:
-            accounts = await account_store.every_hash(connection)
+            accounts = await credential_store.every_hash(connection)
         accounts.update(self._deployment_hashes)
         try:
             await asyncio.to_thread(write_password_file, self._path, accounts)

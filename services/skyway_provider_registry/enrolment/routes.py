@@ -14,7 +14,7 @@ from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
-from skyway_provider_registry.enrolment import account_store, drone_key_store
+from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import DEPLOYMENT_USERS, PasswordFile
 
 #: Prefix of drone ids: a customer with such a name could act as a drone.
@@ -45,7 +45,7 @@ def enrolment_routes(
         caller.must_be("service")
         _refuse_reserved(user_name)
         async with db.write() as tx:
-            await account_store.put_customer(
+            await credential_store.put_customer(
                 tx, user_name, password_hash=hash_password(requested.password)
             )
         await password_file.refresh()
@@ -59,7 +59,7 @@ def enrolment_routes(
         caller.must_be("service")
         _refuse_reserved(user_name)
         async with db.write() as tx:
-            await account_store.remove_customer(tx, user_name)
+            await credential_store.remove_customer(tx, user_name)
         await password_file.refresh()
         return Response(status_code=204)
 
@@ -85,12 +85,12 @@ def drone_key_routes(
         """Whose key this is; the first use of a rotated one ends the one before."""
         caller.must_be("service")
         async with db.read() as connection:
-            found = await drone_key_store.shown(connection, query.key_hash)
+            found = await credential_store.shown_key(connection, query.key_hash)
         if found is None:
             return DroneKeyAnswer(drone_id=None)
         if found.is_next:
             async with db.write() as tx:
-                await drone_key_store.bring_into_force(tx, query.key_hash)
+                await credential_store.bring_into_force(tx, query.key_hash)
             await password_file.refresh()
         return DroneKeyAnswer(drone_id=found.drone_id)
 

@@ -14,8 +14,7 @@ from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.sql.database import Database, Tx
-from skyway_provider_registry.enrolment import token_store as tokens
-from skyway_provider_registry.enrolment.drone_secrets import token_hash
+from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.issue_credentials import (
@@ -28,6 +27,7 @@ from skyway_provider_registry.fleets.issue_credentials import (
     issue_token,
     revoke,
     rotate,
+    token_hash,
 )
 
 _DRONE = "/v1/providers/{provider_id}/drones/{drone_id}"
@@ -86,7 +86,7 @@ def credential_routes(
         caller.must_be("service")
 
         async with db.read() as connection:
-            await tokens.must_exist(connection, token_hash(requested.enrolment_token))
+            await credential_store.require_token(connection, token_hash(requested.enrolment_token))
 
         async def act(tx: Tx) -> Enrolment:
             return await enrol(

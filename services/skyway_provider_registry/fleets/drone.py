@@ -1,7 +1,8 @@
-"""A drone as its provider registers it, changes it and sees it, and its state for the provider."""
+"""A drone as its provider registers it, changes it and sees it, and as the registry knows it."""
 
+from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field, field_validator
 
@@ -14,7 +15,7 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, DroneModelId, MissionId, ProviderId, StationId
 from skyway.json_model import JsonModel
-from skyway_provider_registry.presence.drone_presence import Activity, Presence
+from skyway_provider_registry.presence.drone_presence import Activity, Presence, condition_of
 
 DroneStateName = Literal[
     "REGISTERED",
@@ -25,6 +26,27 @@ DroneStateName = Literal[
     "OFFLINE",
     "MAINTENANCE",
     "GROUNDED",
+]
+
+T = TypeVar("T")
+
+#: Most drones that one call registers.
+MAX_NEW_DRONES = 5_000
+
+DroneName = Annotated[
+    str,
+    Field(min_length=1, max_length=200, description="name for people", examples=["Heron 1"]),
+]
+ModelId = Annotated[DroneModelId, Field(description="id of the drone model")]
+HomeStationId = Annotated[StationId, Field(description="id of the drone's home station")]
+Registration = Annotated[
+    str,
+    Field(
+        min_length=1,
+        max_length=64,
+        description="the aircraft's registration mark, unique within its provider",
+        examples=["N123SK"],
+    ),
 ]
 
 
@@ -74,28 +96,6 @@ def state_named(
     if activity == "RECHARGING":
         return "RECHARGING"
     return "RESERVED" if has_mission else "AVAILABLE"
-
-
-T = TypeVar("T")
-
-#: Most drones that one call registers.
-MAX_NEW_DRONES = 5_000
-
-DroneName = Annotated[
-    str,
-    Field(min_length=1, max_length=200, description="name for people", examples=["Heron 1"]),
-]
-ModelId = Annotated[DroneModelId, Field(description="id of the drone model")]
-HomeStationId = Annotated[StationId, Field(description="id of the drone's home station")]
-Registration = Annotated[
-    str,
-    Field(
-        min_length=1,
-        max_length=64,
-        description="the aircraft's registration mark, unique within its provider",
-        examples=["N123SK"],
-    ),
-]
 
 
 class NewDrone(JsonModel):
@@ -219,3 +219,68 @@ class RegisteredDrones(JsonModel):
     items: Annotated[
         tuple[RegisteredDrone, ...], Field(description="the new drones, in the order of the list")
     ]
+
+
+@dataclass(frozen=True, slots=True)
+class FleetDrone:
+    """A registered drone; `initial_soc` is its charge until its first `state` message.
+
+    Without a `standby` of its own it has its provider's.
+    """
+
+    drone_id: DroneId
+    provider_id: ProviderId
+    model: DroneModel
+    home_station_id: StationId
+    home_position: Position
+    name: str | None
+    registration: str | None
+    standby: Standby | None
+    initial_soc: float
+    is_in_maintenance: bool
+    created_at: datetime
+    presence: Presence
+    free_from: FreeFrom | None = None
+
+    def state(self, wall_now: datetime) -> DroneStateName:
+        """Its state at this moment of wall time."""
+        return state_of(self.presence, is_in_maintenance=self.is_in_maintenance, wall_now=wall_now)
+
+    def shown(self, wall_now: datetime) -> Drone:
+        """The drone as its provider sees it."""
+        return Drone.model_construct(**self._members(wall_now))
+
+    def shown_once(self, wall_now: datetime, *, password: str, token: str) -> RegisteredDrone:
+        """The drone as its provider sees it once: with its token and its broker account."""
+        account = MqttAccount(user_name=self.drone_id, password=password)
+        return RegisteredDrone.model_construct(
+            **self._members(wall_now), enrolment_token=token, mqtt=account
+        )
+
+    def _members(self, wall_now: datetime) -> dict[str, Any]:  # of every type
+        """The members of a `Drone`, which are valid already; a fleet has thousands of drones."""
+        reported = self.presence.state
+        condition = condition_of(reported.condition if reported else None)
+        position, soc = self.presence.place or (None, self.initial_soc)
+        return {
+            "drone_id": self.drone_id,
+            "provider_id": self.provider_id,
+            "model_id": self.model.model_id,
+            "model": self.model,
+            "home_station_id": self.home_station_id,
+            "home_position": self.home_position,
+            "name": self.name,
+            "registration": self.registration,
+            "standby": self.standby,
+            "state": self.state(wall_now),
+            "soc": soc,
+            "station_id": reported.station_id if reported else None,
+            "position": position,
+            "activity": reported.activity if reported else None,
+            "mission_id": self.presence.mission_id,
+            "free_from": self.free_from,
+            "health": condition.health,
+            "faults": condition.faults,
+            "failsafe": condition.failsafe,
+            "last_seen_at": self.presence.last_seen_at,
+        }

@@ -13,7 +13,7 @@ from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
-from skyway_provider_registry.fleets import drone_model_store
+from skyway_provider_registry.fleets.store import every_model, put_model
 
 
 def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
@@ -27,7 +27,7 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         """List all drone models, by id."""
         after = query.after(str)
         async with db.read() as connection:
-            models = await drone_model_store.every(connection)
+            models = await every_model(connection)
         rest = [one for one in models.values() if after is None or one.model_id > str(after[0])]
         shown = rest[: query.limit + 1]
         return page_of(shown, query, item=lambda one: one, sort_key=lambda one: (one.model_id,))
@@ -38,7 +38,7 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     ) -> DroneModel:
         """Show a drone model."""
         async with db.read() as connection:
-            models = await drone_model_store.every(connection)
+            models = await every_model(connection)
         if model_id not in models:
             raise NotFound("drone model", model_id)
         return models[model_id]
@@ -61,7 +61,7 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         if requested.model_id != model_id:
             raise InvalidInput("model_id", f"{requested.model_id!r} is not the path's {model_id!r}")
         async with db.write() as tx:
-            is_new = await drone_model_store.put(tx, requested)
+            is_new = await put_model(tx, requested)
         response.status_code = 201 if is_new else 200
         return requested
 

@@ -1,6 +1,9 @@
 """Issues a drone's credentials: the first by a token, the next ones by a rotation."""
 
-from datetime import datetime
+import hashlib
+import secrets
+from collections.abc import Iterable
+from datetime import datetime, timedelta
 from typing import Annotated, Final
 
 from pydantic import Field
@@ -8,6 +11,7 @@ from pydantic import Field
 from skyway.bounds import Moment
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.passwords import hash_password
+from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.contracts.message import Soc
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
@@ -15,23 +19,20 @@ from skyway.ids import DroneId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import AccessDenied
 from skyway.runtime.sql.database import Tx
-from skyway_provider_registry.enrolment import account_store as accounts
-from skyway_provider_registry.enrolment import drone_key_store as drone_keys
-from skyway_provider_registry.enrolment import token_store as tokens
-from skyway_provider_registry.enrolment.drone_secrets import (
-    TOKEN_LIFE,
-    key_hash,
-    new_key,
-    new_password,
-    new_token,
-    token_hash,
-)
+from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.drone import MqttAccount
 from skyway_provider_registry.presence import store as presence
 
 #: Characters.
 _LONGEST_TOKEN: Final = 200
+
+_ENROLMENT_PREFIX: Final = "enr_"
+#: 256 bits: nobody guesses such a secret, so a fast hash is safe enough.
+_SECRET_BYTES: Final = 32
+
+#: How long an enrolment token can be exchanged, wall time.
+TOKEN_LIFE: Final = timedelta(days=30)
 
 
 class EnrolmentRequest(JsonModel):
@@ -110,9 +111,9 @@ class Issuer:
     def make(self, drone_id: DroneId) -> Credentials:
         """New credentials, not stored yet; this only computes."""
         return Credentials(
-            mqtt=MqttAccount(user_name=drone_id, password=new_password()),
+            mqtt=MqttAccount(user_name=drone_id, password=_new_password()),
             certificate=self._certificate(drone_id),
-            key=new_key(),
+            key=_new_key(),
         )
 
     def _certificate(self, drone_id: DroneId) -> ClientCertificate | None:
@@ -129,7 +130,9 @@ class Issuer:
 async def issue_token(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> IssuedToken:
     """A new token for a drone; it replaces the old token, and the credentials stay valid."""
     token, expires_at = new_token(), wall_now + TOKEN_LIFE
-    await tokens.put(tx, drone_id, token_hash=token_hash(token), expires_at=expires_at)
+    await credential_store.put_token(
+        tx, drone_id, token_hash=token_hash(token), expires_at=expires_at
+    )
     return IssuedToken(drone_id=drone_id, enrolment_token=token, expires_at=expires_at)
 
 
@@ -143,11 +146,13 @@ async def enrol(tx: Tx, token: str, *, issuer: Issuer, wall_now: datetime) -> En
     Conflict
         The token was used before or is too old.
     """
-    drone_id = await tokens.use(tx, token_hash(token), at=wall_now)
+    drone_id = await credential_store.use_token(tx, token_hash(token), at=wall_now)
     drone = (await store.by_id(tx.connection, drone_id)).shown(wall_now)
     made = issuer.make(drone_id)
-    await accounts.set_password(tx, drone_id, password_hash=hash_password(made.mqtt.password))
-    await drone_keys.put(tx, drone_id, key_hash=key_hash(made.key))
+    await credential_store.set_password(
+        tx, drone_id, password_hash=hash_password(made.mqtt.password)
+    )
+    await credential_store.put_key(tx, drone_id, key_hash=_key_hash(made.key))
     return Enrolment(
         drone_id=drone_id,
         provider_id=drone.provider_id,
@@ -172,10 +177,10 @@ async def rotate(tx: Tx, drone_id: DroneId, *, issuer: Issuer) -> Credentials:
         The drone's credentials were revoked in the meantime.
     """
     made = issuer.make(drone_id)
-    has_key = await drone_keys.put_next(
+    has_key = await credential_store.put_next_key(
         tx,
         drone_id,
-        key_hash=key_hash(made.key),
+        key_hash=_key_hash(made.key),
         password_hash=hash_password(made.mqtt.password),
     )
     if not has_key:
@@ -186,6 +191,37 @@ async def rotate(tx: Tx, drone_id: DroneId, *, issuer: Issuer) -> Credentials:
 async def revoke(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> None:
     """Stop the drone's account, key and token, and count the drone as lost."""
     await presence.cut_off(tx, drone_id)
-    await accounts.revoke(tx, drone_id, at=wall_now)
-    await drone_keys.remove(tx, drone_id)
-    await tokens.remove(tx, drone_id)
+    await credential_store.block_account(tx, drone_id, at=wall_now)
+    await credential_store.remove_keys(tx, drone_id)
+    await credential_store.remove_token(tx, drone_id)
+
+
+def _new_password() -> str:
+    """A random broker password."""
+    return secrets.token_urlsafe(_SECRET_BYTES)
+
+
+def new_passwords(drone_ids: Iterable[DroneId]) -> tuple[dict[DroneId, str], dict[DroneId, str]]:
+    """A random broker password for each drone, and its hash; 5,000 of them take 0.3 s."""
+    passwords = {drone_id: _new_password() for drone_id in drone_ids}
+    return passwords, {drone: hash_password(password) for drone, password in passwords.items()}
+
+
+def _new_key() -> str:
+    """A new key, which the drone shows when it calls REST."""
+    return DRONE_KEY_PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
+
+
+def _key_hash(key: str) -> str:
+    """The hash that is stored of a key; the gateway asks with the same hash."""
+    return hashlib.sha256(key.encode()).hexdigest()
+
+
+def new_token() -> str:
+    """A new enrolment token."""
+    return _ENROLMENT_PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
+
+
+def token_hash(token: str) -> str:
+    """The hash that is stored of a token, and by which a shown token is looked up."""
+    return hashlib.sha256(token.encode()).hexdigest()

@@ -13,17 +13,15 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway_provider_registry.change_store import next_change
-from skyway_provider_registry.enrolment import account_store as accounts
-from skyway_provider_registry.enrolment import token_store as tokens
-from skyway_provider_registry.enrolment.drone_secrets import (
+from skyway_provider_registry.enrolment import credential_store
+from skyway_provider_registry.fleets import store
+from skyway_provider_registry.fleets.drone import FleetDrone, NewDrone, RegisteredDrone
+from skyway_provider_registry.fleets.issue_credentials import (
     TOKEN_LIFE,
     new_passwords,
     new_token,
     token_hash,
 )
-from skyway_provider_registry.fleets import store
-from skyway_provider_registry.fleets.drone import NewDrone, RegisteredDrone
-from skyway_provider_registry.fleets.fleet_drone import FleetDrone
 from skyway_provider_registry.presence import sighting_store as sightings
 from skyway_provider_registry.presence.drone_presence import NEVER_SEEN
 
@@ -110,8 +108,10 @@ async def store_drones(tx: Tx, prepared: PreparedDrones) -> None:
     change = await next_change(tx)
     await store.add(tx, prepared.drones)
     await sightings.begin(tx, prepared.password_hashes, change=change)
-    await accounts.add_drones(tx, prepared.password_hashes)
-    await tokens.add_new(tx, prepared.token_hashes, expires_at=prepared.tokens_expire_at)
+    await credential_store.add_accounts(tx, prepared.password_hashes)
+    await credential_store.add_tokens(
+        tx, prepared.token_hashes, expires_at=prepared.tokens_expire_at
+    )
 
 
 @dataclass(frozen=True, slots=True)

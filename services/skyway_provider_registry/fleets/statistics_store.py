@@ -15,8 +15,7 @@ from skyway.json_model import JsonModel
 from skyway.runtime.sql.connection import AnyRow
 from skyway.units import ms_to_moment
 from skyway_provider_registry.fleets.drone import DroneStateName, state_named
-from skyway_provider_registry.presence.mission_hint_store import IS_LAST_MISSION, LAST_MISSION
-from skyway_provider_registry.presence.store import PRESENCE
+from skyway_provider_registry.presence.store import IS_LAST_MISSION, LAST_MISSION, PRESENCE
 from skyway_provider_registry.tables import drones
 
 _NAMES: Final = (

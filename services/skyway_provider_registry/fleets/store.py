@@ -1,4 +1,4 @@
-"""All SQL of the fleets; each query finds only drones that its caller may see."""
+"""All SQL of the fleets and of drone models; a query finds only drones that its caller may see."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -7,6 +7,7 @@ from sqlalchemy import ColumnElement, delete, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.drone.model import DroneModel
+from skyway.drone.models import DRONE_MODELS
 from skyway.geo import Position
 from skyway.ids import DroneId, DroneModelId, ProviderId
 from skyway.runtime.errors import Conflict, NotFound, RowRefused
@@ -16,16 +17,17 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.change_store import mark_removal
-from skyway_provider_registry.fleets import drone_model_store as drone_models
-from skyway_provider_registry.fleets.fleet_drone import FleetDrone
-from skyway_provider_registry.presence.mission_hint_store import (
+from skyway_provider_registry.fleets.drone import FleetDrone
+from skyway_provider_registry.presence.store import (
     IS_LAST_MISSION,
     LAST_MISSION,
+    PRESENCE,
     free_from_of,
+    presence_of,
+    touch,
 )
-from skyway_provider_registry.presence.store import PRESENCE, presence_of, touch
 from skyway_provider_registry.providers.store import owned
-from skyway_provider_registry.tables import drones
+from skyway_provider_registry.tables import drone_models, drones
 
 #: Registrations in one IN list.
 _CHUNK: Final = 500
@@ -37,6 +39,8 @@ _fleet = (
     .join_from(drones, _presence, _presence.c.drone_id == drones.c.drone_id)
     .outerjoin(LAST_MISSION, IS_LAST_MISSION)
 )
+
+Models = Mapping[DroneModelId, DroneModel]
 
 
 async def add(tx: Tx, new_drones: Sequence[FleetDrone]) -> None:
@@ -85,7 +89,7 @@ async def of_caller(
     row = (await connection.execute(statement)).one_or_none()
     if row is None:
         raise NotFound("drone", drone_id)
-    return _drone(row, await drone_models.every(connection))
+    return _drone(row, await every_model(connection))
 
 
 async def by_id(connection: AsyncConnection, drone_id: DroneId) -> FleetDrone:
@@ -99,7 +103,7 @@ async def by_id(connection: AsyncConnection, drone_id: DroneId) -> FleetDrone:
     row = (await connection.execute(_fleet.where(drones.c.drone_id == drone_id))).one_or_none()
     if row is None:
         raise NotFound("drone", drone_id)
-    return _drone(row, await drone_models.every(connection))
+    return _drone(row, await every_model(connection))
 
 
 async def page_of_caller(
@@ -110,7 +114,7 @@ async def page_of_caller(
     if (after := query.after(str)) is not None:
         statement = statement.where(drones.c.drone_id > after[0])
     statement = statement.order_by(drones.c.drone_id).limit(query.limit + 1)
-    models = await drone_models.every(connection)
+    models = await every_model(connection)
     return [_drone(row, models) for row in await connection.execute(statement)]
 
 
@@ -194,3 +198,45 @@ def _drone(row: AnyRow, models: Mapping[DroneModelId, DroneModel]) -> FleetDrone
         presence=presence_of(row),
         free_from=free_from_of(row),
     )
+
+
+async def every_model(connection: AsyncConnection) -> Models:
+    """All models, sorted by id."""
+    found = await connection.execute(select(drone_models.c.model))
+    added = [DroneModel.read(text) for text in found.scalars()]
+    models = {**{model.model_id: model for model in added}, **DRONE_MODELS}
+    return dict(sorted(models.items()))
+
+
+async def put_model(tx: Tx, model: DroneModel) -> bool:
+    """Store a model under its id; True when the id is new.
+
+    Raises
+    ------
+    Conflict
+        The id belongs to another model of the library, or to a model of registered drones. The
+        abilities of these drones must not change while plans use them.
+    """
+    previous = (await every_model(tx.connection)).get(model.model_id)
+    if previous == model:
+        return False
+    if model.model_id in DRONE_MODELS:
+        raise Conflict("NAMED_MODEL", f"{model.model_id} is one of Skyway's own drone models")
+    if previous is not None and await _has_drones(tx, model.model_id):
+        raise Conflict(
+            "MODEL_IN_USE", f"drones of model {model.model_id} are registered: choose another id"
+        )
+    row = {"model_id": model.model_id, "model": model.model_dump_json()}
+    statement = tx.insert(drone_models).values(row)
+    await tx.execute(
+        statement.on_conflict_do_update(
+            index_elements=["model_id"], set_={"model": statement.excluded.model}
+        )
+    )
+    return previous is None
+
+
+async def _has_drones(tx: Tx, model_id: DroneModelId) -> bool:
+    statement = select(drones.c.drone_id).where(drones.c.model_id == model_id).limit(1)
+    row: AnyRow | None = (await tx.execute(statement)).one_or_none()
+    return row is not None

@@ -1,5 +1,5 @@
 """Presence: the last messages of each drone, and the mission it is on.
 
 `follow` receives the messages of drones, `sighting_store` picks the newest ones and stores them.
-`mission_hint_store` keeps composition's reports. `drone_presence` is the result.
+`store` reads presence, and keeps composition's reports. `drone_presence` is the result.
 """

@@ -16,7 +16,7 @@ from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
-from skyway_provider_registry.presence.mission_hint_store import store_reports
+from skyway_provider_registry.presence.store import store_reports
 
 
 def presence_routes(*, db: Database, clock: FleetClock, gate: ServiceGate) -> ServiceRouter:

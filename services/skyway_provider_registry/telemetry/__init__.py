@@ -1,4 +1,4 @@
 """Telemetry: the samples of drones for a day, and averages of minutes for a month.
 
-`recorder` stores samples, `thinning` replaces old samples by minutes, and `query` reads pages.
+`keep_telemetry` stores samples and replaces old samples by minutes, `page` reads pages.
 """

@@ -16,8 +16,13 @@ from skyway.runtime.http.paging import Page
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.fleets import store as fleets
-from skyway_provider_registry.telemetry.measured import GEOJSON, Measured, feature_collection
-from skyway_provider_registry.telemetry.query import TelemetryQuery, page_of_telemetry
+from skyway_provider_registry.telemetry.page import (
+    GEOJSON,
+    Measured,
+    TelemetryQuery,
+    feature_collection,
+    page_of_telemetry,
+)
 
 _OfMinute = Field(description="Of a minute only, over its samples.")
 

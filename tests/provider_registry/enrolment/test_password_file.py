@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from skyway_provider_registry.enrolment import account_store
+from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 
 from skyway.broker_setup.passwords import hash_password, matches, read_password_file
@@ -39,7 +39,7 @@ def broker() -> Iterator["subprocess.Popen[str]"]:
 
 async def put_customer(db: Database, name: str) -> None:
     async with db.write() as tx:
-        await account_store.put_customer(
+        await credential_store.put_customer(
             tx, SubjectId(name), password_hash=hash_password(f"password of {name}")
         )
 

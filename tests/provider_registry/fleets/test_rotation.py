@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.tables import presence
-from skyway_provider_registry.verify.rules import RULES
+from skyway_provider_registry.verify import RULES
 from sqlalchemy import update
 
 from skyway.broker_setup.passwords import matches, read_password_file

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.presence.follow import PresenceFollower
-from skyway_provider_registry.telemetry.recorder import BATCH, TelemetryRecorder
+from skyway_provider_registry.telemetry.keep_telemetry import BATCH, TelemetryRecorder
 
 from skyway.contracts.topics import TELEMETRY
 from skyway.ids import DroneId

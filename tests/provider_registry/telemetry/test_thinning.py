@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.tables import telemetry_minutes, telemetry_samples
+from skyway_provider_registry.telemetry.keep_telemetry import KeepTimes, Thinning
 from skyway_provider_registry.telemetry.store import PIECE
-from skyway_provider_registry.telemetry.thinning import KeepTimes, Thinning
 from sqlalchemy import func, select
 
 from skyway.runtime.clock import ManualClock

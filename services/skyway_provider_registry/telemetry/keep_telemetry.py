@@ -1,11 +1,15 @@
-"""Stores telemetry: samples wait in memory for a moment, then many go into one transaction.
+"""Keeps telemetry: stores new samples, and thins old ones to minutes that are deleted later.
 
-Telemetry never delays anything else. When the database is slow or gone, samples wait. When too many
-wait, the oldest are dropped and counted.
+Telemetry never delays anything else. Samples wait in memory for a moment, then many go into one
+transaction. When the database is slow or gone, samples wait longer. When too many wait, the oldest
+are dropped and counted.
 """
 
+import asyncio
 from collections import deque
 from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import timedelta
 from typing import Final
 
 from skyway.contracts.drone_report import Telemetry
@@ -25,6 +29,9 @@ MOST_WAITING: Final = 30_000
 #: How far a drone's clock may be off, in seconds of fleet time, and of wall time.
 _CLOCK_FLEET_S: Final = 3600.0
 _CLOCK_WALL_S: Final = 60.0
+
+#: Wall seconds between two transactions, so that other writers get a turn.
+PAUSE_S: Final = 0.1
 
 
 class TelemetryRecorder:
@@ -80,3 +87,60 @@ class TelemetryRecorder:
 def _count_dropped(samples: int, *, reason: str) -> None:
     if samples:
         count("skyway_telemetry_dropped", "samples not written", samples, reason=reason)
+
+
+@dataclass(frozen=True, slots=True)
+class KeepTimes:
+    """How long samples and minutes are kept, wall time since they were received."""
+
+    samples_for: timedelta
+    minutes_for: timedelta
+
+
+class Thinning:
+    """Goes through all drones with telemetry, again and again.
+
+    Each transaction handles about five hundred rows of one drone. Several replicas may do so at the
+    same time: rows that one replica has thinned are gone for the others.
+    """
+
+    def __init__(
+        self, db: Database, clock: FleetClock, keeping: KeepTimes, *, pause_s: float = PAUSE_S
+    ) -> None:
+        self._db = db
+        self._clock = clock
+        self._keeping = keeping
+        self._pause_s = pause_s
+        self._done = ""
+
+    async def step(self) -> bool:
+        """Step of a loop: thin the telemetry of the next drone; False at the end of a round."""
+        async with self._db.read() as connection:
+            drone_id = await store.next_drone(connection, after=self._done)
+            if drone_id is None:
+                self._done = ""
+                return False
+            is_registered = await store.is_registered(connection, drone_id)
+        has_more = True
+        while has_more:
+            if is_registered:
+                has_more = await self._thin(drone_id)
+            else:
+                has_more = await self._delete(drone_id)
+            await asyncio.sleep(self._pause_s)
+        self._done = drone_id
+        return True
+
+    async def _thin(self, drone_id: DroneId) -> bool:
+        wall_now = self._clock.wall_now()
+        samples_ms = moment_to_ms(wall_now - self._keeping.samples_for)
+        minutes_ms = moment_to_ms(wall_now - self._keeping.minutes_for)
+        async with self._db.write() as tx:
+            has_samples = await store.thin(tx, drone_id, received_before_ms=samples_ms)
+            has_minutes = await store.delete_minutes(tx, drone_id, received_before_ms=minutes_ms)
+        return has_samples or has_minutes
+
+    async def _delete(self, drone_id: DroneId) -> bool:
+        """Delete the telemetry of a removed drone."""
+        async with self._db.write() as tx:
+            return await store.delete_all(tx, drone_id)

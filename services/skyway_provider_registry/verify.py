@@ -1,0 +1,231 @@
+"""Verification: what must always hold in the registry's database (docs/reference/invariants.md).
+
+`RULES` are all rules: of drones with their accounts and keys, and of hints and change numbers, by
+which candidates are selected. `FACTS` are compared with composition's facts.
+"""
+
+import sys
+from collections.abc import AsyncIterator
+from typing import Final
+
+from sqlalchemy import Column, ColumnElement, and_, func, literal, or_, select
+
+from skyway.broker_setup.passwords import read_hash
+from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.contracts.service_facts import AnyFacts, DroneFacts, HintFacts, ProviderFacts
+from skyway.delivery.offer import Tariff
+from skyway.drone.model import DroneModel
+from skyway.drone.models import DRONE_MODELS
+from skyway.runtime.verification.fact_files import FactReader
+from skyway.runtime.verification.hash_forms import read_fernet_token, read_sha256
+from skyway.runtime.verification.rule import Rule
+from skyway.runtime.verification.storage_rules import storage_rules
+from skyway.runtime.verification.stored_forms import form_rule
+from skyway.runtime.verification.survey import Survey
+from skyway_provider_registry.change_store import ONLY_ROW
+from skyway_provider_registry.presence.drone_presence import Condition
+from skyway_provider_registry.tables import (
+    broker_accounts,
+    changes,
+    drone_keys,
+    drone_models,
+    drones,
+    enrolment_tokens,
+    idempotency,
+    metadata,
+    mission_hints,
+    presence,
+    providers,
+    telemetry_samples,
+)
+
+_is_drone_account = broker_accounts.c.kind == "DRONE"
+
+_newest_change = select(func.coalesce(func.max(presence.c.changed), 0)).scalar_subquery()
+_rows = select(func.count()).select_from(changes).scalar_subquery()
+
+_SETTLES: Final = (
+    "Composition decides which drones are busy (GET /v1/missions?drone_id=...). Set `is_live` and "
+    "`mission_state` to the state of the mission there, and `presence.changed` of the drone to a "
+    "new number of `changes.latest`."
+)
+
+_HINTS: Final = (
+    Rule(
+        "a hint is live while its mission is",
+        select(mission_hints.c.mission_id).where(
+            mission_hints.c.is_live != mission_hints.c.mission_state.in_(LIVE_MISSION_STATES)
+        ),
+        _SETTLES,
+    ),
+    Rule(
+        "a hint says when, where and with what charge its drone is free, or nothing",
+        select(mission_hints.c.mission_id).where(
+            or_(
+                mission_hints.c.free_ms.is_(None) != mission_hints.c.free_station_id.is_(None),
+                mission_hints.c.free_ms.is_(None) != mission_hints.c.free_soc.is_(None),
+                ~mission_hints.c.free_soc.between(0, 1),
+            )
+        ),
+        "Set `free_ms`, `free_station_id` and `free_soc` to NULL: the drone counts as busy until "
+        "the mission's next report, or its end.",
+    ),
+    Rule(
+        "the change numbers are not behind the changes",
+        select(literal("changes")).where(
+            or_(
+                and_(_newest_change > 0, _rows == 0),
+                select(func.count())
+                .select_from(changes)
+                .where(
+                    or_(
+                        changes.c.only != ONLY_ROW,
+                        changes.c.latest < _newest_change,
+                        changes.c.latest < changes.c.providers,
+                        changes.c.latest < changes.c.removals,
+                    )
+                )
+                .scalar_subquery()
+                > 0,
+            )
+        ),
+        "Readers that have seen a larger number miss all changes up to it. Set `changes.latest` to "
+        "more than every `presence.changed`, and restart the registry.",
+    ),
+)
+
+_FORMS: Final = form_rule(
+    {
+        providers.c.tariff: Tariff.read,
+        drone_models.c.model: DroneModel.read,
+        presence.c.condition: Condition.read,
+        broker_accounts.c.password_hash: read_hash,
+        enrolment_tokens.c.token_hash: read_sha256,
+        drone_keys.c.key_hash: read_sha256,
+        drone_keys.c.next_key_hash: read_sha256,
+        drone_keys.c.next_password_hash: read_hash,
+        idempotency.c.key_hash: read_sha256,
+        idempotency.c.answer: read_fernet_token,
+    }
+)
+
+
+def _is_outside(longitude: Column[float], latitude: Column[float]) -> ColumnElement[bool]:
+    """Whether a place is nowhere on earth; False if it is not known."""
+    return or_(~longitude.between(-180, 180), ~latitude.between(-90, 90))
+
+
+def _is_endless(value: Column[float]) -> ColumnElement[bool]:
+    return ~value.between(-sys.float_info.max, sys.float_info.max)
+
+
+_DRONES: Final = (
+    Rule(
+        "every drone has a broker account",
+        select(drones.c.drone_id).where(
+            drones.c.drone_id.not_in(select(broker_accounts.c.user_name).where(_is_drone_account))
+        ),
+        "The broker refuses the drone. Give it a new enrolment token (POST "
+        "/v1/providers/{id}/drones/{id}/enrolment): enrolling opens an account, once its row "
+        "exists: restore the row of `broker_accounts` from a backup first.",
+    ),
+    Rule(
+        "every drone's broker account has a drone",
+        select(broker_accounts.c.user_name).where(
+            _is_drone_account, broker_accounts.c.user_name.not_in(select(drones.c.drone_id))
+        ),
+        "If the drone was removed, delete the row of `broker_accounts`. If not, restore the drone "
+        "with its presence from a backup.",
+    ),
+    Rule(
+        "every drone has one presence",
+        select(drones.c.drone_id).where(drones.c.drone_id.not_in(select(presence.c.drone_id))),
+        "Restore the row of `presence` from a backup; the drone's next messages fill it again.",
+    ),
+    Rule(
+        "every presence has a drone",
+        select(presence.c.drone_id).where(presence.c.drone_id.not_in(select(drones.c.drone_id))),
+        "If the drone was removed, delete the row of `presence`. If not, restore the drone.",
+    ),
+    Rule(
+        "every drone has an existing model",
+        select(drones.c.drone_id).where(
+            drones.c.model_id.not_in(select(drone_models.c.model_id)),
+            drones.c.model_id.not_in(list(DRONE_MODELS)),
+        ),
+        "Add the model again (PUT /v1/drone-models/{id}), with the values that the missions of the "
+        "drone show in composition's `missions.candidate`.",
+    ),
+    Rule(
+        "a drone's charge and place are possible",
+        select(presence.c.drone_id).where(
+            or_(
+                ~presence.c.soc.between(0, 1),
+                _is_outside(presence.c.longitude_deg, presence.c.latitude_deg),
+                _is_outside(presence.c.sample_longitude_deg, presence.c.sample_latitude_deg),
+                ~presence.c.sample_soc.between(0, 1),
+                (presence.c.activity.is_(None)) != (presence.c.state_at_ms.is_(None)),
+                and_(
+                    presence.c.activity.is_not(None),
+                    or_(
+                        presence.c.longitude_deg.is_(None),
+                        presence.c.latitude_deg.is_(None),
+                        presence.c.soc.is_(None),
+                    ),
+                ),
+            )
+        ),
+        "The drone's next state fills the row again. Set `state_session` and `state_seq` to -1, "
+        "so that it is accepted.",
+    ),
+    Rule(
+        "a drone's home is on earth, and its first charge possible",
+        select(drones.c.drone_id).where(
+            or_(
+                _is_outside(drones.c.home_longitude_deg, drones.c.home_latitude_deg),
+                ~drones.c.initial_soc.between(0, 1),
+            )
+        ),
+        "Set the home to the place of the station `home_station_id`: see GET /v1/networks.",
+    ),
+    Rule(
+        "a sample of telemetry is possible",
+        select(telemetry_samples.c.drone_id).where(
+            or_(
+                _is_outside(telemetry_samples.c.longitude_deg, telemetry_samples.c.latitude_deg),
+                ~telemetry_samples.c.soc.between(0, 1),
+                _is_endless(telemetry_samples.c.power_w),
+                _is_endless(telemetry_samples.c.speed_mps),
+            )
+        ),
+        "Delete the row of `telemetry_samples`: it is a measurement, and nothing depends on it.",
+    ),
+)
+
+
+#: The most important rules first: those of storage say whether the others can be believed.
+RULES: Final[tuple[Rule, ...]] = (*storage_rules(metadata), _FORMS, *_DRONES, *_HINTS)
+
+
+async def _hints(survey: Survey) -> AsyncIterator[AnyFacts]:
+    async for row in survey.each(select(mission_hints)):
+        yield HintFacts(
+            mission_id=row.mission_id,
+            drone_id=row.drone_id,
+            state=row.mission_state,
+            is_live=row.is_live,
+            report_seq=row.seq,
+        )
+
+
+async def _drones(survey: Survey) -> AsyncIterator[AnyFacts]:
+    async for row in survey.each(select(drones.c.drone_id, drones.c.provider_id)):
+        yield DroneFacts(drone_id=row.drone_id, provider_id=row.provider_id)
+
+
+async def _providers(survey: Survey) -> AsyncIterator[AnyFacts]:
+    async for row in survey.each(select(providers.c.provider_id)):
+        yield ProviderFacts(provider_id=row.provider_id)
+
+
+FACTS: Final[dict[str, FactReader]] = {"hints": _hints, "drones": _drones, "providers": _providers}
