@@ -15,7 +15,7 @@ from typing import Final
 
 from skyway_drone_agent.analysis.analysis import Analysis, Assessment
 from skyway_drone_agent.link.uplink import Envelope
-from skyway_drone_agent.reports.telemetry import TelemetryThinning, telemetry_of
+from skyway_drone_agent.messages.telemetry import TelemetryThinning, telemetry_of
 from skyway_drone_agent.simulated.disturbances import changed, read_scenario
 
 from benchmarks.telemetry_thinning.flown import START, Flown

@@ -13,8 +13,7 @@ from skyway_drone_agent.enrolled_drone import read_fleet
 from skyway_drone_agent.enrolment.credentials import CredentialsFolder
 from skyway_drone_agent.enrolment.crew import Crew, EnrolledCrew, RegisteredCrew
 from skyway_drone_agent.enrolment.enrol import enrol, enrolled
-from skyway_drone_agent.fleet import allow_open_files, host_fleet
-from skyway_drone_agent.flying.place import place
+from skyway_drone_agent.fleet import allow_open_files, host_fleet, place
 from skyway_drone_agent.journal.journal_folder import JournalFolder
 from skyway_drone_agent.settings import AgentSettings, read_settings
 

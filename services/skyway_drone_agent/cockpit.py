@@ -12,15 +12,13 @@ from skyway_drone_agent.analysis.landings import LandingSource
 from skyway_drone_agent.failsafes.guard import Guard
 from skyway_drone_agent.flying.mission import Gates
 from skyway_drone_agent.flying.pilot import Pilot
-from skyway_drone_agent.instructions.inbox import Inbox
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.link.events import EventSender, EventWriter
-from skyway_drone_agent.link.heartbeat import Heartbeat
-from skyway_drone_agent.link.link_monitor import CloudMonitor, LinkMonitor
+from skyway_drone_agent.link.link_monitor import CloudMonitor, Heartbeat, LinkMonitor
 from skyway_drone_agent.link.uplink import Link, Uplink
-from skyway_drone_agent.reports.ack_queue import AckQueue
-from skyway_drone_agent.reports.state import StateSender
-from skyway_drone_agent.reports.telemetry import TelemetrySender
+from skyway_drone_agent.messages.inbox import AckQueue, Inbox
+from skyway_drone_agent.messages.state import StateSender
+from skyway_drone_agent.messages.telemetry import TelemetrySender
 from skyway_drone_agent.vehicle import Vehicle
 
 

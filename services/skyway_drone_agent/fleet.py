@@ -1,12 +1,17 @@
-"""Hosting: one process serves one drone or a whole simulated fleet."""
+"""Hosting: one process serves one drone or a whole simulated fleet.
+
+A drone that was down is placed by people before it is served again.
+"""
 
 import asyncio
 import contextlib
 import logging
 import resource
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from typing import Never
 
+from skyway.errors import SkywayError
+from skyway.ids import DroneId
 from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.minting import mint
@@ -17,6 +22,8 @@ from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.enrolment.cloud import CloudAccess
 from skyway_drone_agent.enrolment.credentials import client_tls
 from skyway_drone_agent.journal.journal_folder import JournalFolder
+from skyway_drone_agent.journal.record_effects import logbook_after
+from skyway_drone_agent.journal.records import Placed
 from skyway_drone_agent.landing_book.book import LandingBook
 from skyway_drone_agent.landing_book.station_cache_file import StationCacheFile
 from skyway_drone_agent.landing_book.station_reader import StationReader
@@ -194,3 +201,24 @@ def allow_open_files(drones: int) -> None:
     if soft < count:
         limit = count if hard == resource.RLIM_INFINITY else min(count, hard)
         resource.setrlimit(resource.RLIMIT_NOFILE, (limit, hard))
+
+
+class NotDown(SkywayError):
+    """The drone stands or flies, so its position cannot be set."""
+
+    def __init__(self, drone_id: DroneId) -> None:
+        super().__init__(f"{drone_id} is not down, so its position cannot be set")
+        self.drone_id = drone_id
+
+
+def place(drones: Sequence[EnrolledDrone], folder: JournalFolder, placed: Placed) -> None:
+    """Write where the empty drone stands now; its mission is over."""
+    if len(drones) != 1:
+        raise InvalidSettings(f"--placed-at is for one drone, and there are {len(drones)}")
+    (drone,) = drones
+    journal = folder.journal_of(drone.drone_id)
+    logbook = journal.read(at_first=drone.at_first())
+    if not logbook.is_down:
+        raise NotDown(drone.drone_id)
+    # The whole file is rewritten: its last line may be torn, and must not get a line after it.
+    journal.compact(logbook_after(logbook, placed))

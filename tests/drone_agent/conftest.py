@@ -9,10 +9,10 @@ from typing import Any, Self
 
 import pytest
 from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
-from skyway_drone_agent.instructions.inbox import Inbox
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import MemoryJournal
 from skyway_drone_agent.journal.records import Answer
+from skyway_drone_agent.messages.inbox import Inbox
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 
 from skyway.contracts.flight_step import (

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_drone_agent.link.heartbeat import EVERY_S
+from skyway_drone_agent.link.link_monitor import HEARTBEAT_EVERY_S
 from skyway_provider_registry.presence.drone_presence import SILENCE
 
 from tests.end_to_end.drone_by_hand import path_of, register, run, until
@@ -16,7 +16,7 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("postgresql-mosqu
 
 #: Seconds of wall time before the cloud notices a silent drone by its silence, at least. When the
 #: cloud knows earlier, the broker has reported it. The brokers' own tests measure how soon.
-_NOTICED_BY_SILENCE_S = SILENCE.total_seconds() - EVERY_S
+_NOTICED_BY_SILENCE_S = SILENCE.total_seconds() - HEARTBEAT_EVERY_S
 
 
 @pytest.fixture

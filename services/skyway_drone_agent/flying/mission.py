@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from typing import Any, Final
 
 from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep, RechargeStep
-from skyway_drone_agent.flying.energy_check import shortfall_of, stretch_of
+from skyway_drone_agent.flying.step_checks import shortfall_of, stretch_of
 from skyway_drone_agent.journal.logbook import CurrentMission, Logbook, run_to_cut, run_under_way
 from skyway_drone_agent.journal.mission_changes import lands_on_the_spot
 from skyway_drone_agent.vehicle import StepRun, Vehicle

@@ -4,7 +4,7 @@ import math
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from skyway_drone_agent.instructions.refusal import refusal_of
+from skyway_drone_agent.messages.refusal import refusal_of
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 

@@ -4,8 +4,7 @@ from datetime import timedelta
 from itertools import pairwise
 from typing import Any
 
-from skyway_drone_agent.link.heartbeat import Heartbeat
-from skyway_drone_agent.link.link_monitor import LinkMonitor
+from skyway_drone_agent.link.link_monitor import Heartbeat, LinkMonitor
 
 from skyway.contracts.topics import ACKS, EVENTS, STATE, TELEMETRY
 

@@ -5,8 +5,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from skyway_drone_agent.link.heartbeat import Heartbeat
-from skyway_drone_agent.link.link_monitor import LinkMonitor
+from skyway_drone_agent.link.link_monitor import Heartbeat, LinkMonitor
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import ManualClock

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_drone_agent.flying.place import NotDown, place
+from skyway_drone_agent.fleet import NotDown, place
 from skyway_drone_agent.journal.journal_folder import JournalFolder
 from skyway_drone_agent.journal.records import Placed
 from skyway_drone_agent.settings import read_settings

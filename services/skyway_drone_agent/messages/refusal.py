@@ -21,8 +21,7 @@ from skyway.contracts.message import utc_text
 from skyway.drone.model import DroneModel
 from skyway.ids import StationId
 from skyway_drone_agent.failsafes.failsafe import Situation, severest
-from skyway_drone_agent.flying.energy_check import shortfall_of
-from skyway_drone_agent.instructions.mission_form import fault_in, heaviest_load_kg
+from skyway_drone_agent.flying.step_checks import fault_in, heaviest_load_kg, shortfall_of
 from skyway_drone_agent.journal.logbook import CurrentMission, Logbook, end_of, run_to_cut, start_of
 from skyway_drone_agent.journal.mission_changes import (
     CUTTABLE,

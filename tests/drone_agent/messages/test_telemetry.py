@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from skyway_drone_agent.analysis.analysis import Analysis, Assessment
 from skyway_drone_agent.link.uplink import Envelope
-from skyway_drone_agent.reports.telemetry import TelemetryThinning, telemetry_of
+from skyway_drone_agent.messages.telemetry import TelemetryThinning, telemetry_of
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
 
 from benchmarks.telemetry_thinning.flown import START, Flown

@@ -15,7 +15,7 @@ from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.logbook import Logbook, run_under_way
 from skyway_drone_agent.journal.waiting import NewsOrMoment
 from skyway_drone_agent.link.events import EventSender
-from skyway_drone_agent.link.heartbeat import Heartbeat
+from skyway_drone_agent.link.link_monitor import Heartbeat
 from skyway_drone_agent.link.uplink import Envelope, Uplink
 from skyway_drone_agent.vehicle import StepRun
 

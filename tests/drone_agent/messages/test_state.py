@@ -8,7 +8,7 @@ from skyway_drone_agent.analysis.analysis import Analysis
 from skyway_drone_agent.failsafes.failsafe import active_failsafe
 from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.link.uplink import Envelope
-from skyway_drone_agent.reports.state import snapshot_of
+from skyway_drone_agent.messages.state import snapshot_of
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED, changed
 
 from benchmarks.telemetry_thinning.flown import START, Flown

@@ -1,1 +1,0 @@
-"""Instructions of the cloud: handled in order, each with one final answer."""

@@ -1,1 +1,0 @@
-"""What the drone reports: acks, state and telemetry."""
