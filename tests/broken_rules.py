@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from typing import Final
 
 from skyway.runtime.sql.database import Database
-from skyway.runtime.verification.find_broken import find_broken
+from skyway.runtime.verification.check import find_broken
 from skyway.runtime.verification.rule import Rule
 
 #: When the fixture `clock` begins.

@@ -5,8 +5,7 @@ from typing import Final
 
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 
-from skyway.contracts.drone_health import DroneHealth, Wind
-from skyway.contracts.drone_report import DroneState, Telemetry
+from skyway.contracts.drone_report import DroneHealth, DroneState, Telemetry, Wind
 from skyway.ids import MissionId
 
 #: Of every message: nobody here looks at their order.

@@ -13,8 +13,7 @@ from skyway.contracts.mission import (
     CancelMissions,
     ClosedDelivery,
 )
-from skyway.contracts.offer_hold import KeepOffer, KeptOffer
-from skyway.contracts.quote import QuoteAnswer, QuoteQuery
+from skyway.contracts.quote import KeepOffer, KeptOffer, QuoteAnswer, QuoteQuery
 from skyway.contracts.shortlist import Candidates
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.contracts.track import Track

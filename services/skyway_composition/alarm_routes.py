@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import Depends, Query
 from pydantic import Field
 
-from skyway.contracts.drone_health import AlarmLevel
+from skyway.contracts.drone_report import AlarmLevel
 from skyway.ids import AlarmId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock

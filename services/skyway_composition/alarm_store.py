@@ -10,7 +10,7 @@ from pydantic import Field
 from sqlalchemy import Row, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.drone_health import AlarmLevel
+from skyway.contracts.drone_report import AlarmLevel
 from skyway.ids import AlarmId, DroneId, MissionId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway.runtime.minting import Mint

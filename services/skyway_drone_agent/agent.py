@@ -6,8 +6,7 @@ from types import TracebackType
 from typing import Any, Never, Protocol, Self
 
 from skyway.contracts.drone_report import Connection
-from skyway.contracts.topic import Address
-from skyway.contracts.topics import CLOCK, NETWORK_VERSION
+from skyway.contracts.topics import CLOCK, NETWORK_VERSION, Address
 from skyway.contracts.world import ClockAnchor, NetworkVersion
 from skyway.runtime.clock import fleet_margin
 from skyway.runtime.errors import MqttUnavailable

@@ -17,11 +17,9 @@ from skyway.delivery.offer import Tariff
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DRONE_MODELS
 from skyway.runtime.verification.fact_files import FactReader
-from skyway.runtime.verification.hash_forms import read_fernet_token, read_sha256
-from skyway.runtime.verification.rule import Rule
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import storage_rules
-from skyway.runtime.verification.stored_forms import form_rule
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.stored_forms import form_rule, read_fernet_token, read_sha256
 from skyway_provider_registry.change_store import ONLY_ROW
 from skyway_provider_registry.presence.drone_presence import Condition
 from skyway_provider_registry.tables import (

@@ -6,10 +6,9 @@ from typing import Annotated, Any, Final, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
+from skyway.contracts.delivery_event import AnyDeliveryEvent
 from skyway.contracts.message_examples import message_examples
-from skyway.contracts.topic import Topic
-from skyway.contracts.topics import DELIVERY_EVENTS
+from skyway.contracts.topics import DELIVERY_EVENTS, Topic
 
 #: A JSON document, whose members have no common static type.
 Document = dict[str, Any]

@@ -5,8 +5,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any, Final, Literal, get_args
 
-from skyway.contracts.topic import BrokerRole, Topic
-from skyway.contracts.topics import TOPICS
+from skyway.contracts.topics import TOPICS, BrokerRole, Topic
 
 Access = Literal["read", "write"]
 

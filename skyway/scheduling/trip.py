@@ -119,3 +119,17 @@ def soc_after(plan: Plan, soc: float) -> float:
         if isinstance(step, Fly | Recharge):
             soc = step.soc_end
     return soc
+
+
+def no_plan(plan: Plan) -> NoTrip:
+    """Why there is no trip, from a plan that cannot be flown."""
+    if plan.infeasibility is None:
+        return NoTrip("NO_PLAN_FOUND", "no plan was found in time", is_temporary=True)
+    why = plan.infeasibility
+    return NoTrip(
+        why.code,
+        why.detail,
+        is_temporary=why.code == "NO_PAD_IN_TIME",
+        data=() if why.late_s is None else (("late_s", why.late_s),),
+        missed_at=why.station_id,
+    )

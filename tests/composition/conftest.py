@@ -28,7 +28,7 @@ from skyway.contracts.instruction import Instruction
 from skyway.contracts.mission import Booking, BookMissions
 from skyway.contracts.mission_reports import MissionReport
 from skyway.contracts.shortlist import Shortlist
-from skyway.contracts.topic import Topic
+from skyway.contracts.topics import Topic
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
 from skyway.drone.models import DRONE_MODELS

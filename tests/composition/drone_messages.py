@@ -7,8 +7,7 @@ from typing import Any
 
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
 from skyway.contracts.flight_step import FlightStep, FlyStep, RechargeStep
-from skyway.contracts.topic import Topic
-from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE
+from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, Topic
 from skyway.drone.flight import flight_energy_j, soc_after_use
 from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId

@@ -27,8 +27,7 @@ from skyway.contracts.flight_step import (
     RechargeStep,
     ReturnStep,
 )
-from skyway.contracts.topic import Address, Topic
-from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, INSTRUCTIONS, STATE
+from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, INSTRUCTIONS, STATE, Address, Topic
 from skyway.contracts.world import ClockAnchor
 from skyway.drone.model import DroneModel
 from skyway.geo import Position

@@ -16,8 +16,7 @@ from openapi_spec_validator import OpenAPIV31SpecValidator
 
 from skyway.contracts.asyncapi import asyncapi_document, documented_message, message_schemas
 from skyway.contracts.message_examples import message_examples
-from skyway.contracts.topic import Topic
-from skyway.contracts.topics import TOPICS
+from skyway.contracts.topics import TOPICS, Topic
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "openapi"

@@ -18,8 +18,7 @@ from skyway.contracts.mission import (
     OfferHold,
     PackageEta,
 )
-from skyway.contracts.offer_hold import KeepOffer, KeptOffer
-from skyway.contracts.quote import OfferTerms, QuoteAnswer, QuoteQuery
+from skyway.contracts.quote import KeepOffer, KeptOffer, OfferTerms, QuoteAnswer, QuoteQuery
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
 from skyway.delivery.offer import Price

@@ -19,8 +19,7 @@ from skyway.contracts.mission import (
     BookMissions,
     CancelMissions,
 )
-from skyway.contracts.offer_hold import KeepOffer
-from skyway.contracts.quote import QuoteQuery
+from skyway.contracts.quote import KeepOffer, QuoteQuery
 from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.contracts.station_check import StationCheckQuery
 from skyway.delivery.offer import Tariff

@@ -10,7 +10,7 @@ import pytest
 
 from skyway.announced_networks import CachedNetworks, NetworkLearner
 from skyway.contracts.station_check import NetworkStations
-from skyway.contracts.topic import Topic
+from skyway.contracts.topics import Topic
 from skyway.contracts.world import NetworkVersion
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId

@@ -11,8 +11,7 @@ from skyway_drone_agent.enrolled_drone import EnrolledDrone
 
 from benchmarks.chaos.faults.stage import Stage
 from benchmarks.chaos.schedule import PlannedFault
-from skyway.contracts.topic import Topic
-from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, TELEMETRY
+from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, TELEMETRY, Topic
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.client import MqttClient
 

@@ -12,7 +12,7 @@ from datetime import datetime
 
 from skyway.contracts.candidate import CandidateQuery, ProviderReason
 from skyway.contracts.mission import OfferHold, OfferLimits
-from skyway.contracts.offer_hold import KeepOffer
+from skyway.contracts.quote import KeepOffer
 from skyway.delivery.request import DeliveryRequest, ProviderChoice
 from skyway.ids import DeliveryId, HoldId, OfferId, QuoteId, SubjectId
 from skyway.runtime.clock import FleetClock

@@ -5,9 +5,8 @@ from typing import Final
 from sqlalchemy import Column, ColumnElement, exists, select
 
 from skyway.runtime.idempotency.answer_store import KEPT_MS
-from skyway.runtime.verification.rule import Rule
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import union_of
-from skyway.runtime.verification.survey import Survey
 from skyway_gateway.audit.store import entry_hash
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.tables import api_keys, audit, audit_head, events, idempotency, webhooks

@@ -8,8 +8,7 @@ from sqlalchemy import ColumnElement, and_, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.delivery.request import PRIORITY_RANKS, DeliveryRequest
-from skyway.runtime.verification.rule import Rule
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES, TERMINAL_STATES
 from skyway_gateway.delivery_tables import deliveries, missions, packages

@@ -9,8 +9,7 @@ from typing import Any, Final
 
 from sqlalchemy import ColumnElement, String, and_, cast, exists, func, or_, select
 
-from skyway.runtime.verification.rule import Rule
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.notifications.event_store import hash_after
 from skyway_gateway.notifications.webhook import LONGEST_PAUSE_S, MOST_ATTEMPTS

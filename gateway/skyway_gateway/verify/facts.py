@@ -16,7 +16,7 @@ from skyway.contracts.service_facts import (
 )
 from skyway.delivery.offer import Price
 from skyway.runtime.verification.fact_files import FactReader
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Survey
 from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES
 from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
 from skyway_gateway.tables import api_keys, outbox

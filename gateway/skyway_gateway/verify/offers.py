@@ -5,8 +5,7 @@ from typing import Any, Final
 
 from sqlalchemy import exists, or_, select
 
-from skyway.runtime.verification.rule import Rule
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.tables import quotes
 

@@ -9,8 +9,7 @@ from typing import Any, Final
 
 from sqlalchemy import select
 
-from skyway.runtime.verification.rule import Finder
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Finder, Survey
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES
 from skyway_gateway.delivery_tables import custody, deliveries, missions, packages

@@ -5,8 +5,7 @@ from typing import Any, Final
 from sqlalchemy import ColumnElement, and_, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
-from skyway.runtime.verification.rule import Rule
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.lifecycle.delivery import (
     ON_BOARD_STATES,

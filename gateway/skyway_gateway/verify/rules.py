@@ -11,11 +11,9 @@ from skyway.contracts.mission import OfferLimits
 from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.request import DeliveryRequest
 from skyway.geo import Position
-from skyway.runtime.verification.hash_forms import read_fernet_token, read_sha256
-from skyway.runtime.verification.outbox_rules import outbox_rules
 from skyway.runtime.verification.rule import Rule
-from skyway.runtime.verification.storage_rules import storage_rules
-from skyway.runtime.verification.stored_forms import form_rule
+from skyway.runtime.verification.storage_rules import outbox_rules, storage_rules
+from skyway.runtime.verification.stored_forms import form_rule, read_fernet_token, read_sha256
 from skyway_gateway.deliveries.lifecycle.delivery import FlownMission, Proof, Refusal
 from skyway_gateway.delivery_tables import deliveries, missions, packages
 from skyway_gateway.notifications.webhook import signing_key

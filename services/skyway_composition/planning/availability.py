@@ -10,8 +10,7 @@ from typing import Final, Self
 from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DroneId, MissionId
 from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway.scheduling.slots import Slot, slot_after
-from skyway.scheduling.stays import Stay
+from skyway.scheduling.stays import Slot, Stay, slot_after
 from skyway.units import moment_to_ms
 
 #: Time between the end of a mission and the start of the next one of the same drone, fleet seconds

@@ -14,16 +14,16 @@ from skyway.errors import InvalidProblem
 from skyway.ids import DroneId, StationId
 from skyway.planner.problem import DroneAtStart, Problem
 from skyway.scheduling.booked_pad import BookedPad
-from skyway.scheduling.fit_gap import fitted, standby_for
-from skyway.scheduling.slots import Slot
-from skyway.scheduling.standby_choice import StandbyChoice
-from skyway.scheduling.standby_search import (
+from skyway.scheduling.standby import (
+    StandbyChoice,
+    fitted,
     home_start_ms,
-    no_plan,
     search_standby,
+    standby_for,
     trip_by_way_home,
 )
-from skyway.scheduling.trip import NoTrip, Trip, soc_after
+from skyway.scheduling.stays import Slot
+from skyway.scheduling.trip import NoTrip, Trip, no_plan, soc_after
 from skyway.units import moment_to_ms
 from skyway_composition.planning.availability import Opening
 from skyway_composition.planning.problem_for import (

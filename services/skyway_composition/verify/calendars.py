@@ -7,10 +7,8 @@ from typing import Any, Final
 from sqlalchemy import and_, exists, or_, select
 
 from skyway.contracts.candidate import Candidate
-from skyway.runtime.verification.rule import Rule
-from skyway.runtime.verification.survey import Survey
-from skyway.scheduling.slots import Slot, stay_to_begin_at
-from skyway.scheduling.stays import Stay, read_stays, stays_json
+from skyway.runtime.verification.rule import Rule, Survey
+from skyway.scheduling.stays import Slot, Stay, read_stays, stay_to_begin_at, stays_json
 from skyway_composition.missions.mission.row import read_record
 from skyway_composition.missions.mission.store import NO_CONDITIONS
 from skyway_composition.tables import instructions, is_live, is_open, is_queued, missions

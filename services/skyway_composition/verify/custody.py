@@ -9,8 +9,7 @@ from typing import Final
 from sqlalchemy import and_, exists, func, literal_column, or_, select
 
 from skyway.contracts.mission import Cancellation
-from skyway.runtime.verification.rule import Finder, Rule
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Finder, Rule, Survey
 from skyway_composition.tables import cancellations, custody, drone_links, is_open, missions
 from skyway_composition.verify.evidence import PackageStory, package_stories
 

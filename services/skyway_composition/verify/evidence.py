@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from sqlalchemy import select
 
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Survey
 from skyway_composition.tables import custody, instructions, mission_steps, missions
 
 #: The kinds of instructions that carry steps.

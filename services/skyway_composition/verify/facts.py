@@ -19,7 +19,7 @@ from skyway.contracts.service_facts import (
 )
 from skyway.delivery.offer import Price
 from skyway.runtime.verification.fact_files import FactReader
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Survey
 from skyway_composition.tables import custody, deliveries, is_live, missions, outbox
 
 

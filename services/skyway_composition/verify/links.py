@@ -8,8 +8,7 @@ from typing import Any, Final
 from sqlalchemy import and_, exists, func, literal_column, or_, select
 
 from skyway.contracts.topics import INSTRUCTIONS
-from skyway.runtime.verification.rule import Rule
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway_composition.tables import (
     cut_steps,
     drone_links,

@@ -10,8 +10,7 @@ from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.mission_reports import MissionReport
-from skyway.runtime.verification.rule import Rule
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway.units import moment_to_ms
 from skyway_composition.tables import (
     alarms,

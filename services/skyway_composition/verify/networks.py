@@ -17,8 +17,7 @@ from typing import Any, Final
 from sqlalchemy import and_, func, literal_column, or_, select
 
 from skyway.network.geojson_text import read_network_text
-from skyway.runtime.verification.rule import Rule
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.conditions import Conditions
 from skyway_composition.closures.store import in_force

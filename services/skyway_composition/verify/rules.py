@@ -10,9 +10,8 @@ from skyway.contracts.drone_report import Connection, DroneEvent, DroneState
 from skyway.contracts.instruction import Instruction
 from skyway.contracts.mission import Cancellation, Mission
 from skyway.delivery.request import DeliveryRequest
-from skyway.runtime.verification.outbox_rules import outbox_rules
 from skyway.runtime.verification.rule import Rule
-from skyway.runtime.verification.storage_rules import storage_rules
+from skyway.runtime.verification.storage_rules import outbox_rules, storage_rules
 from skyway.runtime.verification.stored_forms import form_rule
 from skyway_composition.closures.closure import Area
 from skyway_composition.missions.booking.held_offer import HELD_OFFERS

@@ -10,8 +10,7 @@ from sqlalchemy import or_, select
 from skyway.contracts.candidate import Candidate
 from skyway.drone.flight import flight_energy_j
 from skyway.drone.model import DroneModel
-from skyway.runtime.verification.rule import Finder, Rule
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Finder, Rule, Survey
 from skyway.units import moment_to_ms
 from skyway_composition.tables import cut_steps, is_live, mission_steps, missions
 from skyway_composition.verify.evidence import SentMission, StepJson, sent_missions, step_json

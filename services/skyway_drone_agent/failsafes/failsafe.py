@@ -10,7 +10,7 @@ from datetime import datetime
 from enum import IntEnum
 from typing import Final
 
-from skyway.contracts.drone_health import ActiveFailsafe, Failsafe, Fault
+from skyway.contracts.drone_report import ActiveFailsafe, Failsafe, Fault
 from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.instruction import AnyInstruction, DivertInstruction, ReturnHomeInstruction
 from skyway.ids import StationId

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
-from skyway.contracts.drone_health import AlarmLevel, Failsafe, Fault
+from skyway.contracts.drone_report import AlarmLevel, Failsafe, Fault
 from skyway_drone_agent.analysis.analysis import Assessment
 from skyway_drone_agent.failsafes.failsafe import Situation, in_order_of_danger
 

@@ -8,7 +8,7 @@ escape the drone continues the escape and does nothing twice.
 from datetime import datetime, timedelta
 from typing import Final, Never
 
-from skyway.contracts.drone_health import Failsafe, Fault
+from skyway.contracts.drone_report import Failsafe, Fault
 from skyway.contracts.flight_step import FlyStep, RechargeStep
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_drone_agent.analysis.analysis import Assessment, Lookout

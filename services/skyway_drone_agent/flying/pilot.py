@@ -9,7 +9,7 @@ from dataclasses import replace
 from datetime import datetime
 from typing import Any, Never
 
-from skyway.contracts.drone_health import Failsafe
+from skyway.contracts.drone_report import Failsafe
 from skyway.contracts.flight_step import (
     DeliverStep,
     FlightStep,

@@ -10,8 +10,7 @@ from typing import Final, Self
 
 from pydantic import Field
 
-from skyway.contracts.drone_health import Failsafe, Fault
-from skyway.contracts.drone_report import DroneEvent
+from skyway.contracts.drone_report import DroneEvent, Failsafe, Fault
 from skyway.contracts.flight_step import FlightStep, FlyStep, PackageOnBoard, PickUpStep
 from skyway.contracts.message import FleetMoment, Soc
 from skyway.geo import Position

@@ -3,7 +3,7 @@
 from datetime import datetime, timedelta
 from typing import Final, Protocol
 
-from skyway.contracts.drone_health import Failsafe
+from skyway.contracts.drone_report import Failsafe
 from skyway.contracts.flight_step import (
     FlightStep,
     FlyStep,

@@ -3,8 +3,7 @@
 from datetime import datetime
 from typing import Final
 
-from skyway.contracts.drone_health import Fault
-from skyway.contracts.drone_report import DroneEvent
+from skyway.contracts.drone_report import DroneEvent, Fault
 from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, ReturnStep
 from skyway.contracts.instruction import (
     AnyInstruction,

@@ -4,8 +4,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import AliasChoices, Field
 
-from skyway.contracts.drone_health import Failsafe, Fault
-from skyway.contracts.drone_report import DroneEvent, RefusalCode
+from skyway.contracts.drone_report import DroneEvent, Failsafe, Fault, RefusalCode
 from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.instruction import Instruction
 from skyway.contracts.message import FleetMoment, Soc

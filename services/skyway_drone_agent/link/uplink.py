@@ -7,8 +7,7 @@ from datetime import datetime
 from typing import Any, Protocol, TypedDict
 
 from skyway.contracts.drone_report import Connection
-from skyway.contracts.topic import Address, M, Topic
-from skyway.contracts.topics import CONNECTION
+from skyway.contracts.topics import CONNECTION, Address, M, Topic
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock, sleep_wall
 from skyway.runtime.errors import MqttUnavailable

@@ -12,8 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from skyway.contracts.drone_report import Ack, RefusalCode
 from skyway.contracts.instruction import AnyInstruction, Instruction, ReportInstruction
-from skyway.contracts.topic import Topic
-from skyway.contracts.topics import ACKS, INSTRUCTIONS
+from skyway.contracts.topics import ACKS, INSTRUCTIONS, Topic
 from skyway.ids import InstructionId
 from skyway.json_model import WireModel
 from skyway.runtime.clock import FleetClock

@@ -4,8 +4,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from skyway.contracts.drone_health import Failsafe
-from skyway.contracts.drone_report import RefusalCode
+from skyway.contracts.drone_report import Failsafe, RefusalCode
 from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
 from skyway.contracts.instruction import (
     AnyInstruction,

@@ -4,8 +4,7 @@ import asyncio
 from operator import attrgetter
 from typing import Literal, Protocol
 
-from skyway.contracts.drone_health import DroneHealth, Wind
-from skyway.contracts.drone_report import DroneState
+from skyway.contracts.drone_report import DroneHealth, DroneState, Wind
 from skyway.contracts.topics import STATE
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import MqttUnavailable

@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 from types import TracebackType
 from typing import Any, Self
 
-from skyway.contracts.topic import Address, M, Topic
+from skyway.contracts.topics import Address, M, Topic
 from skyway.ids import DroneId
 from skyway.runtime.clock import sleep_wall
 from skyway.runtime.mqtt.client import MqttClient, Received

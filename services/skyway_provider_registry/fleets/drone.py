@@ -8,7 +8,7 @@ from pydantic import Field, field_validator
 
 from skyway.bounds import Moment
 from skyway.contracts.candidate import Standby
-from skyway.contracts.drone_health import ActiveFailsafe, DroneHealth, Fault
+from skyway.contracts.drone_report import ActiveFailsafe, DroneHealth, Fault
 from skyway.contracts.message import Soc
 from skyway.contracts.mission_reports import FreeFrom
 from skyway.drone.model import DroneModel

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Literal
 
-from skyway.contracts.drone_health import ActiveFailsafe, DroneHealth, Fault
-from skyway.contracts.drone_report import DroneState
+from skyway.contracts.drone_report import ActiveFailsafe, DroneHealth, DroneState, Fault
 from skyway.contracts.mission import MissionState
 from skyway.geo import Position
 from skyway.ids import MissionId, StationId

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from skyway.contracts.drone_report import Telemetry
-from skyway.contracts.topic import Topic
-from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
+from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY, Topic
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.metrics import count

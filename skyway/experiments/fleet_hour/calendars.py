@@ -12,8 +12,7 @@ from skyway.experiments.fleet_hour.cases import Case
 from skyway.experiments.fleet_hour.mission import HourMission
 from skyway.experiments.fleet_hour.policy import Policy
 from skyway.planner.pad_book import PadBook
-from skyway.scheduling.slots import Slot, slot_after
-from skyway.scheduling.stays import Stay
+from skyway.scheduling.stays import Slot, Stay, slot_after
 
 #: The services' defaults: the share of energy that plans add, the gap between two drones on one
 #: pad, the time between two missions of a drone, and how far ahead a mission is booked.

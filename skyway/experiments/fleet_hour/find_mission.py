@@ -15,14 +15,14 @@ from skyway.planner.compose import compose
 from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.pad_book import PadBook
 from skyway.planner.problem import DroneAtStart, PackageToDeliver, Problem
-from skyway.scheduling.slots import Slot
-from skyway.scheduling.standby_choice import StandbyChoice
-from skyway.scheduling.standby_search import (
+from skyway.scheduling.standby import (
+    StandbyChoice,
     home_start_ms,
     run_search,
     search_standby,
     trip_by_way_home,
 )
+from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import NoTrip, Trip, soc_after
 
 #: The services' defaults, seconds.

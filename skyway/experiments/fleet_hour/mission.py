@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from skyway.delivery.plan import Fly
 from skyway.experiments.fleet_hour.cases import HourRequest
 from skyway.scheduling.booked_pad import BookedPad, without
-from skyway.scheduling.slots import Slot
 from skyway.scheduling.standby import shortened_trip
-from skyway.scheduling.stays import Stay, stays_of_standby
+from skyway.scheduling.stays import Slot, Stay, stays_of_standby
 from skyway.scheduling.trip import PlacedStep, Trip
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final, Never, Self, overload
 from pydantic import BaseModel
 
 from skyway.contracts.message import Message
-from skyway.contracts.topic import Address, M, Topic
+from skyway.contracts.topics import Address, M, Topic
 from skyway.runtime.errors import MqttUnavailable, ServiceUnavailable
 from skyway.runtime.loops import MissingParts, pause_s
 from skyway.runtime.mqtt.address import BrokerAddress

@@ -9,8 +9,7 @@ from typing import Any, Final, Generic, TypeVar
 
 from pydantic import ValidationError
 
-from skyway.contracts.topic import Address, Topic
-from skyway.contracts.topics import TOPICS
+from skyway.contracts.topics import TOPICS, Address, Topic
 from skyway.runtime.metrics import count
 
 log = logging.getLogger(__name__)

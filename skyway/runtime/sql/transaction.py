@@ -10,7 +10,7 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.sql.dml import ReturningUpdate
 
 from skyway.contracts.message import Message
-from skyway.contracts.topic import Address
+from skyway.contracts.topics import Address
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.sql.bulk_write import (

@@ -1,13 +1,37 @@
-"""Checks one database: its own rules, and what it says for the rules across services."""
+"""Checks one database: its own rules, and what it says for the rules across services.
 
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+Damage breaks a rule, not the check.
+"""
+
+from collections import defaultdict, deque
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
+from typing import Final
 
+from sqlalchemy import Select, String, cast, literal, union_all
+from sqlalchemy.exc import DBAPIError
+
+from skyway.errors import SkywayError
+from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.engines import Dialect
 from skyway.runtime.verification.fact_files import FactReader, read_facts, write_facts
-from skyway.runtime.verification.find_broken import DAMAGED, find_broken, unreadable
-from skyway.runtime.verification.rule import BrokenRule, Rule
+from skyway.runtime.verification.rule import BrokenRule, Rule, Survey, statement_text
+from skyway.units import moment_to_ms
+
+#: The rule that a damaged page or text breaks.
+_UNREADABLE: Final = "every row can be read"
+
+#: What reading a damaged row raises.
+_DAMAGED: Final = (ValueError, KeyError, TypeError, SkywayError, DBAPIError)
+
+_RESTORE: Final = (
+    "A row is damaged, so this rule could not be checked. Other rules may name the row. Stop the "
+    "service, copy its database files away, check the disk, and restore the rows or the newest "
+    "backup (docs/reference/operations.md)."
+)
 
 
 async def check(
@@ -28,6 +52,93 @@ async def check(
         return broken
     try:
         write_facts(await read_facts(db, readers, wall_at=wall_at), folder)
-    except DAMAGED as error:
-        broken.append(unreadable("the facts for other services", error))
+    except _DAMAGED as error:
+        broken.append(_unreadable("the facts for other services", error))
     return broken
+
+
+async def find_broken(
+    db: Database,
+    rules: Sequence[Rule],
+    *,
+    wall_at: datetime,
+    pause: Callable[[], Awaitable[None]],
+) -> list[BrokenRule]:
+    """Every rule that is broken, with each subject that breaks it, in the order of the rules.
+
+    `pause` waits until a running system has settled, before rules that settle are looked at again.
+    """
+    broken = await _look(db, rules, wall_at)
+    names = {each.rule for each in broken}
+    unsettled = [rule for rule in rules if rule.settles and rule.name in names]
+    if not unsettled:
+        return broken
+    await pause()
+    again = {(each.rule, each.subject) for each in await _look(db, unsettled, wall_at)}
+    settling = {rule.name for rule in unsettled}
+    return [
+        each for each in broken if each.rule not in settling or (each.rule, each.subject) in again
+    ]
+
+
+async def _look(db: Database, rules: Sequence[Rule], wall_at: datetime) -> list[BrokenRule]:
+    """What breaks the rules now: one statement for all queries, and then function by function."""
+    queries = tuple(rule for rule in rules if isinstance(rule.finder, Select))
+    found: dict[str, set[str]] = defaultdict(set)
+    unreadables: list[BrokenRule] = []
+    left: deque[tuple[Rule, ...]] = deque([queries] if queries else [])
+    left += [(rule,) for rule in rules if not isinstance(rule.finder, Select)]
+    while left:
+        async with db.survey() as connection:
+            survey = Survey(connection, db.dialect, moment_to_ms(wall_at))
+            while left:
+                looked_at = left.popleft()
+                try:
+                    for name, subject in await _broken_now(survey, looked_at):
+                        found[name].add(subject)
+                except _DAMAGED as error:
+                    if len(looked_at) > 1:
+                        left.extendleft((rule,) for rule in reversed(looked_at))
+                    else:
+                        unreadables.append(_unreadable(f"rule {looked_at[0].name!r}", error))
+                    # PostgreSQL answers nothing more in this transaction: begin another one.
+                    break
+    return unreadables + [
+        BrokenRule(rule.name, subject, rule.advice)
+        for rule in rules
+        for subject in sorted(found[rule.name])
+    ]
+
+
+async def _broken_now(survey: Survey, rules: tuple[Rule, ...]) -> Iterable[tuple[str, str]]:
+    """The names of these rules and the subjects that break them: of one rule, or of queries."""
+    [rule, *others] = rules
+    if not others and not isinstance(rule.finder, Select):
+        return [(rule.name, subject) for subject in await rule.finder(survey)]
+    return [(name, subject) for name, subject in await survey.texts(_text(rules, survey.dialect))]
+
+
+@lru_cache(maxsize=100)
+def _text(rules: tuple[Rule, ...], dialect: Dialect) -> str:
+    """One statement that finds the name of each broken rule and each subject that breaks it."""
+    named = (
+        rule.finder.with_only_columns(
+            literal(rule.name, String),
+            cast(rule.finder.selected_columns[0], String),
+            maintain_column_froms=True,
+        )
+        for rule in rules
+        if isinstance(rule.finder, Select)
+    )
+    return statement_text(union_all(*named), dialect)
+
+
+def _unreadable(what: str, error: Exception) -> BrokenRule:
+    """What a damaged row breaks: it hides from `what` everything else that is wrong.
+
+    Raises the error again if no row causes it, because the database does not answer.
+    """
+    if isinstance(error, ServiceUnavailable) or getattr(error, "connection_invalidated", False):
+        raise error
+    detail = getattr(error, "orig", None) or error
+    return BrokenRule(_UNREADABLE, f"{what}: {type(detail).__name__}: {detail}", _RESTORE)

@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 
 from skyway.contracts.service_facts import AnyFacts
 from skyway.runtime.sql.database import Database
-from skyway.runtime.verification.survey import Survey
+from skyway.runtime.verification.rule import Survey
 from skyway.units import moment_to_ms
 
 #: Reads all facts of one kind from a survey, in any order.

@@ -1,14 +1,15 @@
-"""Checks that stored texts still have the form in which they were written."""
+"""Checks that stored texts and secrets still have the form in which they were written."""
 
+import base64
+import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from sqlalchemy import Column, Table, select
 
-from skyway.runtime.verification.rule import Rule
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import name_of
-from skyway.runtime.verification.survey import Survey
 
 #: Reads a stored text; a ValueError says why it cannot be read. Any: each text has its own type.
 Reader = Callable[[Any], object]
@@ -20,6 +21,16 @@ _ADVICE: Final = (
     "values are often stored twice: in the columns of the row, in an instruction, in an event, or "
     "in the other service."
 )
+
+
+_SHA256: Final = re.compile(r"[0-9a-f]{64}")
+
+#: Version, time, initial vector and signature of a Fernet token; its text comes in whole blocks.
+_FERNET_FRAME_BYTES: Final = 1 + 8 + 16 + 32
+
+_FERNET_BLOCK_BYTES: Final = 16
+
+_FERNET_VERSION: Final = 0x80
 
 
 def form_rule(readers: Mapping[Column[Any], Reader]) -> Rule:
@@ -55,3 +66,32 @@ def _is_readable(read: Reader, value: object) -> bool:
     except ValueError:
         return False
     return True
+
+
+def read_sha256(text: str) -> str:
+    """The text of a SHA-256.
+
+    Raises
+    ------
+    ValueError
+        It is not 64 hexadecimal digits.
+    """
+    if _SHA256.fullmatch(text) is None:
+        raise ValueError("not a SHA-256")
+    return text
+
+
+def read_fernet_token(sealed: bytes) -> bytes:
+    """The bytes of a Fernet token; nobody can read its text without its key.
+
+    Raises
+    ------
+    ValueError
+        It is not a whole token.
+    """
+    token = base64.urlsafe_b64decode(sealed)
+    text_bytes = len(token) - _FERNET_FRAME_BYTES
+    is_whole = text_bytes > 0 and text_bytes % _FERNET_BLOCK_BYTES == 0
+    if not is_whole or token[0] != _FERNET_VERSION:
+        raise ValueError("not a whole Fernet token")
+    return token

@@ -13,8 +13,7 @@ from skyway_composition.planning.availability import (
 from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DroneId, MissionId, StationId
 from skyway.runtime.clock import ManualClock
-from skyway.scheduling.slots import Slot
-from skyway.scheduling.stays import Stay
+from skyway.scheduling.stays import Slot, Stay
 
 DRONE = DroneId("drn_1")
 B = StationId("b")

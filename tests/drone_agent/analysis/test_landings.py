@@ -11,7 +11,7 @@ from skyway_drone_agent.analysis.landings import (
 from skyway_drone_agent.journal.logbook import CurrentMission, Escape, FlownBefore, Logbook
 from skyway_drone_agent.journal.records import Answer
 
-from skyway.contracts.drone_health import Failsafe, Fault
+from skyway.contracts.drone_report import Failsafe, Fault
 from skyway.contracts.flight_step import FlyStep
 from skyway.geo import Position
 from skyway.ids import DeliveryId, InstructionId, MissionId, StationId

@@ -14,7 +14,7 @@ from skyway_drone_agent.failsafes.failsafe import (
 )
 from skyway_drone_agent.failsafes.faults import in_words, level_of
 
-from skyway.contracts.drone_health import Failsafe, Fault
+from skyway.contracts.drone_report import Failsafe, Fault
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "failsafes.md"
 

@@ -12,7 +12,7 @@ from skyway_drone_agent.failsafes.faults import SYMPTOMS, FaultMonitor, Signs, e
 from skyway_drone_agent.journal.logbook import doing_now
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 
-from skyway.contracts.drone_health import Fault
+from skyway.contracts.drone_report import Fault
 from skyway.geo import Position
 from skyway.ids import StationId
 

@@ -21,8 +21,16 @@ from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 
 from skyway.contracts.drone_report import Ack, DroneEvent, DroneState
 from skyway.contracts.instruction import AnyInstruction
-from skyway.contracts.topic import Address, Topic
-from skyway.contracts.topics import ACKS, CLOCK, EVENTS, INSTRUCTIONS, NETWORK_VERSION, STATE
+from skyway.contracts.topics import (
+    ACKS,
+    CLOCK,
+    EVENTS,
+    INSTRUCTIONS,
+    NETWORK_VERSION,
+    STATE,
+    Address,
+    Topic,
+)
 from skyway.contracts.world import NetworkVersion
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.minting import CountingMint

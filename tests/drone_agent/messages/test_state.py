@@ -13,8 +13,7 @@ from skyway_drone_agent.simulated.disturbances import UNDISTURBED, changed
 
 from benchmarks.telemetry_thinning.flown import START, Flown
 from benchmarks.telemetry_thinning.round_trip import round_trip
-from skyway.contracts.drone_health import ActiveFailsafe, Failsafe, Fault
-from skyway.contracts.drone_report import DroneState
+from skyway.contracts.drone_report import ActiveFailsafe, DroneState, Failsafe, Fault
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.ids import DroneId, StationId
 

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from skyway.delivery.plan import Deliver, Fly, Plan, PlanStatus, Recharge, Step, Wait
 from skyway.ids import StationId
-from skyway.scheduling.slots import Slot, first_slot, stay_to_begin_at
 from skyway.scheduling.standby import shortened_trip
-from skyway.scheduling.stays import Stay, stays_of_standby
+from skyway.scheduling.stays import Slot, Stay, first_slot, stay_to_begin_at, stays_of_standby
 from skyway.scheduling.trip import Trip
 
 START_MS = 1_000_000

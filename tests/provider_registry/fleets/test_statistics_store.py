@@ -8,8 +8,7 @@ import pytest
 from skyway_provider_registry.presence.follow import Recorder
 
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
-from skyway.contracts.topic import Topic
-from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
+from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY, Topic
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database

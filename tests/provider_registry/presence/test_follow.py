@@ -10,8 +10,7 @@ import pytest
 from skyway_provider_registry.presence.follow import PresenceFollower, Recorder
 
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
-from skyway.contracts.topic import Topic
-from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
+from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY, Topic
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.metrics import COUNTERS

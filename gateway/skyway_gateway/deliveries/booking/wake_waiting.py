@@ -11,7 +11,7 @@ from typing import Final, Never
 
 from skyway.announced_networks import CachedNetworks
 from skyway.contracts.drone_report import Connection
-from skyway.contracts.offer_hold import HOLD_GRACE_S
+from skyway.contracts.quote import HOLD_GRACE_S
 from skyway.ids import NetworkId, StationId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.loops import Wake

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
-from skyway.contracts.offer_hold import HoldLoss
+from skyway.contracts.quote import HoldLoss
 from skyway.ids import DeliveryId, HoldId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused

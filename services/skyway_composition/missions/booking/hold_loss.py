@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from skyway.contracts.offer_hold import HoldLoss
+from skyway.contracts.quote import HoldLoss
 from skyway.delivery.request import DeliveryRequest
 from skyway_composition.missions.booking.held_offer import HeldOffer
 from skyway_composition.missions.booking.hold_store import Hold

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final
 
-from skyway.contracts.offer_hold import HOLD_GRACE_S
-from skyway.contracts.quote import HoldTerms, QuoteAnswer, QuoteQuery
+from skyway.contracts.quote import HOLD_GRACE_S, HoldTerms, QuoteAnswer, QuoteQuery
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import Conflict, RowRefused
 from skyway.runtime.sql.database import Database

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Final
 
 from skyway.contracts.mission import Booking, OfferHold
-from skyway.contracts.offer_hold import HoldLoss, KeepOffer, KeptOffer
+from skyway.contracts.quote import HoldLoss, KeepOffer, KeptOffer
 from skyway.delivery.request import PRIORITY_RANKS
 from skyway.ids import DeliveryId, DroneId, HoldId
 from skyway.runtime.clock import FleetClock, fleet_margin

@@ -5,7 +5,7 @@ from typing import Final
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import Booking, BookMissions, OfferLimits
-from skyway.contracts.offer_hold import HoldLoss, KeepOffer
+from skyway.contracts.quote import HoldLoss, KeepOffer
 from skyway_composition.planning.refusals import refused_for_all
 
 

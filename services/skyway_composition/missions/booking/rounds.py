@@ -12,7 +12,7 @@ from typing import Final, TypeVar
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import Booking, BookMissions
-from skyway.contracts.offer_hold import KeepOffer
+from skyway.contracts.quote import KeepOffer
 from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DroneId, HoldId
 from skyway.runtime.clock import FleetClock

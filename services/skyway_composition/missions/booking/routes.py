@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import Depends
 
 from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
-from skyway.contracts.offer_hold import KeepOffer, KeptOffer
+from skyway.contracts.quote import KeepOffer, KeptOffer
 from skyway.ids import DeliveryId, HoldId
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate

@@ -30,8 +30,7 @@ from skyway.ids import DeliveryId, DroneId, HoldId, MissionId, ProviderId, Stati
 from skyway.planner.pad_book import OPEN_MS
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
-from skyway.scheduling.slots import Slot
-from skyway.scheduling.stays import read_stays
+from skyway.scheduling.stays import Slot, read_stays
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import COUNT_NEXT, HELD, OCCUPIED
 from skyway_composition.networks.store import Present

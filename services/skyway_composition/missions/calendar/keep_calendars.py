@@ -16,7 +16,7 @@ from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
-from skyway.scheduling.slots import Slot
+from skyway.scheduling.stays import Slot
 from skyway.units import moment_to_ms
 from skyway_composition.missions.calendar import store
 from skyway_composition.missions.calendar.move_queued import drop, give_back_pads, move

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from skyway.scheduling.slots import Slot, first_slot, stay_to_begin_at
+from skyway.scheduling.stays import Slot, first_slot, stay_to_begin_at
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.standby import WORTH_MS

@@ -8,9 +8,8 @@ from typing import Final
 from skyway.errors import InvalidProblem
 from skyway.planner.problem import Problem
 from skyway.runtime.clock import FleetClock
-from skyway.scheduling.fit_gap import fitted, standby_for
-from skyway.scheduling.slots import Slot, slot_after
-from skyway.scheduling.standby_choice import StandbyChoice
+from skyway.scheduling.standby import StandbyChoice, fitted, standby_for
+from skyway.scheduling.stays import Slot, slot_after
 from skyway.scheduling.trip import NoTrip, Trip
 from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.from_trip import replanned_in_queue

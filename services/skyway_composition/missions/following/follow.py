@@ -16,8 +16,7 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
-from skyway.contracts.topic import Topic
-from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE
+from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, Topic
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import ServiceUnavailable

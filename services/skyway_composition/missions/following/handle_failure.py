@@ -11,8 +11,7 @@ from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Final
 
-from skyway.contracts.drone_health import Fault
-from skyway.contracts.drone_report import DroneEvent, DroneState
+from skyway.contracts.drone_report import DroneEvent, DroneState, Fault
 from skyway.contracts.flight_step import (
     DeliverStep,
     FlightStep,

@@ -5,7 +5,7 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from skyway.contracts.drone_health import ActiveFailsafe
+from skyway.contracts.drone_report import ActiveFailsafe
 from skyway.errors import InvalidInput
 from skyway.ids import InstructionId, MissionId, StationId
 from skyway.json_model import JsonModel

@@ -23,7 +23,7 @@ from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, Recharge, Wait
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, MissionId, PackageId, StationId
 from skyway.network.network import Network, Segment
-from skyway.scheduling.slots import Slot
+from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import PlacedStep, Trip
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn

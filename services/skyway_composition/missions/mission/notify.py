@@ -5,7 +5,7 @@ from dataclasses import replace
 from datetime import datetime
 from typing import Any, Final
 
-from skyway.contracts.drone_health import AlarmLevel
+from skyway.contracts.drone_report import AlarmLevel
 from skyway.contracts.mission_reports import MISSION_REPORTS, FreeFrom, MissionReport
 from skyway.ids import StationId
 from skyway.runtime.minting import Mint

@@ -13,8 +13,7 @@ from skyway.contracts.mission import LIVE_MISSION_STATES, Mission, MissionState
 from skyway.delivery.request import DeliveryRequest, Package
 from skyway.ids import DroneId, InstructionId, MissionId, NetworkId, PackageId, StationId
 from skyway.json_model import JsonModel
-from skyway.scheduling.slots import Slot
-from skyway.scheduling.stays import Stay, stays_of_standby
+from skyway.scheduling.stays import Slot, Stay, stays_of_standby
 from skyway.units import moment_to_ms
 
 _T = TypeVar("_T")

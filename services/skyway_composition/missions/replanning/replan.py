@@ -15,7 +15,7 @@ from skyway.ids import ClosureId, DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
-from skyway.scheduling.slots import Slot
+from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import NoTrip
 from skyway.units import moment_to_ms
 from skyway_composition.closures.close import Closings

@@ -13,7 +13,7 @@ from skyway.delivery.plan import Fly
 from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway.runtime.http.paging import Page
-from skyway.scheduling.slots import first_slot
+from skyway.scheduling.stays import first_slot
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.notify import free_from
 from skyway_composition.missions.mission.record import MissionRecord

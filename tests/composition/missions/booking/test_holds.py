@@ -7,8 +7,14 @@ from typing import Any
 import pytest
 
 from skyway.contracts.mission import Booking, BookMissions, OfferHold, OfferLimits
-from skyway.contracts.offer_hold import KeepOffer, KeptOffer
-from skyway.contracts.quote import HoldTerms, OfferTerms, QuoteAnswer, QuoteQuery
+from skyway.contracts.quote import (
+    HoldTerms,
+    KeepOffer,
+    KeptOffer,
+    OfferTerms,
+    QuoteAnswer,
+    QuoteQuery,
+)
 from skyway.contracts.shortlist import Shortlist
 
 GATEWAY = "service:gateway"
@@ -44,10 +50,7 @@ async def ask_for_quote(
 
 def limits(terms: OfferTerms, hold: OfferHold | None) -> OfferLimits:
     return OfferLimits(
-        provider_id=terms.provider_id,
-        price=terms.price,
-        within_s=terms.delivery_time_s,
-        hold=hold,
+        provider_id=terms.provider_id, price=terms.price, within_s=terms.delivery_time_s, hold=hold
     )
 
 
@@ -85,8 +88,7 @@ async def book(
         shortlist=Shortlist.of(candidates or [make.candidate()]),
         offer=offer,
     )
-    path = f"/internal/deliveries/{delivery_id}/missions"
-    answer = await call(composition, "PUT", path, body)
+    answer = await call(composition, "PUT", f"/internal/deliveries/{delivery_id}/missions", body)
     assert answer.status_code == 200, answer.text
     return Booking.model_validate_json(answer.content)
 
@@ -96,13 +98,12 @@ def codes(answer: Any) -> list[str]:
 
 
 async def held_rows(composition: Any) -> list[Any]:
-    return list(
-        await composition.rows(
-            "SELECT hold_id FROM offer_holds UNION ALL "
-            "SELECT hold_id FROM pad_reservations WHERE hold_id IS NOT NULL UNION ALL "
-            "SELECT held_by FROM drone_links WHERE held_by IS NOT NULL"
-        )
+    found = await composition.rows(
+        "SELECT hold_id FROM offer_holds UNION ALL "
+        "SELECT hold_id FROM pad_reservations WHERE hold_id IS NOT NULL UNION ALL "
+        "SELECT held_by FROM drone_links WHERE held_by IS NOT NULL"
     )
+    return list(found)
 
 
 async def test_a_held_drone_is_given_to_no_other_booking(composition: Any, make: Any) -> None:
@@ -128,8 +129,7 @@ async def test_another_request_gets_another_drone_while_one_is_held(
 
 
 async def test_a_held_offer_is_booked_at_the_offered_times(composition: Any, make: Any) -> None:
-    answer = await quote(composition, make)
-    (offer,) = answer.offers
+    (offer,) = (await quote(composition, make)).offers
     composition.clock.advance(timedelta(seconds=LIFE_S - 1))
     accepted = held(offer)
 

@@ -16,8 +16,7 @@ from skyway_composition.missions.calendar.next_mission import (
 )
 
 from skyway.ids import StationId
-from skyway.scheduling.slots import Slot
-from skyway.scheduling.stays import Stay
+from skyway.scheduling.stays import Slot, Stay
 
 B, HOME = StationId("b"), StationId("home")
 NOW_MS = 10_000_000

@@ -10,7 +10,7 @@ from skyway_composition.links.listening import Listening
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.tables import outbox
 
-from skyway.contracts.topic import Topic
+from skyway.contracts.topics import Topic
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake
 from skyway.runtime.mqtt.client import Received

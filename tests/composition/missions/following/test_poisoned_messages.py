@@ -13,7 +13,7 @@ from skyway_composition.missions.following.handle_state import handle_state
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 from skyway.contracts.drone_report import DroneState
-from skyway.contracts.topic import Topic
+from skyway.contracts.topics import Topic
 from skyway.runtime.loops import Wake
 from skyway.runtime.mqtt.client import Received
 

@@ -12,7 +12,7 @@ from skyway_composition.missions.following.follow import Follower
 from skyway_composition.tables import outbox
 
 from skyway.contracts.drone_report import DroneState
-from skyway.contracts.topic import Topic
+from skyway.contracts.topics import Topic
 from skyway.ids import DroneId
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from skyway_composition.planning.problem_for import planned_more, used_more
 
-from skyway.contracts.drone_health import DroneHealth
+from skyway.contracts.drone_report import DroneHealth
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, RechargeStep, ReturnStep
 from skyway.drone.flight import flight_energy_j
 from skyway.drone.models import PAPER_SCENARIO as MODEL

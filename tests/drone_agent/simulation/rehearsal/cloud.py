@@ -14,8 +14,7 @@ from skyway.contracts.flight_step import (
     WaitStep,
 )
 from skyway.contracts.instruction import AnyInstruction
-from skyway.contracts.topic import Topic
-from skyway.contracts.topics import ACKS, EVENTS, STATE
+from skyway.contracts.topics import ACKS, EVENTS, STATE, Topic
 from tests.drone_agent.simulation.rehearsal.findings import Findings
 from tests.drone_agent.simulation.rehearsal.link import Air
 from tests.drone_agent.simulation.rehearsal.mailbox import Mailbox

@@ -8,8 +8,7 @@ from random import Random
 from types import TracebackType
 from typing import Any, Self
 
-from skyway.contracts.topic import Address, Topic
-from skyway.contracts.topics import CLOCK
+from skyway.contracts.topics import CLOCK, Address, Topic
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.client import Received, Will
 from tests.drone_agent.simulation.rehearsal.virtual_time import VirtualClock

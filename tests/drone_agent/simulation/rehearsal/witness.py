@@ -3,7 +3,7 @@
 from typing import Any
 
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
-from skyway.contracts.topic import Topic
+from skyway.contracts.topics import Topic
 from tests.drone_agent.simulation.rehearsal.disk import Disk
 from tests.drone_agent.simulation.rehearsal.findings import Findings
 

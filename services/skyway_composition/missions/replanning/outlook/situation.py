@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Self
 
-from skyway.contracts.drone_health import ActiveFailsafe, Failsafe, Fault
-from skyway.contracts.drone_report import DroneEvent, DroneState
+from skyway.contracts.drone_report import ActiveFailsafe, DroneEvent, DroneState, Failsafe, Fault
 from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
 from skyway.geo import Position
 from skyway.ids import PackageId, StationId

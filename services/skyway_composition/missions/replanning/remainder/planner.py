@@ -15,9 +15,8 @@ from skyway.drone.model import DroneModel
 from skyway.errors import InvalidProblem
 from skyway.ids import StationId
 from skyway.planner.problem import Problem
-from skyway.scheduling.fit_gap import fitted, standby_for
-from skyway.scheduling.slots import Slot
-from skyway.scheduling.standby_choice import StandbyChoice
+from skyway.scheduling.standby import StandbyChoice, fitted, standby_for
+from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import NOTHING_TO_DELIVER, NoTrip, Trip
 from skyway_composition.missions.mission.record import CALLED_HOME, Aim, MissionRecord, Trouble
 from skyway_composition.missions.replanning.outlook.situation import Situation
