@@ -10,7 +10,7 @@ from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import Answer, EventRecorded, StepBegun
 from skyway_drone_agent.simulated.disturbances import Disturbances
 from skyway_drone_agent.simulated.physics import Physics
-from skyway_drone_agent.simulated.sensors import reading_of
+from skyway_drone_agent.simulated.vehicle import reading_of
 from skyway_drone_agent.vehicle import Outcome, Reading, StepRun
 
 from skyway.contracts.drone_report import DroneEvent

@@ -9,8 +9,7 @@ from skyway.contracts.broker_rules import BrokerRules
 from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.logs import configure_logs
-from skyway_broker.gate import Gate
-from skyway_broker.hardened import HardenedBroker
+from skyway_broker.hardened import Gate, HardenedBroker
 from skyway_broker.settings import BrokerSettings
 
 log = logging.getLogger(__name__)

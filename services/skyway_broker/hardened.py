@@ -14,6 +14,7 @@ Unlike Mosquitto, every session is a clean session, and mqtt_qos 2 is granted as
 import asyncio
 import logging
 import socket
+from pathlib import Path
 
 from amqtt.adapters import ReaderAdapter, WriterAdapter
 from amqtt.broker import Broker, Server
@@ -23,9 +24,9 @@ from amqtt.mqtt.protocol.broker_handler import BrokerProtocolHandler
 from amqtt.mqtt.publish import PublishPacket
 from amqtt.session import Session
 
-from skyway.contracts.broker_rules import BrokerRules
+from skyway.broker_setup.passwords import matches, read_password_file
+from skyway.contracts.broker_rules import SERVICE_ACCOUNTS, BrokerRules
 from skyway_broker.client import Client, ClientReader, ClientWriter, refuse
-from skyway_broker.gate import Gate, place_of
 from skyway_broker.subscriptions import Retained, Subscriptions, is_filter
 
 log = logging.getLogger(__name__)
@@ -38,6 +39,50 @@ _POLL_S = 0.1
 
 #: Connections that may wait to be accepted: a whole fleet reconnects at the same time.
 _BACKLOG = 1024
+
+
+class Gate:
+    """The accounts of a password file; without a file there are no accounts."""
+
+    def __init__(self, password_file: Path) -> None:
+        self._file = password_file
+        self._seen: tuple[int, int, int] | None = None
+        self._accounts: dict[str, str] = {}
+
+    def refresh(self) -> bool:
+        """Read the file if it was replaced; True when it was read.
+
+        A file that is missing for a moment changes nothing: the accounts stay.
+        """
+        try:
+            status = self._file.stat()
+            seen = (status.st_ino, status.st_mtime_ns, status.st_size)
+            if seen == self._seen:
+                return False
+            self._accounts = read_password_file(self._file)
+        except OSError as error:
+            if self._seen is not None:
+                log.warning("password file unreadable", extra={"reason": str(error)})
+            return False
+        self._seen = seen
+        log.info("accounts read", extra={"accounts": len(self._accounts)})
+        return True
+
+    def admits(self, user_name: str | None, password: str | None) -> bool:
+        """Whether this account exists and has this password."""
+        if not user_name or password is None:
+            return False
+        hashed = self._accounts.get(user_name)
+        return hashed is not None and matches(password, hashed)
+
+
+def place_of(user_name: str, client_id: str) -> str:
+    """The place of a client; a new client with the same place disconnects the previous one.
+
+    A drone and a customer have one place each, for all client ids. The replicas of a service have
+    different client ids, and so different places. No account can use the place of another.
+    """
+    return f"{user_name}/{client_id}" if user_name in SERVICE_ACCOUNTS else user_name
 
 
 class HardenedBroker(Broker):  # type: ignore[misc] # amqtt has no types

@@ -21,12 +21,11 @@ from skyway_drone_agent.clock_keeper import KeptClock
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.enrolment.cloud import CloudAccess
 from skyway_drone_agent.enrolment.credentials import client_tls
-from skyway_drone_agent.journal.journal_folder import JournalFolder
+from skyway_drone_agent.journal.journal import JournalFolder
 from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import Placed
-from skyway_drone_agent.landing_book.book import LandingBook
-from skyway_drone_agent.landing_book.station_cache_file import StationCacheFile
-from skyway_drone_agent.landing_book.station_reader import StationReader
+from skyway_drone_agent.landing_book.book import LandingBook, StationReader
+from skyway_drone_agent.landing_book.station_cache import StationCacheFile
 from skyway_drone_agent.mavlink.settings import MavlinkSettings
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances
 from skyway_drone_agent.simulated.link_loss import LinkWithOutages, has_outages

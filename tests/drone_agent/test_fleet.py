@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.fleet import NotDown, place
-from skyway_drone_agent.journal.journal_folder import JournalFolder
+from skyway_drone_agent.journal.journal import JournalFolder
 from skyway_drone_agent.journal.records import Placed
 from skyway_drone_agent.settings import read_settings
 

@@ -5,10 +5,8 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.analysis.landings import Landing, NoLandings
-from skyway_drone_agent.landing_book.book import LandingBook
-from skyway_drone_agent.landing_book.station_cache import CachedStation
-from skyway_drone_agent.landing_book.station_cache_file import StationCacheFile
-from skyway_drone_agent.landing_book.station_reader import StationReader
+from skyway_drone_agent.landing_book.book import LandingBook, StationReader
+from skyway_drone_agent.landing_book.station_cache import CachedStation, StationCacheFile
 from skyway_drone_agent.landing_book.tiles import tile_of
 from skyway_drone_agent.simulated.disturbances import Disturbances
 

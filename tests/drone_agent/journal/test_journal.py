@@ -1,4 +1,4 @@
-"""The journal's promises, kept by the file and by its fake alike."""
+"""The journal keeps its promises, in the file and in its fake alike; one agent serves a drone."""
 
 import contextlib
 import errno
@@ -10,8 +10,10 @@ import pytest
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import (
     DamagedJournal,
+    DroneInUse,
     FileJournal,
     Journal,
+    JournalFolder,
     JournalUnwritable,
     MemoryJournal,
 )
@@ -250,3 +252,33 @@ def test_a_session_that_began_on_a_full_disk_is_written_whole_once_there_is_room
     assert (again.last_instruction_seq, again.session) == (0, recorder.logbook.session)
     assert recorder.has_session
     assert len(recorder.written_events) == 2
+
+
+ONE, TWO, THREE = DroneId("drn_1"), DroneId("drn_2"), DroneId("drn_3")
+
+
+def test_a_drone_in_use_is_refused_by_name(tmp_path: Path) -> None:
+    with (
+        JournalFolder(tmp_path / "agent", [ONE, TWO]),
+        pytest.raises(DroneInUse, match="drn_2"),
+    ):
+        JournalFolder(tmp_path / "agent", [TWO, THREE]).__enter__()
+
+
+def test_a_refused_process_holds_no_drone(tmp_path: Path) -> None:
+    with JournalFolder(tmp_path, [TWO]), pytest.raises(DroneInUse):
+        JournalFolder(tmp_path, [ONE, TWO]).__enter__()
+
+    with JournalFolder(tmp_path, [ONE]):
+        pass
+
+
+def test_two_fleets_share_a_folder(tmp_path: Path) -> None:
+    with JournalFolder(tmp_path, [ONE]), JournalFolder(tmp_path, [TWO]):
+        pass
+
+
+def test_a_drone_is_free_again_afterwards(tmp_path: Path) -> None:
+    for _ in range(2):
+        with JournalFolder(tmp_path, [ONE]) as folder:
+            assert folder.clock_file.parent.is_dir()

@@ -13,9 +13,8 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from skyway_drone_agent.enrolment.cloud import CloudAccess
-from skyway_drone_agent.landing_book.book import LandingBook
-from skyway_drone_agent.landing_book.station_cache_file import StationCacheFile
-from skyway_drone_agent.landing_book.station_reader import StationReader
+from skyway_drone_agent.landing_book.book import LandingBook, StationReader
+from skyway_drone_agent.landing_book.station_cache import StationCacheFile
 
 from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.world import NetworkVersion

@@ -15,7 +15,7 @@ from skyway_drone_agent.simulated.disturbances import (
     read_scenario,
 )
 from skyway_drone_agent.simulated.physics import Physics
-from skyway_drone_agent.simulated.sensors import reading_of
+from skyway_drone_agent.simulated.vehicle import reading_of
 from skyway_drone_agent.vehicle import StepRun
 
 from skyway.geo import distance_m

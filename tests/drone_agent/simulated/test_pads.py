@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from skyway_drone_agent.simulated.disturbances import Disturbances, Pads, TakenPad
 from skyway_drone_agent.simulated.physics import Physics, pad_free_at
-from skyway_drone_agent.simulated.sensors import reading_of
+from skyway_drone_agent.simulated.vehicle import reading_of
 from skyway_drone_agent.vehicle import StepRun
 
 from skyway.geo import Position

@@ -13,8 +13,7 @@ from types import SimpleNamespace
 from typing import Any, Protocol
 
 import pytest
-from skyway_broker.gate import Gate
-from skyway_broker.hardened import HardenedBroker
+from skyway_broker.hardened import Gate, HardenedBroker
 
 from skyway.broker_setup.mosquitto import mosquitto_conf
 from skyway.broker_setup.passwords import hash_password, write_password_file

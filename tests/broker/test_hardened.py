@@ -1,6 +1,6 @@
 """The accounts that may connect, and the place of each client."""
 
-from skyway_broker.gate import Gate, place_of
+from skyway_broker.hardened import Gate, place_of
 
 from skyway.broker_setup.passwords import hash_password, write_password_file
 
