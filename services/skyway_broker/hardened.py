@@ -7,7 +7,8 @@ Silent clients stayed connected.
 
 Like Mosquitto, this broker grants every SUBSCRIBE, and the access rules decide what it delivers. A
 forbidden publish ends the connection, here without a PUBACK, so that no client counts it as
-accepted. When an account is removed or its password changes, only its own clients are disconnected.
+accepted. The accounts that may connect are those of the password file, read again when it changes.
+When an account is removed or its password changes, only its own clients are disconnected.
 Unlike Mosquitto, every session is a clean session, and mqtt_qos 2 is granted as 1.
 """
 

@@ -1,4 +1,4 @@
-"""The stations that were read from the cloud, by tiles; the search for near ones; and their file."""
+"""The stations that were read from the cloud, by tiles: the search for near ones, and the file."""
 
 import logging
 import os
