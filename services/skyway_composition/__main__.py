@@ -4,8 +4,7 @@ import sys
 
 from skyway.runtime.service_process import ServiceProcess
 from skyway_composition.settings import CompositionSettings
-from skyway_composition.verify.facts import FACTS
-from skyway_composition.verify.rules import RULES
+from skyway_composition.verify.rules import FACTS, RULES
 
 
 def _serve(settings: CompositionSettings) -> int:

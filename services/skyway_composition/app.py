@@ -29,7 +29,7 @@ from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Commands
 from skyway_composition.missions.interventions.routes import intervention_routes
 from skyway_composition.missions.schedule.routes import schedule_routes
-from skyway_composition.missions.tracking.routes import tracking_routes
+from skyway_composition.missions.tracking_routes import tracking_routes
 from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, airspace_routes, network_routes
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
 from skyway_composition.pads.routes import pad_routes

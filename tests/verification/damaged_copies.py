@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final, Self
 
-from skyway_composition.verify.facts import FACTS as COMPOSITION_FACTS
+from skyway_composition.verify.rules import FACTS as COMPOSITION_FACTS
 from skyway_composition.verify.rules import RULES as COMPOSITION_RULES
 from skyway_gateway.verify.facts import FACTS as GATEWAY_FACTS
 from skyway_gateway.verify.rules import RULES as GATEWAY_RULES

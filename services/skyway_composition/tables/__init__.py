@@ -2,7 +2,6 @@
 
 from skyway.runtime.outbox.outbox_store import outbox_table
 from skyway_composition.tables.links import drone_links, instructions
-from skyway_composition.tables.metadata import metadata
 from skyway_composition.tables.missions import (
     alarms,
     cancellations,
@@ -20,6 +19,7 @@ from skyway_composition.tables.missions import (
 )
 from skyway_composition.tables.networks import (
     closures,
+    metadata,
     network_versions,
     networks,
     pad_reservations,

@@ -15,7 +15,7 @@ from sqlalchemy import (
     text,
 )
 
-from skyway_composition.tables.metadata import metadata
+from skyway_composition.tables.networks import metadata
 
 #: The instructions to drones, and how the drones answered.
 instructions = Table(

@@ -23,7 +23,7 @@ from sqlalchemy import (
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.runtime.sql.claims import claim_columns
-from skyway_composition.tables.metadata import metadata
+from skyway_composition.tables.networks import metadata
 
 #: One row for each delivery that was booked or closed; booking and closing both lock this row.
 deliveries = Table(

@@ -9,12 +9,14 @@ from sqlalchemy import (
     Index,
     Integer,
     LargeBinary,
+    MetaData,
     Table,
     Text,
     text,
 )
 
-from skyway_composition.tables.metadata import metadata
+#: All tables of composition.
+metadata = MetaData()
 
 #: The current version of each network.
 networks = Table(

@@ -2,5 +2,5 @@
 
 `confirm_loading` checks what was loaded, `give_command` carries out a command, `cancel` cancels
 packages of a delivery and `stop_packages` those of one mission. `routes` serves all of it over
-REST, `store` holds the SQL.
+REST.
 """

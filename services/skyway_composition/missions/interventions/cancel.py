@@ -11,8 +11,8 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
-from skyway_composition.missions.interventions import store
 from skyway_composition.missions.interventions.stop_packages import release_queued, stop_packages
+from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import has_never_left, held_packages
 from skyway_composition.missions.mission.store import lock_delivery, queued_of_delivery
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork

@@ -21,11 +21,11 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition import alarm_store
-from skyway_composition.missions.interventions import store
 from skyway_composition.missions.interventions.stop_packages import (
     PACKAGES_CANCELLED,
 )
 from skyway_composition.missions.mission import end as ending
+from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, lock_mission
 from skyway_composition.missions.replanning.request_plan import request_plan

@@ -8,8 +8,8 @@ from skyway.contracts.flight_step import PackageOnBoard
 from skyway.contracts.mission import Cancellation
 from skyway.delivery.request import Package
 from skyway.ids import PackageId
-from skyway_composition.missions.interventions import store
 from skyway_composition.missions.mission import end as ending
+from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
     has_never_left,

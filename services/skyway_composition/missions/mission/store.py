@@ -1,4 +1,4 @@
-"""All SQL of missions, live and QUEUED, and of the deliveries they serve.
+"""All SQL of missions, live and QUEUED, of the deliveries they serve, and of cancellations.
 
 The steps and the custody of packages have their own stores.
 """
@@ -7,16 +7,23 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from sqlalchemy import bindparam, select, update
+from sqlalchemy import bindparam, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.mission import Mission
+from skyway.contracts.mission import Cancellation, Mission
 from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.row import changing_columns, new_row, read_record
-from skyway_composition.tables import deliveries, first_planned_end_ms, is_live, is_queued, missions
+from skyway_composition.tables import (
+    cancellations,
+    deliveries,
+    first_planned_end_ms,
+    is_live,
+    is_queued,
+    missions,
+)
 
 #: No network has these conditions: composition plans the mission again.
 NO_CONDITIONS: Final = -1
@@ -198,4 +205,51 @@ async def plan_queue_again(tx: Tx, drone_id: DroneId) -> None:
         update(missions)
         .where(missions.c.drone_id == drone_id, is_queued)
         .values(planned_conditions=NO_CONDITIONS)
+    )
+
+
+async def cancellation(
+    tx: Tx, delivery_id: DeliveryId, cancellation_id: str
+) -> Cancellation | None:
+    """The earlier answer to a cancellation; None when it comes for the first time."""
+    found = await tx.execute(
+        select(cancellations.c.answer).where(
+            cancellations.c.delivery_id == delivery_id,
+            cancellations.c.cancellation_id == cancellation_id,
+        )
+    )
+    answer = found.scalar_one_or_none()
+    return None if answer is None else Cancellation.read(answer)
+
+
+async def add_cancellation(
+    tx: Tx, delivery_id: DeliveryId, cancellation_id: str, *, answer: Cancellation, at_ms: int
+) -> None:
+    """Save the answer to a cancellation, for repeated requests."""
+    await tx.execute(
+        insert(cancellations).values(
+            delivery_id=delivery_id,
+            cancellation_id=cancellation_id,
+            answer=answer.model_dump_json(),
+            at_ms=at_ms,
+        )
+    )
+
+
+async def drones_serving(connection: AsyncConnection, delivery_id: DeliveryId) -> list[DroneId]:
+    """The drones on live missions of a delivery, in the order of their trips."""
+    found = await connection.execute(
+        select(missions.c.drone_id)
+        .where(missions.c.delivery_id == delivery_id, is_live)
+        .order_by(missions.c.attempt, missions.c.trip)
+    )
+    return list(found.scalars())
+
+
+async def save_request(tx: Tx, record: MissionRecord) -> None:
+    """Save the changed packages of a mission: fewer packages, or other masses."""
+    await tx.execute(
+        update(missions)
+        .where(missions.c.mission_id == record.mission_id)
+        .values(request=record.request.model_dump_json())
     )

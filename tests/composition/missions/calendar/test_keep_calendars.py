@@ -3,7 +3,7 @@
 from datetime import timedelta
 
 import pytest
-from skyway_composition.missions.tracking.track import track_of
+from skyway_composition.missions.tracking import track_of
 
 from skyway.ids import DeliveryId
 from tests.composition.busy_world import BusyWorld

@@ -17,8 +17,7 @@ from skyway_composition.links.store import link_to
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.step_store import ended_events, steps_of
 from skyway_composition.missions.mission.store import MissionFilter
-from skyway_composition.missions.tracking.progress import MissionProgress, progress_of
-from skyway_composition.missions.tracking.track import track_of
+from skyway_composition.missions.tracking import MissionProgress, progress_of, track_of
 
 MissionLoading = Literal["AUTOMATIC", "CONFIRMED", "AWAITED"]
 
