@@ -24,8 +24,7 @@ from skyway.runtime.idempotency.answer_store import sweep
 from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient
-from skyway.runtime.outbox.mqtt_sender import MqttSender
-from skyway.runtime.outbox.report_sender import ReportSender
+from skyway.runtime.outbox.senders import MqttSender, ReportSender
 from skyway.runtime.outbox.stream_sender import unhurried_pace
 from skyway.runtime.sql.migrations import migrate
 from skyway_gateway.access.routes import key_routes

@@ -7,8 +7,7 @@ from skyway.contracts.mission_reports import MANY_MISSION_REPORTS, MISSION_REPOR
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.mqtt.client import MqttClient
-from skyway.runtime.outbox.mqtt_sender import MqttSender
-from skyway.runtime.outbox.report_sender import ReportSender
+from skyway.runtime.outbox.senders import MqttSender, ReportSender
 from skyway.runtime.outbox.stream_sender import hint_pace
 from skyway_composition.links.listening import Listening
 from skyway_composition.missions.calendar.keep_calendars import Calendars

@@ -8,8 +8,8 @@ from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
+from skyway.runtime.loops import Pace
 from skyway.runtime.minting import Mint, mint
-from skyway.runtime.pace import Pace
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.enrolment.password_file import PasswordFile

@@ -16,10 +16,13 @@ SkywayError
 ├── InvalidSettings         the environment of this process is incomplete or wrong
 ├── UnsafeDatabase          a database that would lose answered writes
 └── UnknownRevision         a database with tables of another version of Skyway
+
+An error that ends a process also has an exit code, which `skyway up` reads.
 """
 
 from collections.abc import Mapping
-from typing import Any
+from enum import IntEnum
+from typing import Any, Final
 
 from skyway.errors import SkywayError
 
@@ -168,3 +171,30 @@ class UnknownRevision(SkywayError):
 
     def __init__(self, detail: str) -> None:
         super().__init__(f"another version of Skyway has migrated the database: {detail}")
+
+
+class ExitCode(IntEnum):
+    """docs/reference/operations.md says what each code means."""
+
+    ENDED = 0
+    #: A bug. Python itself ends with it after an error that nothing caught.
+    FAILED = 1
+    #: The environment is incomplete or wrong.
+    BAD_SETTINGS = 2
+    #: A part that the process needs is away, such as its port or the database.
+    NOT_NOW = 3
+    #: The database is damaged, or of another version of Skyway.
+    BAD_DATABASE = 4
+
+
+#: The same process would end again with the same code until a person has done something.
+FOR_GOOD: Final = frozenset({ExitCode.BAD_SETTINGS, ExitCode.BAD_DATABASE})
+
+
+def exit_code_of(error: Exception) -> ExitCode:
+    """The code for an error that ends a process."""
+    if isinstance(error, DamagedDatabase | UnknownRevision):
+        return ExitCode.BAD_DATABASE
+    if isinstance(error, ServiceUnavailable):
+        return ExitCode.NOT_NOW
+    return ExitCode.BAD_SETTINGS

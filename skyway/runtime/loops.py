@@ -1,13 +1,15 @@
-"""Loops that run as long as their process: one step after another."""
+"""Loops that run as long as their process, and how often their work may begin."""
 
 import asyncio
 import contextlib
 import logging
 import random
 from collections.abc import Awaitable, Callable, Coroutine
+from datetime import datetime, timedelta
 from types import TracebackType
 from typing import Any, Never, Self
 
+from skyway.runtime.clock import AnchoredClock, FleetClock, sleep_wall
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.metrics import count
 
@@ -18,6 +20,8 @@ _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.1, 5.0
 
 #: The longest wait while a part is away: one loop may need what another does after its own wait.
 _LONGEST_WAIT_FOR_A_PART_S = 1.0
+
+_NO_TIME = timedelta(0)
 
 
 class Wake:
@@ -143,3 +147,46 @@ class Loops:
         for task in self._tasks:
             task.cancel()
         await self._group.__aexit__(kind, error, trace)
+
+
+class Pace:
+    """Lets a turn begin at most every `every_s` seconds of wall time; the first one immediately.
+
+    With `burst`, so many unused turns may be used later, at least `least_s` apart. The clock
+    measures the time, so that tests can move it; without one it is the machine's clock.
+    """
+
+    def __init__(
+        self,
+        every_s: float = 0.0,
+        *,
+        burst: int = 0,
+        least_s: float = 0.0,
+        clock: FleetClock | None = None,
+    ) -> None:
+        self._clock = AnchoredClock.plain() if clock is None else clock
+        self._every = timedelta(seconds=every_s)
+        self._ahead = burst * self._every
+        self._least = timedelta(seconds=least_s)
+        self._began_at: datetime | None = None
+        self._due_at: datetime | None = None  # when the next turn would begin, had none come early
+
+    async def turn(self) -> None:
+        """Wait until the next turn may begin; one caller waits at a time."""
+        wait_s = self._wait_s(self._clock.wall_now())
+        if wait_s > 0.0:
+            await sleep_wall(self._clock, wait_s)
+        else:
+            # Callers that are ready now join this turn.
+            await asyncio.sleep(0)
+        self._began_at = now = self._clock.wall_now()
+        self._due_at = (now if self._due_at is None else max(self._due_at, now)) + self._every
+
+    def _wait_s(self, now: datetime) -> float:
+        if self._began_at is None or self._due_at is None:
+            return 0.0
+        if now < self._began_at:
+            # The wall clock was set back, so earlier moments cannot be compared with it.
+            self._began_at = self._due_at = now
+        earliest_at = max(self._due_at - self._ahead, self._began_at + self._least)
+        return max(_NO_TIME, earliest_at - now).total_seconds()

@@ -15,7 +15,7 @@ from typing import Final, Generic, TypeVar
 
 from skyway.errors import SkywayError
 from skyway.runtime.clock import AnchoredClock
-from skyway.runtime.exit_codes import exit_code_of
+from skyway.runtime.errors import exit_code_of
 from skyway.runtime.garbage import load_without_collecting
 from skyway.runtime.logs import configure_logs
 from skyway.runtime.settings import DatabaseSettings, ServiceSettings

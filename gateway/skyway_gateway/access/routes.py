@@ -9,7 +9,7 @@ from pydantic import Field
 from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.ids import KeyId, SubjectId
 from skyway.runtime.errors import Unauthenticated
-from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
+from skyway.runtime.http.answers import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter

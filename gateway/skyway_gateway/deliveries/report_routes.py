@@ -10,9 +10,9 @@ from skyway.contracts.mission_reports import (
     MissionReport,
     MissionReports,
 )
+from skyway.runtime.http.answers import conflicts
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
-from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.deliveries.apply_reports import ReportApplier
 

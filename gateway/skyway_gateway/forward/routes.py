@@ -11,9 +11,9 @@ from fastapi.responses import StreamingResponse
 from skyway.ids import SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
+from skyway.runtime.http.answers import IdempotencyKey, response_of
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.client_disconnect import cancel_on_disconnect
-from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.once import Answer, once

@@ -12,10 +12,9 @@ from skyway.contracts.delivery_event import AnyDeliveryEvent
 from skyway.contracts.delivery_event_examples import delivery_event_examples
 from skyway.ids import SubjectId, WebhookId
 from skyway.runtime.clock import AnchoredClock, FleetClock
-from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
+from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
-from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter, operation_id
 from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.minting import Mint

@@ -5,9 +5,8 @@ from typing import Annotated
 from fastapi import Depends, Request, Response
 
 from skyway.ids import QuoteId
-from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
+from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyGate

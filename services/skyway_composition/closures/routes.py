@@ -7,9 +7,9 @@ from fastapi import Depends, Path, Query, Response
 from skyway.ids import ClosureId, StationId
 from skyway.network.network import MAX_PADS
 from skyway.runtime.errors import NotFound
+from skyway.runtime.http.answers import NOT_FOUND
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page
-from skyway.runtime.http.problem_answers import NOT_FOUND
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.closures.close import Closings
 from skyway_composition.closures.handle_orders import (

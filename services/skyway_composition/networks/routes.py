@@ -12,12 +12,11 @@ from skyway.ids import NetworkId, StationId, ZoneId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
+from skyway.runtime.http.answers import GEOJSON, GeoJsonResponse, conflicts
 from skyway.runtime.http.app import read_json
-from skyway.runtime.http.geojson import GEOJSON, GeoJsonResponse
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.openapi_document import body_of
 from skyway.runtime.http.paging import Page, PageQuery, page_of
-from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database

@@ -21,11 +21,11 @@ from skyway.planner.problem import Problem
 from skyway.planner.problem_document import read_problem
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
+from skyway.runtime.http.answers import NOT_FOUND
 from skyway.runtime.http.app import internal_body, read_json
 from skyway.runtime.http.client_disconnect import cancel_on_disconnect
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.openapi_document import body_of
-from skyway.runtime.http.problem_answers import NOT_FOUND
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms

@@ -19,7 +19,7 @@ from skyway.announced_networks import CachedNetworks
 from skyway.drone.model import DroneModel
 from skyway.geo import unit_vector
 from skyway.ids import DroneId, DroneModelId, NetworkId, ProviderId, StationId
-from skyway.runtime.pace import Pace
+from skyway.runtime.loops import Pace
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates import store
 from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvider

@@ -8,9 +8,8 @@ from fastapi import Depends, Request, Response
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
+from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
-from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.sql.database import Database, Tx

@@ -8,9 +8,9 @@ from skyway.drone.model import DroneModel
 from skyway.errors import InvalidInput
 from skyway.ids import DroneModelId
 from skyway.runtime.errors import NotFound
+from skyway.runtime.http.answers import conflicts
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
-from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.fleets.store import every_model, put_model

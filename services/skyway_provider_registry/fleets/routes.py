@@ -12,10 +12,9 @@ from skyway.errors import InvalidInput
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
-from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
+from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
-from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.minting import Mint

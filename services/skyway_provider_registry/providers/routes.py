@@ -7,7 +7,7 @@ from fastapi import Depends, Query, Request, Response
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import AccessDenied
-from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
+from skyway.runtime.http.answers import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter

@@ -9,7 +9,7 @@ from skyway.contracts.message import FleetMoment, Soc
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
-from skyway.runtime.http.geojson import GeoJsonResponse
+from skyway.runtime.http.answers import GeoJsonResponse
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.openapi_document import schema_of
 from skyway.runtime.http.paging import Page

@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
-from skyway.runtime.exit_codes import FOR_GOOD, ExitCode
+from skyway.runtime.errors import FOR_GOOD, ExitCode
 
 #: Seconds of wall time before the first start after a death, the second, ...; the last for ever.
 _PAUSES_S: Final = (0.05, 0.5, 1.0, 2.0, 4.0, 5.0)

@@ -15,7 +15,7 @@ from skyway.cli.system.children import PACKAGES
 from skyway.contracts.service_facts import DeliveryFacts, DroneFacts, HintFacts, ProviderFacts
 from skyway.errors import SkywayError
 from skyway.json_model import WireModel
-from skyway.runtime.exit_codes import ExitCode
+from skyway.runtime.errors import ExitCode
 from skyway.runtime.verification.rule import BrokenRule
 
 #: Seconds for one service; millions of rows take minutes, not hours.

@@ -14,11 +14,10 @@ from starlette.middleware import Middleware
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http import docs_page
-from skyway.runtime.http.json_bodies import internal_body, read_json
 from skyway.runtime.http.openapi_document import Document, complete_document
 from skyway.runtime.http.problems import install_problems
 from skyway.runtime.http.request_boundary import BodyLimit, RequestBoundary, body_limits
-from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.http.service_router import ServiceRouter, internal_body, read_json
 from skyway.runtime.metrics import exposition
 
 __all__ = ["Health", "Readiness", "body_limits", "create_app", "internal_body", "read_json"]

@@ -16,9 +16,9 @@ from skyway.contracts.problem_details import ProblemDetails
 from skyway.contracts.rest_tags import TAGS
 from skyway.drone.model import ChargePoint
 from skyway.geo import Position
-from skyway.runtime.http.json_bodies import InternalBody
+from skyway.runtime.http.answers import add_problem_answers, shared_problem_answers
 from skyway.runtime.http.openapi_examples import add_examples
-from skyway.runtime.http.problem_answers import add_problem_answers, shared_problem_answers
+from skyway.runtime.http.service_router import InternalBody
 
 #: A JSON document, whose members have no common static type.
 Document = dict[str, Any]

@@ -1,9 +1,36 @@
-"""The routes of a service, each of which refuses JSON that cannot be stored."""
+"""The routes of a service, and the JSON that they accept: UTF-8, finite, storable everywhere.
 
-from fastapi import APIRouter, Depends
+Python's parser accepts more than JSON allows (NaN, UTF-16) and more than a database can store (NUL,
+lone surrogates, integers beyond 64 bits). Such values would fail far from here, as a 500.
+"""
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from email.message import Message as Header
+from typing import Any, Final, Generic, TypeVar
+
+from fastapi import APIRouter, Depends, Request
+from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
+from pydantic import BaseModel, ValidationError
+from pydantic_core import from_json
+from starlette.exceptions import HTTPException
 
-from skyway.runtime.http.json_bodies import refuse_unstorable_json
+M = TypeVar("M", bound=BaseModel)
+
+Path = tuple[int | str, ...]
+
+#: Our own bodies nest at most about ten levels.
+MAX_DEPTH: Final = 100
+
+_MAX_INTEGER: Final = 2**63 - 1
+
+_SURROGATES = re.compile("[\ud800-\udfff]")
+
+#: How values that cannot be stored look in the raw text; most bodies have none of them.
+_SUSPICIOUS = re.compile(rb"\\u|NaN|Infinity|[0-9]{19}|[eE]\+?[0-9]{3}")
 
 
 class ServiceRouter(APIRouter):
@@ -29,3 +56,125 @@ def operation_id(route: APIRoute) -> str:
     """The operation id of a route: its function's name in camel case, as `listStations`."""
     first, *others = route.name.split("_")
     return first + "".join(word.capitalize() for word in others)
+
+
+async def refuse_unstorable_json(request: Request) -> None:
+    """Dependency of every route: if the route has a JSON body, the body must be storable JSON."""
+    route = request.scope.get("route")
+    if not isinstance(route, APIRoute) or route.body_field is None:
+        return
+    raw = await request.body()
+    if raw:
+        require_json_type(request)
+        _check(raw, await request.json())
+
+
+def require_json_type(request: Request) -> None:
+    """Refuse a body whose Content-Type is not JSON, with 415."""
+    header = Header()
+    header["content-type"] = request.headers.get("content-type", "")
+    kind = header.get_content_type() if header["content-type"] else "none"
+    if kind != "application/json" and not re.fullmatch(r"application/[^/]+\+json", kind):
+        raise HTTPException(415, f"the Content-Type must be application/json; it is {kind}")
+
+
+async def read_json(request: Request) -> Any:  # a JSON value of any type
+    """The body of a route that reads it by itself; complaints as FastAPI makes them."""
+    raw = await request.body()
+    if raw:
+        require_json_type(request)
+    try:
+        value = json.loads(raw)
+    except RecursionError as error:
+        raise _complaint((), f"nests deeper than {MAX_DEPTH} levels", None) from error
+    except ValueError as error:
+        raise _broken(str(error)) from error
+    _check(raw, value)
+    return value
+
+
+class InternalBody(Generic[M]):
+    """A dependency that reads a service-to-service body of `model`, ignoring unknown fields."""
+
+    def __init__(self, model: type[M]) -> None:
+        self.model = model
+
+    async def __call__(self, request: Request) -> M:
+        """The body; complaints are made as FastAPI makes them of a public body."""
+        raw = await request.body()
+        if raw:
+            require_json_type(request)
+        try:
+            return self.model.model_validate_json(raw, extra="ignore")
+        except ValidationError as error:
+            complaints = error.errors(include_url=False, include_input=False)
+            if complaints[0]["type"] == "json_invalid":
+                raise _broken(str(complaints[0].get("ctx", {}).get("error"))) from error
+            located = [
+                {**complaint, "loc": ("body", *complaint["loc"])} for complaint in complaints
+            ]
+            raise RequestValidationError(located, body=from_json(raw)) from error
+
+
+def internal_body(model: type[M]) -> InternalBody[M]:
+    """For `Annotated[Booking, Depends(internal_body(Booking))]`; OpenAPI shows its schema."""
+    return InternalBody(model)
+
+
+def _check(raw: bytes, value: object) -> None:
+    try:
+        raw.decode()
+    except UnicodeDecodeError as error:
+        raise _broken("the text is not UTF-8") from error
+    if b"\0" in raw:
+        raise _broken("the text is not UTF-8")
+    if _is_too_deep(value):
+        raise _complaint((), f"nests deeper than {MAX_DEPTH} levels", value)
+    if _SUSPICIOUS.search(raw):
+        for path, reason in _unstorable(value):
+            raise _complaint(path, reason, value)
+
+
+def _is_too_deep(value: object) -> bool:
+    level: list[Any] = [value] if isinstance(value, dict | list) else []
+    for _ in range(MAX_DEPTH):
+        level = [
+            inner
+            for outer in level
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+            if isinstance(inner, dict | list)
+        ]
+    return bool(level)
+
+
+def _unstorable(value: object, path: Path = ()) -> Iterator[tuple[Path, str]]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from ((path, f"a name in it {reason}") for reason in _text_faults(key))
+            yield from _unstorable(inner, (*path, key))
+    elif isinstance(value, list):
+        for number, inner in enumerate(value):
+            yield from _unstorable(inner, (*path, number))
+    elif isinstance(value, str):
+        yield from ((path, reason) for reason in _text_faults(value))
+    elif isinstance(value, float) and not math.isfinite(value):
+        yield path, "Input should be a finite number"
+    elif isinstance(value, int) and abs(value) > _MAX_INTEGER:
+        yield path, f"Input should be an integer of at most {_MAX_INTEGER}"
+
+
+def _text_faults(text: str) -> Iterator[str]:
+    if "\0" in text:
+        yield "holds the character U+0000"
+    if _SURROGATES.search(text):
+        yield "holds half of a surrogate pair"
+
+
+def _complaint(path: Path, reason: str, body: object) -> RequestValidationError:
+    complaint = {"type": "unstorable", "loc": ("body", *path), "msg": reason}
+    return RequestValidationError([complaint], body=body)
+
+
+def _broken(reason: str) -> RequestValidationError:
+    complaint = {"type": "json_invalid", "loc": ("body",), "msg": reason}
+    return RequestValidationError([complaint], body=None)

@@ -17,11 +17,10 @@ from typing import Any, Final
 from sqlalchemy import Row, Table
 
 from skyway.runtime.clock import FleetClock, sleep_wall
-from skyway.runtime.loops import Wake, repeat
+from skyway.runtime.loops import Pace, Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import mint
 from skyway.runtime.outbox.outbox_store import claim_due, delete_and_claim, delete_sent, free_row
-from skyway.runtime.pace import Pace
 from skyway.runtime.sql.claims import FREE, claim_values
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import tracing

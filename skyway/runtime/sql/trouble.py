@@ -1,10 +1,12 @@
-"""Which errors are trouble of the database itself: of its server, its disk, or the way to them.
+"""What the errors of a database mean: trouble of the database itself, or a rule that refused a row.
 
-The same request may succeed later, so trouble is `ServiceUnavailable`. Every other error of a
-statement is a bug of ours.
+Trouble is of its server, its disk, or the way to them. The same request may succeed later, so
+trouble is `ServiceUnavailable`. A rule has the same name on SQLite and PostgreSQL. Every other
+error of a statement is a bug of ours.
 """
 
 import os
+import re
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,9 +14,11 @@ from typing import Final
 
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as NoFreeConnection
+from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.runtime.errors import DamagedDatabase, ServiceUnavailable
 from skyway.runtime.metrics import count
+from skyway.runtime.sql.engines import Dialect
 
 #: Classes of SQLSTATE, each with what it means, and single states of other classes.
 #: https://www.postgresql.org/docs/current/errcodes-appendix.html
@@ -56,6 +60,19 @@ _SQLITE_DAMAGED: Final = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 
 #: The trouble behind an error; None when the error is a bug.
 NameTrouble = Callable[[BaseException], ServiceUnavailable | None]
+
+#: unique_violation, exclusion_violation and raise_exception (a trigger's own rule).
+_POSTGRESQL_REFUSALS: Final = ("23505", "23P01", "P0001")
+
+_SQLITE_UNIQUE: Final = (
+    "SQLITE_CONSTRAINT_UNIQUE",
+    "SQLITE_CONSTRAINT_PRIMARYKEY",
+    "SQLITE_CONSTRAINT_ROWID",
+)
+
+_NAMED_UNIQUE: Final = re.compile(
+    r"CONSTRAINT\s+\"?(?P<name>\w+)\"?\s+UNIQUE\s*\((?P<columns>[^)]*)\)", re.IGNORECASE
+)
 
 
 @contextmanager
@@ -159,3 +176,62 @@ def _sqlstate(cause: BaseException | None) -> str:
 
 def _unavailable(detail: str) -> ServiceUnavailable:
     return ServiceUnavailable("database", detail)
+
+
+async def violated_constraint(
+    connection: AsyncConnection, error: DBAPIError, *, dialect: Dialect
+) -> str | None:
+    """Name of the unique, exclusion or trigger rule behind an error; None for any other error.
+
+    A trigger's rule is called what it raises: ``RAISE(ABORT, 'pad_taken')`` on SQLite,
+    ``RAISE EXCEPTION 'pad_taken'`` on PostgreSQL.
+    """
+    if dialect == "postgresql":
+        return _on_postgresql(error)
+    name = getattr(error.orig, "sqlite_errorname", None)
+    if name == "SQLITE_CONSTRAINT_TRIGGER":
+        return str(error.orig)
+    if name in _SQLITE_UNIQUE:
+        return await _on_sqlite(connection, str(error.orig).partition(": ")[2])
+    return None
+
+
+def _on_postgresql(error: DBAPIError) -> str | None:
+    refused = error.driver_exception
+    if getattr(refused, "sqlstate", None) not in _POSTGRESQL_REFUSALS:
+        return None
+    return getattr(refused, "constraint_name", None) or str(refused)
+
+
+async def _on_sqlite(connection: AsyncConnection, place: str) -> str:
+    """The name of an index or constraint; SQLite reports only ``table.column, ...``."""
+    if place.startswith("index "):
+        return place.removeprefix("index ").strip("'")
+    table = place.partition(".")[0]
+    columns = [part.rpartition(".")[2] for part in place.split(", ")]
+    indexes = await connection.exec_driver_sql(
+        'SELECT name, origin FROM pragma_index_list(?) WHERE "unique"', (table,)
+    )
+    for row in indexes.mappings():
+        parts = await connection.exec_driver_sql(
+            "SELECT name FROM pragma_index_info(?) ORDER BY seqno", (row["name"],)
+        )
+        if row["origin"] == "c" and list(parts.scalars()) == columns:
+            return str(row["name"])
+    return await _named_in_table(connection, table, columns)
+
+
+async def _named_in_table(connection: AsyncConnection, table: str, columns: list[str]) -> str:
+    """The constraint's name in CREATE TABLE, or else the name that PostgreSQL would give it."""
+    found = await connection.exec_driver_sql(
+        "SELECT sql FROM sqlite_master WHERE type = 'table' AND name = ?", (table,)
+    )
+    for match in _NAMED_UNIQUE.finditer(found.scalar() or ""):
+        if [part.strip(' "') for part in match["columns"].split(",")] == columns:
+            return match["name"]
+    key = await connection.exec_driver_sql(
+        "SELECT name FROM pragma_table_info(?) WHERE pk > 0 ORDER BY pk", (table,)
+    )
+    if list(key.scalars()) == columns:
+        return f"{table}_pkey"
+    return f"{table}_{'_'.join(columns)}_key"

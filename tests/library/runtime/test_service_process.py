@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import literal, select
 
-from skyway.runtime.exit_codes import ExitCode
+from skyway.runtime.errors import ExitCode
 from skyway.runtime.service_process import ServiceProcess
 from skyway.runtime.settings import ServiceSettings
 from skyway.runtime.verification.rule import Rule

@@ -17,8 +17,8 @@ from skyway.drone.models import PAPER_SCENARIO
 from skyway.geo import Position
 from skyway.ids import MissionId, StationId
 from skyway.runtime.clock import ManualClock
+from skyway.runtime.loops import Pace
 from skyway.runtime.mqtt.client import Received
-from skyway.runtime.pace import Pace
 from skyway.runtime.sql.database import Database
 
 AT = datetime(2026, 3, 1, 12, tzinfo=UTC)

@@ -9,7 +9,7 @@ from pydantic import Field
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, ProviderId
 from skyway.runtime.errors import NotFound
-from skyway.runtime.http.geojson import GeoJsonResponse
+from skyway.runtime.http.answers import GeoJsonResponse
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter

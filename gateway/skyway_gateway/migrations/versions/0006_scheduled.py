@@ -3,7 +3,7 @@
 import sqlalchemy as sa
 from alembic import op
 
-from skyway.runtime.sql.check_constraints import replace_check
+from skyway.runtime.sql.migrations import replace_check
 
 revision = "0006"
 down_revision = "0005"

@@ -10,9 +10,9 @@ from skyway.contracts.mission import Cancellation, CancelMissions
 from skyway.delivery.request import MAX_PACKAGE_MASS_KG, MAX_PACKAGES
 from skyway.ids import DeliveryId, MissionId, PackageId, ProviderId
 from skyway.json_model import JsonModel
+from skyway.runtime.http.answers import conflicts
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
-from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import LoadingAnswer, Loadings

@@ -14,7 +14,7 @@ import pytest
 
 from skyway.cli.system.supervisor import Child, ProcessCannotRun, Supervisor
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.exit_codes import ExitCode
+from skyway.runtime.errors import ExitCode
 
 WAITS = "import sys, time; print('up', flush=True); time.sleep(60)"
 

@@ -15,11 +15,9 @@ from skyway.contracts.world import ClockAnchor
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock, ManualClock
 from skyway.runtime.errors import MqttUnavailable, RemoteProblem, ServiceUnavailable
-from skyway.runtime.loops import Wake
-from skyway.runtime.outbox.mqtt_sender import MqttSender
+from skyway.runtime.loops import Pace, Wake
 from skyway.runtime.outbox.outbox_store import confirm, outbox_table
-from skyway.runtime.outbox.report_sender import ReportSender
-from skyway.runtime.pace import Pace
+from skyway.runtime.outbox.senders import MqttSender, ReportSender
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import current_traceparent, tracing
 from tests.library.runtime.outbox.changes import Changes

@@ -1,15 +1,17 @@
-"""Migrations upgrade a database to the tables that the code uses."""
+"""Migrations of a service's database, and the CHECK constraints that they replace."""
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from sqlalchemy import text
-from sqlalchemy.exc import DBAPIError
+from sqlalchemy.engine import Connection
+from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from skyway.runtime.errors import UnknownRevision
 from skyway.runtime.sql.database import Database
-from skyway.runtime.sql.migrations import migrate
+from skyway.runtime.sql.migrations import migrate, replace_check
 
 REVISION = """
 from alembic import op
@@ -108,3 +110,48 @@ async def test_a_database_of_another_version_is_left_alone(
         await migrate(database_url, package.name)
 
     assert await has_table(database_url, "pads")
+
+
+TABLES = (
+    """CREATE TABLE lamps (lamp TEXT PRIMARY KEY, colour TEXT,
+    CONSTRAINT lamp_colour CHECK (colour IN ('RED', (lower('x')))),
+    CONSTRAINT lamp_name CHECK (lamp <> ''))""",
+    "CREATE TABLE bulbs (bulb TEXT PRIMARY KEY, lamp TEXT REFERENCES lamps (lamp))",
+    "INSERT INTO lamps VALUES ('one', 'RED')",
+    "INSERT INTO bulbs VALUES ('b', 'one')",
+)
+
+
+async def _change(db: Database, change: Callable[[Connection], None]) -> None:
+    async with db.write() as tx:
+        await tx.connection.run_sync(change)
+
+
+async def test_new_values_are_allowed_and_others_still_refused(database_url: str) -> None:
+    async with Database(database_url) as db:
+        async with db.write() as tx:
+            for statement in TABLES:
+                await tx.execute(text(statement))
+
+        await _change(
+            db, lambda it: replace_check(it, "lamps", "lamp_colour", "colour IN ('RED', 'GREEN')")
+        )
+
+        async with db.write() as tx:
+            await tx.execute(text("INSERT INTO lamps VALUES ('two', 'GREEN')"))
+        for row in ("('three', 'BLUE')", "('', 'RED')"):
+            with pytest.raises(IntegrityError):
+                async with db.write() as tx:
+                    await tx.execute(text(f"INSERT INTO lamps VALUES {row}"))
+        async with db.read() as connection:
+            assert len((await connection.execute(text("SELECT * FROM bulbs"))).all()) == 1
+
+
+async def test_a_constraint_that_does_not_exist_is_an_error(tmp_path: Path) -> None:
+    async with Database(f"sqlite:///{tmp_path}/lamps.db") as db:
+        async with db.write() as tx:
+            for statement in TABLES:
+                await tx.execute(text(statement))
+
+        with pytest.raises(LookupError, match="lamp_size"):
+            await _change(db, lambda it: replace_check(it, "lamps", "lamp_size", "TRUE"))

@@ -1,8 +1,14 @@
-"""The problem answers of every operation, as an OpenAPI document shows them."""
+"""What routes answer beside plain JSON: problems, answers that may be repeated, and GeoJSON.
+
+The problems of every operation stand here as an OpenAPI document shows them.
+"""
 
 from collections.abc import Iterator, Mapping
 from http import HTTPStatus
-from typing import Any, Final
+from typing import Annotated, Any, Final
+
+from fastapi import Header, Response
+from fastapi.responses import JSONResponse
 
 from skyway.contracts.problem_details import (
     CONFLICT_CODES,
@@ -11,6 +17,7 @@ from skyway.contracts.problem_details import (
     ProblemDetails,
 )
 from skyway.runtime.http.problems import problem_of_kind
+from skyway.runtime.idempotency.once import Answer
 
 #: A part of an OpenAPI document, whose members have no common static type.
 Part = dict[str, Any]
@@ -50,9 +57,13 @@ _DETAILS: Final[Mapping[str, str]] = {
     "internal-error": "the request was not carried out; the logs tell why by its trace_id",
 }
 
-
 #: For the `responses` of a route that may name something in its body that is not there.
 NOT_FOUND: Final[dict[int | str, Part]] = {HTTPStatus.NOT_FOUND.value: {}}
+
+#: The header `Idempotency-Key`, for a parameter of the name `idempotency_key`.
+IdempotencyKey = Annotated[str | None, Header()]
+
+GEOJSON: Final = "application/geo+json"
 
 
 def conflicts(*codes: str) -> dict[int | str, Part]:
@@ -129,3 +140,14 @@ def _problem(kind: str) -> Part:
         problem = problem.model_copy(update={"errors": (_FIELD,)})
     problem = problem.model_copy(update={"trace_id": _TRACE_ID})
     return problem.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+
+
+def response_of(answer: Answer) -> Response:
+    """The HTTP answer, the first time or again."""
+    return Response(answer.body, answer.status, dict(answer.headers), "application/json")
+
+
+class GeoJsonResponse(JSONResponse):
+    """An answer in GeoJSON."""
+
+    media_type = GEOJSON

@@ -13,9 +13,9 @@ from sqlalchemy import MetaData, func, select
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
+from skyway.runtime.loops import Pace
 from skyway.runtime.outbox.outbox_store import outbox_table
-from skyway.runtime.outbox.report_sender import ReportSender
-from skyway.runtime.pace import Pace
+from skyway.runtime.outbox.senders import ReportSender
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import tracing
 
