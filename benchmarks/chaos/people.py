@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from pydantic import TypeAdapter
-from skyway_drone_agent.enrolled_drone import EnrolledDrone, read_fleet
+from skyway_drone_agent.enrolment.enrolled_drone import EnrolledDrone, read_fleet
 
 from benchmarks.chaos.webhooks import WebhookServer
 from benchmarks.load.city import City

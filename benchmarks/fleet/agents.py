@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from skyway_drone_agent.enrolled_drone import EnrolledDrone
+from skyway_drone_agent.enrolment.enrolled_drone import EnrolledDrone
 
 from benchmarks.fleet.crew import write_fleet
 

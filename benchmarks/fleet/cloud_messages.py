@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Final
 
-from skyway_drone_agent.enrolled_drone import EnrolledDrone
+from skyway_drone_agent.enrolment.enrolled_drone import EnrolledDrone
 
 from benchmarks.fleet.crew import PASSWORD
 from benchmarks.fleet.trip import trip_of

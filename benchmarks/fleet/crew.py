@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from pydantic import TypeAdapter
-from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
+from skyway_drone_agent.enrolment.enrolled_drone import BrokerLogin, EnrolledDrone
 
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.geo import Position

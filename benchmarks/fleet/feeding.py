@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from skyway_drone_agent.enrolled_drone import EnrolledDrone
+from skyway_drone_agent.enrolment.enrolled_drone import EnrolledDrone
 
 from benchmarks.fleet.agents import resident_mib
 from benchmarks.fleet.cloud_messages import send_missions

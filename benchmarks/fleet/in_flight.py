@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from typing import Final
 
-from skyway_drone_agent.enrolled_drone import EnrolledDrone
+from skyway_drone_agent.enrolment.enrolled_drone import EnrolledDrone
 
 from skyway.contracts.drone_report import DroneHealth, DroneState, Telemetry, Wind
 from skyway.ids import MissionId

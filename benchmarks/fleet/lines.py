@@ -4,7 +4,7 @@ import json
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from skyway_drone_agent.enrolled_drone import EnrolledDrone
+from skyway_drone_agent.enrolment.enrolled_drone import EnrolledDrone
 
 from benchmarks.fleet.in_flight import sample_in_flight, state_in_flight
 from skyway.contracts.message import Message

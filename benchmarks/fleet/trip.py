@@ -4,7 +4,7 @@ import math
 from datetime import datetime, timedelta
 from typing import Final
 
-from skyway_drone_agent.enrolled_drone import EnrolledDrone
+from skyway_drone_agent.enrolment.enrolled_drone import EnrolledDrone
 
 from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.instruction import MissionInstruction

@@ -9,9 +9,8 @@ import sys
 from skyway.errors import SkywayError
 from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.logs import configure_logs
-from skyway_drone_agent.enrolled_drone import read_fleet
-from skyway_drone_agent.enrolment.credentials import CredentialsFolder
 from skyway_drone_agent.enrolment.enrol import Crew, EnrolledCrew, RegisteredCrew, enrol, enrolled
+from skyway_drone_agent.enrolment.enrolled_drone import CredentialsFolder, read_fleet
 from skyway_drone_agent.fleet import allow_open_files, host_fleet, place
 from skyway_drone_agent.journal.journal import JournalFolder
 from skyway_drone_agent.settings import AgentSettings, read_settings

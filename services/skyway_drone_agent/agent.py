@@ -16,10 +16,9 @@ from skyway.runtime.mqtt.client import Received, Will
 from skyway_drone_agent.analysis.landings import NO_LANDINGS, LandingSource
 from skyway_drone_agent.clock_keeper import ClockFromCloud
 from skyway_drone_agent.cockpit import Cockpit
-from skyway_drone_agent.enrolled_drone import EnrolledDrone
-from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.enrolment.enrolled_drone import EnrolledDrone
+from skyway_drone_agent.journal.flight_recorder import FlightRecorder, NewsOrMoment
 from skyway_drone_agent.journal.journal import Journal
-from skyway_drone_agent.journal.waiting import NewsOrMoment
 from skyway_drone_agent.link.uplink import Link, Presence, Uplink
 from skyway_drone_agent.messages.inbox import RAW_INSTRUCTIONS
 from skyway_drone_agent.vehicle import Vehicle

@@ -18,9 +18,8 @@ from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient, Will
 from skyway_drone_agent.agent import DroneAgent, MakeLink
 from skyway_drone_agent.clock_keeper import KeptClock
-from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.enrolment.cloud import CloudAccess
-from skyway_drone_agent.enrolment.credentials import client_tls
+from skyway_drone_agent.enrolment.enrolled_drone import EnrolledDrone, client_tls
 from skyway_drone_agent.journal.journal import JournalFolder
 from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import Placed

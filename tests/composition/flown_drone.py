@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from skyway_drone_agent.agent import DroneAgent
-from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
+from skyway_drone_agent.enrolment.enrolled_drone import BrokerLogin, EnrolledDrone
 from skyway_drone_agent.journal.logbook import Logbook, run_under_way
 from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import EventRecorded, Placed, Record

@@ -23,7 +23,7 @@ from skyway.runtime.tracing import tracing
 from skyway_gateway.clients import CANCELLATIONS_PATH
 from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
-from skyway_gateway.deliveries.lifecycle.lateness import TOLERANCE_S, when_overdue
+from skyway_gateway.deliveries.lifecycle.package_changes import TOLERANCE_S, when_overdue
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.lifecycle.report_effects import after_report
 from skyway_gateway.deliveries.records import delivery_store

@@ -11,11 +11,10 @@ from skyway.geo import Position
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_drone_agent.analysis.battery_charge import BatteryEstimate, first_charge
 from skyway_drone_agent.analysis.battery_health import BatteryHealth
-from skyway_drone_agent.analysis.energy_use import EnergyUseMonitor
+from skyway_drone_agent.analysis.flight_estimates import EnergyUseMonitor, Velocity, WindEstimate
 from skyway_drone_agent.analysis.landings import NO_LANDINGS, LandingSource, RememberedLandings
 from skyway_drone_agent.analysis.leg import Leg, LegCache, off_course_m
 from skyway_drone_agent.analysis.reach import EnergyToLand, LandingInReach, NextLanding, Reach
-from skyway_drone_agent.analysis.wind import Velocity, WindEstimate
 from skyway_drone_agent.battery_pack import BatteryPack
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.logbook import Logbook, doing_now, run_under_way

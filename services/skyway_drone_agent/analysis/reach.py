@@ -12,9 +12,9 @@ from skyway.drone.flight import flight_power_w, speed_mps
 from skyway.drone.model import DroneModel
 from skyway.geo import Position, bearing_rad, distance_m
 from skyway.ids import StationId
+from skyway_drone_agent.analysis.flight_estimates import Velocity, ground_speed_mps
 from skyway_drone_agent.analysis.landings import Landing
 from skyway_drone_agent.analysis.leg import Leg
-from skyway_drone_agent.analysis.wind import Velocity, ground_speed_mps
 from skyway_drone_agent.vehicle import Reading
 
 #: Number of landings that are judged, the nearest first.

@@ -18,11 +18,11 @@ from typing import Final, Protocol
 
 from skyway.errors import SkywayError
 from skyway.ids import DroneId
-from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.enrolment.cloud import Cloud, CloudAccess, CloudRefused, CloudUnreachable
-from skyway_drone_agent.enrolment.credentials import (
+from skyway_drone_agent.enrolment.enrolled_drone import (
     Credentials,
     CredentialsFolder,
+    EnrolledDrone,
     Enrolment,
     KeptCredentials,
 )

@@ -28,11 +28,10 @@ from skyway_drone_agent.failsafes.faults import (
     level_of,
     numbers_behind,
 )
-from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.journal.flight_recorder import FlightRecorder, NewsOrMoment
 from skyway_drone_agent.journal.logbook import CurrentMission, run_under_way
 from skyway_drone_agent.journal.mission_changes import Place, descent, flight_to
 from skyway_drone_agent.journal.records import FailsafeBegun, FaultEnded, HealthLearned
-from skyway_drone_agent.journal.waiting import NewsOrMoment
 from skyway_drone_agent.link.events import EventWriter
 from skyway_drone_agent.link.link_monitor import CloudMonitor, Heartbeat, LinkMonitor
 from skyway_drone_agent.vehicle import StepRun, Vehicle

@@ -22,11 +22,14 @@ from skyway.ids import PackageId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_drone_agent.failsafes.faults import in_words
 from skyway_drone_agent.flying.mission import Begin, Cut, End, Fail, Gates, Land, Stand, next_act
-from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.journal.flight_recorder import (
+    FlightRecorder,
+    NewsOrMoment,
+    wait_for_end_or_news,
+)
 from skyway_drone_agent.journal.journal import JournalUnwritable
 from skyway_drone_agent.journal.logbook import Escape, Logbook, end_of, run_under_way
 from skyway_drone_agent.journal.records import StepBegun
-from skyway_drone_agent.journal.waiting import NewsOrMoment, wait_for_end_or_news
 from skyway_drone_agent.link.events import EventWriter
 from skyway_drone_agent.vehicle import Outcome, StepRun, Vehicle
 

@@ -10,8 +10,7 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position, distance_m
 from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.battery_pack import BatteryPack
-from skyway_drone_agent.journal.waiting import finished_within
-from skyway_drone_agent.mavlink.link import MavlinkMessage
+from skyway_drone_agent.mavlink.link import MavlinkMessage, finished_within
 from skyway_drone_agent.vehicle import Reading
 
 #: Wall time after which a position counts as lost.

@@ -9,12 +9,11 @@ import asyncio
 import contextlib
 import logging
 import os
-from collections.abc import AsyncIterator, Callable, Iterator
-from typing import Any, Final, Never
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from typing import Any, Final, Never, TypeVar
 
 from skyway.errors import SkywayError
 from skyway.runtime.clock import FleetClock, sleep_wall
-from skyway_drone_agent.journal.waiting import finished_within
 
 log = logging.getLogger(__name__)
 
@@ -26,6 +25,8 @@ _OUR_SYSTEM: Final = 1
 
 #: A MAVLink message; Any, for pymavlink makes their classes at run time.
 MavlinkMessage = Any
+
+T = TypeVar("T")
 
 
 class NoMavlink(SkywayError):
@@ -204,3 +205,21 @@ async def _sent(
                 return int(answer.result)
             timeout_s = _AT_WORK_S
     return None
+
+
+async def finished_within(
+    clock: FleetClock, wall_s: float | None, work: Coroutine[Any, Any, T]
+) -> T | None:
+    """The result of the work; None when it takes longer than so many seconds of wall time.
+
+    The clock measures the time, so that tests can move it. Without `wall_s` there is no limit.
+    """
+    if wall_s is None:
+        return await work
+    working, alarm = asyncio.ensure_future(work), asyncio.ensure_future(sleep_wall(clock, wall_s))
+    try:
+        await asyncio.wait((working, alarm), return_when=asyncio.FIRST_COMPLETED)
+        return working.result() if working.done() else None
+    finally:
+        working.cancel()
+        alarm.cancel()

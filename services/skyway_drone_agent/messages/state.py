@@ -10,9 +10,8 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import MqttUnavailable
 from skyway_drone_agent.analysis.analysis import Assessment, Lookout
 from skyway_drone_agent.failsafes.failsafe import active_failsafe, in_order_of_danger
-from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.journal.flight_recorder import FlightRecorder, NewsOrMoment
 from skyway_drone_agent.journal.logbook import Logbook, run_under_way
-from skyway_drone_agent.journal.waiting import NewsOrMoment
 from skyway_drone_agent.link.events import EventSender
 from skyway_drone_agent.link.link_monitor import Heartbeat
 from skyway_drone_agent.link.uplink import Envelope, Uplink

@@ -13,7 +13,7 @@ from skyway.geo import EARTH_RADIUS_M, Position
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import MqttUnavailable
 from skyway_drone_agent.analysis.analysis import Assessment, Lookout
-from skyway_drone_agent.analysis.wind import Velocity
+from skyway_drone_agent.analysis.flight_estimates import Velocity
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.logbook import run_under_way
 from skyway_drone_agent.link.uplink import Envelope, Uplink

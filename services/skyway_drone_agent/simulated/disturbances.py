@@ -1,12 +1,15 @@
 """What differs from the plan for simulated drones; by default nothing does.
 
 These are the keys of a scenario file, with their limits; docs/scenarios.md explains them. Some
-scenarios come with Skyway.
+scenarios come with Skyway. Chance is repeatable: the same question always has the same answer.
 """
 
+import math
 import tomllib
 from collections.abc import Mapping
+from hashlib import blake2b
 from pathlib import Path
+from struct import unpack
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
@@ -19,6 +22,9 @@ from skyway.json_model import JsonModel
 Factor = Annotated[float, Field(gt=0.0, le=100.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Seconds = Annotated[float, Field(ge=0.0, le=1e6)]
+
+#: Numbers in one answer: a hash of 64 bytes holds 8 numbers of 8 bytes.
+NUMBERS: Final = 8
 
 
 class Wind(JsonModel):
@@ -162,7 +168,6 @@ class Disturbances(JsonModel):
 #: Everything follows the drone model.
 UNDISTURBED = Disturbances()
 
-
 _BUNDLED: Final = Path(__file__).parent / "scenarios"
 
 
@@ -208,3 +213,25 @@ def _checked(content: Mapping[str, Any], *, source: str) -> Disturbances:  # val
         else:
             detail = f"{first['msg']}, not {first['input']!r}"
         raise InvalidInput(f"{source}{key}", detail) from error
+
+
+def uniforms(seed: int, *about: object) -> tuple[float, ...]:
+    """Uniform numbers in (0, 1) that depend only on the seed and the question."""
+    question = "\x1f".join((str(seed), *map(str, about)))
+    integers = unpack(f"<{NUMBERS}Q", blake2b(question.encode(), digest_size=64).digest())
+    return tuple((integer + 0.5) / 2.0**64 for integer in integers)
+
+
+def normals(seed: int, *about: object) -> tuple[float, ...]:
+    """Normal numbers with mean 0 and deviation 1, by the Box-Muller transform."""
+    numbers: list[float] = []
+    even = uniforms(seed, *about)
+    for radius, turn in zip(even[::2], even[1::2], strict=True):
+        length = math.sqrt(-2.0 * math.log(radius))
+        numbers += (length * math.cos(math.tau * turn), length * math.sin(math.tau * turn))
+    return tuple(numbers)
+
+
+def happens(share: float, seed: int, *about: object) -> bool:
+    """Whether an event that happens in this share of all cases happens in this case."""
+    return share > 0.0 and uniforms(seed, *about)[0] < share

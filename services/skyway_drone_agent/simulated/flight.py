@@ -10,9 +10,8 @@ from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.drone.model import DroneModel
 from skyway.geo import EARTH_RADIUS_M, Position, bearing_rad, point_between
 from skyway.ids import DroneId
-from skyway_drone_agent.analysis.wind import ground_speed_mps
-from skyway_drone_agent.simulated.chance import happens, normals
-from skyway_drone_agent.simulated.disturbances import Disturbances, FlightFault
+from skyway_drone_agent.analysis.flight_estimates import ground_speed_mps
+from skyway_drone_agent.simulated.disturbances import Disturbances, FlightFault, happens, normals
 from skyway_drone_agent.simulated.wind_field import wind_field
 
 #: Stretches of constant wind per span of gusts, and the most stretches of a flight.

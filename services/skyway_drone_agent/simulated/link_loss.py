@@ -14,8 +14,7 @@ from skyway.ids import DroneId
 from skyway.runtime.clock import sleep_wall
 from skyway.runtime.mqtt.client import MqttClient, Received
 from skyway_drone_agent.clock_keeper import ClockFromCloud
-from skyway_drone_agent.simulated.chance import uniforms
-from skyway_drone_agent.simulated.disturbances import Disturbances
+from skyway_drone_agent.simulated.disturbances import Disturbances, uniforms
 
 _EPOCH = datetime.fromtimestamp(0, UTC)
 

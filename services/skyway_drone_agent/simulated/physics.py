@@ -15,8 +15,7 @@ from skyway.contracts.flight_step import (
 from skyway.drone.charging import recharge_time_s, soc_after_recharge
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneId
-from skyway_drone_agent.simulated.chance import happens
-from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances
+from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances, happens
 from skyway_drone_agent.simulated.flight import SimulatedFlight, flight_of
 from skyway_drone_agent.vehicle import Outcome, Sample, StepRun
 

@@ -7,8 +7,7 @@ from functools import lru_cache
 from typing import Final
 
 from skyway.geo import EARTH_RADIUS_M, Position, unit_vector
-from skyway_drone_agent.simulated.chance import normals, uniforms
-from skyway_drone_agent.simulated.disturbances import Wind
+from skyway_drone_agent.simulated.disturbances import Wind, normals, uniforms
 
 #: Waves in the gusts of one component; the sum of this many is nearly normal.
 _WAVES: Final = 8

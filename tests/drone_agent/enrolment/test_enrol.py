@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.enrolment.cloud import Cloud, CloudRefused, CloudUnreachable
-from skyway_drone_agent.enrolment.credentials import CredentialsFolder, DamagedCredentials
 from skyway_drone_agent.enrolment.enrol import NotEnrolled, enrol, enrolled
+from skyway_drone_agent.enrolment.enrolled_drone import CredentialsFolder, DamagedCredentials
 
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.enrolment.cloud import CloudRefused, CloudUnreachable
-from skyway_drone_agent.enrolment.credentials import CredentialsFolder, KeptCredentials
 from skyway_drone_agent.enrolment.enrol import EnrolledCrew, begin_rotation, enrol, settle_rotation
+from skyway_drone_agent.enrolment.enrolled_drone import CredentialsFolder, KeptCredentials
 
 
 @pytest.fixture

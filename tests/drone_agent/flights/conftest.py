@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import pytest
 from skyway_drone_agent.agent import DroneAgent, VersionedLandings
-from skyway_drone_agent.enrolled_drone import EnrolledDrone
+from skyway_drone_agent.enrolment.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.journal.journal import Journal, JournalUnwritable, MemoryJournal
 from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.records import Record

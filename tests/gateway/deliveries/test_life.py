@@ -20,7 +20,7 @@ from skyway_gateway.deliveries.lifecycle.booking_effects import (
     after_giving_up,
 )
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus, may_follow
-from skyway_gateway.deliveries.lifecycle.lateness import when_overdue
+from skyway_gateway.deliveries.lifecycle.package_changes import when_overdue
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.lifecycle.report_effects import after_report
 from skyway_gateway.deliveries.requests.accept import new_delivery

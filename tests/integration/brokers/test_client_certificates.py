@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from skyway_drone_agent.enrolled_drone import ClientCertificate
-from skyway_drone_agent.enrolment.credentials import client_tls
+from skyway_drone_agent.enrolment.enrolled_drone import ClientCertificate, client_tls
 
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.mosquitto import TlsFiles, mosquitto_conf

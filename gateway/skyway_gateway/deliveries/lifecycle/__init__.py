@@ -2,6 +2,6 @@
 
 `delivery` says what a delivery is and which states follow which. `progress` holds what all changes
 have in common, and how a delivery ends. The `..._effects` say what a booking, a cancellation or a
-mission report changes; `hand_overs` and `lateness` are parts of reports. `event_data` builds
-events.
+mission report changes; `package_changes` is the part of reports that concerns packages.
+`event_data` builds events.
 """

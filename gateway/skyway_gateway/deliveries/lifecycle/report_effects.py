@@ -18,8 +18,13 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     PackageStatus,
     Refusal,
 )
-from skyway_gateway.deliveries.lifecycle.hand_overs import delivered, loaded, returned, stranded
-from skyway_gateway.deliveries.lifecycle.lateness import with_etas
+from skyway_gateway.deliveries.lifecycle.package_changes import (
+    delivered,
+    loaded,
+    returned,
+    stranded,
+    with_etas,
+)
 from skyway_gateway.deliveries.lifecycle.progress import (
     CANCELLED_CODE,
     Progress,

@@ -3,7 +3,7 @@
 import math
 from collections import deque
 
-from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
+from skyway_drone_agent.enrolment.enrolled_drone import BrokerLogin, EnrolledDrone
 
 from skyway.drone.model import ChargePoint, DroneModel
 from skyway.geo import EARTH_RADIUS_M, Position, distance_m

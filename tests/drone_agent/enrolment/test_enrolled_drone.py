@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_drone_agent.enrolled_drone import read_fleet
+from skyway_drone_agent.enrolment.enrolled_drone import read_fleet
 
 from skyway.errors import InvalidInput
 

@@ -5,7 +5,7 @@ from collections.abc import AsyncIterator
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from skyway_drone_agent.journal.waiting import NewsOrMoment
+from skyway_drone_agent.journal.flight_recorder import NewsOrMoment
 
 from skyway.runtime.clock import ManualClock
 

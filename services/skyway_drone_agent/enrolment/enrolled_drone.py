@@ -1,19 +1,90 @@
-"""What an enrolled drone keeps on disk, and shows to the broker and to REST.
+"""A drone as its provider enrolled it, and its credentials for the broker and for REST.
 
-The files lie beside the journals: one file per drone, readable by this user only.
+The files of credentials lie beside the journals: one file per drone, readable by this user only.
 """
 
+import json
 import os
 import ssl
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Final
 
-from pydantic import Field, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
-from skyway.errors import SkywayError
+from skyway.contracts.message import Soc
+from skyway.drone.model import DroneModel
+from skyway.errors import InvalidInput, SkywayError
+from skyway.geo import Position
+from skyway.ids import DroneId, ProviderId, StationId
 from skyway.json_model import WireModel
-from skyway_drone_agent.enrolled_drone import BrokerLogin, ClientCertificate, EnrolledDrone
+from skyway_drone_agent.journal.logbook import Logbook
+
+_SUFFIX: Final = ".credentials.json"
+
+
+class BrokerLogin(WireModel):
+    """The broker login that the registry showed once."""
+
+    user_name: str
+    password: str = Field(repr=False)
+
+
+class ClientCertificate(WireModel):
+    """The certificate for a broker that asks for more than a password."""
+
+    certificate_pem: str
+    private_key_pem: str = Field(repr=False)
+    ca_pem: str
+
+
+class EnrolledDrone(WireModel):
+    """A drone as the registry describes it at its registration or its enrolment."""
+
+    drone_id: DroneId
+    provider_id: ProviderId
+    model: DroneModel
+    home_station_id: StationId
+    home_position: Position
+    #: The last place in the cloud's records, when the drone enrols on another computer.
+    station_id: StationId | None = None
+    position: Position | None = None
+    soc: Soc
+    mqtt: BrokerLogin
+    certificate: ClientCertificate | None = None
+
+    def at_first(self) -> Logbook:
+        """The logbook of a drone without a journal: at its last place, or at home."""
+        if self.station_id is not None and self.position is not None:
+            return Logbook(station_id=self.station_id, position=self.position, soc=self.soc)
+        return Logbook(station_id=self.home_station_id, position=self.home_position, soc=self.soc)
+
+
+_DRONES: TypeAdapter[tuple[EnrolledDrone, ...]] = TypeAdapter(tuple[EnrolledDrone, ...])
+
+
+def read_fleet(path: Path) -> tuple[EnrolledDrone, ...]:
+    """The drones in a file: one drone, a list, or ``{"items": [...]}``.
+
+    Raises
+    ------
+    InvalidInput
+        The file does not hold the answer of POST /v1/providers/{id}/drones.
+    """
+    try:
+        content = json.loads(path.read_bytes())
+        if isinstance(content, dict):
+            content = content.get("items", [content])
+        return _DRONES.validate_python(content)
+    except json.JSONDecodeError as error:
+        raise InvalidInput(str(path), f"not JSON: {error}") from error
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise InvalidInput(
+            str(path),
+            f"not the answer of POST /v1/providers/{{id}}/drones: {place}: {first['msg']}",
+        ) from error
 
 
 class Credentials(WireModel):
@@ -49,9 +120,6 @@ class KeptCredentials(WireModel):
         new = {name: getattr(self.following, name) for name in Credentials.model_fields}
         drone = self.drone.model_copy(update=new)
         return self.model_copy(update={"drone": drone, "following": None})
-
-
-_SUFFIX: Final = ".credentials.json"
 
 
 class DamagedCredentials(SkywayError):
