@@ -19,7 +19,13 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway.scheduling.stays import Slot
 from skyway.units import moment_to_ms
 from skyway_composition.missions.calendar import store
-from skyway_composition.missions.calendar.move_queued import drop, give_back_pads, move
+from skyway_composition.missions.calendar.move_queued import (
+    drop,
+    give_back_pads,
+    move,
+    send_next,
+    shorten_standby,
+)
 from skyway_composition.missions.calendar.next_mission import (
     GiveUp,
     Leave,
@@ -30,7 +36,6 @@ from skyway_composition.missions.calendar.next_mission import (
     decide,
 )
 from skyway_composition.missions.calendar.plan_queue import Dropped, Moved, plan_queue
-from skyway_composition.missions.calendar.send_next import send_next, shorten_standby
 from skyway_composition.missions.mission.end import refuse
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.release_pads import restore_pads

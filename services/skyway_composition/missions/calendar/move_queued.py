@@ -1,27 +1,93 @@
-"""Applies new plans of QUEUED missions: steps, pads and arrival times change in one transaction."""
+"""Carries out what was decided about QUEUED missions: they are sent, moved or dropped.
+
+A standby ends early for the mission after it. A mission that moves gets new steps, pads and arrival
+times in one transaction.
+"""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from datetime import timedelta
 from typing import Final
 
-from skyway.ids import MissionId
+from skyway.contracts.flight_step import FlightStep, FlyStep
+from skyway.ids import MissionId, StationId
 from skyway.runtime.sql.database import Tx
 from skyway.scheduling.booked_pad import without
+from skyway.units import ms_to_moment
+from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.missions.calendar import store
 from skyway_composition.missions.calendar.plan_queue import Dropped, Moved
 from skyway_composition.missions.mission.end import refuse
-from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps
+from skyway_composition.missions.mission.from_trip import StepTerms, finished_wait, flight_steps
+from skyway_composition.missions.mission.instruct import send_mission
 from skyway_composition.missions.mission.notify import free_from, report
-from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.standby import shorten_queued
+from skyway_composition.missions.mission.record import (
+    NEXT_MISSION,
+    MissionRecord,
+    Trouble,
+    moved,
+)
+from skyway_composition.missions.mission.standby import (
+    shorten_queued,
+    shortened_mission,
+    shortened_steps,
+)
 from skyway_composition.missions.mission.step_store import replace_steps
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.outlook.situation import Situation, whereabouts
+from skyway_composition.missions.replanning.propose import Revision, propose
+from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.pads.store import give_way, hold, pads_of_queued
 
 #: The customer is notified of a new arrival time that differs by more than this. Our own choice.
 _TOLERANCE: Final = timedelta(minutes=2)
+
+
+async def send_next(work: MissionUnitOfWork, record: MissionRecord) -> None:
+    """Send a QUEUED mission to its drone, which has no other mission now."""
+    await send_mission(work, replace(moved(record, "BOOKED"), planned_in=None))
+
+
+async def shorten_standby(work: MissionUnitOfWork, record: MissionRecord, *, until_ms: int) -> None:
+    """Propose that the drone ends its standby at this moment, where its next mission begins.
+
+    Nothing is sent when the drone has left that stay already; its next landing is found then.
+    """
+    situation = await Situation.of(work, record)
+    changed = shortened_steps(situation.planned, until_ms=until_ms)
+    where = whereabouts(situation)
+    if changed is None or where is None:
+        return
+    first_step, steps = changed
+    is_under_way = first_step <= where.released_through
+    if first_step < where.next_step or (is_under_way and not steps):
+        return
+    before = [each for each in situation.planned if each.step_id < first_step]
+    station_id = _end_of(before[-1]) if before else where.station_id
+    if station_id is None:
+        return
+    if not steps:
+        steps = (finished_wait(station_id, until_ms, step_id=first_step),)
+    sent = max(record.mission.revision, await last_revision(work.tx, record.mission_id))
+    mission = shortened_mission(record.mission, served_ms=record.served_ms, until_ms=until_ms)
+    revision = Revision(mission.model_copy(update={"revision": sent + 1}), steps, record.aims)
+    anchor = Anchor(
+        station_id=station_id,
+        at_ms=until_ms,
+        soc=where.soc,
+        last_valid_step=first_step - 1,
+        carried=situation.carried,
+        has_loaded=situation.has_loaded,
+        is_divert=is_under_way,
+    )
+    detail = f"the drone's next mission begins at {ms_to_moment(until_ms).isoformat()}"
+    trouble = Trouble(code=NEXT_MISSION, detail=detail)
+    await propose(work, record, revision, anchor=anchor, trouble=trouble)
+
+
+def _end_of(step: FlightStep) -> StationId:
+    return step.to_id if isinstance(step, FlyStep) else step.station_id
 
 
 async def give_back_pads(tx: Tx, records: Sequence[MissionRecord]) -> None:
@@ -40,7 +106,7 @@ async def drop(work: MissionUnitOfWork, dropped: Dropped) -> None:
 
 async def move(
     work: MissionUnitOfWork,
-    moved: Moved,
+    planned: Moved,
     skyway: PreparedNetwork,
     *,
     earlier: MissionRecord,
@@ -51,10 +117,10 @@ async def move(
     The drone's missions `before` it give up pads of their standby that the new plan needs. Pads
     that a later mission holds stay with that one.
     """
-    record, pads = moved.record, moved.trip.booked_pads
+    record, pads = planned.record, planned.trip.booked_pads
     steps = flight_steps(
         skyway.network,
-        list(moved.trip.steps()),
+        list(planned.trip.steps()),
         terms=StepTerms.of(record, skyway.settings),
         first_step=1,
     )
@@ -66,8 +132,8 @@ async def move(
     await store.save_start(work.tx, record)
     await work.save(record)
     await hold(work.tx, record.mission_id, without(pads, later))
-    if moved.until_ms is not None:
-        await shorten_queued(work.tx, record, moved.until_ms)
+    if planned.until_ms is not None:
+        await shorten_queued(work.tx, record, planned.until_ms)
 
 
 def _report_times(

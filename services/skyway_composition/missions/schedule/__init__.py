@@ -1,5 +1,5 @@
-"""Schedules: the calendars of drones as providers and operators see them.
+"""Schedules: the calendars of drones and of stations, as providers and operators see them.
 
-`schedule` makes a drone's schedule from its missions, `schedule_query` is the span that a list
-shows, `store` reads the missions, and `routes` serves them.
+`schedule` makes a drone's schedule from its missions, and a station's from its reservations.
+`store` reads the missions, and `routes` serves the schedules.
 """

@@ -18,12 +18,11 @@ from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.schedule import store
 from skyway_composition.missions.schedule.schedule import (
     DroneSchedule,
+    FutureSpanQuery,
     ProviderSchedule,
-    schedule_of,
-)
-from skyway_composition.missions.schedule.schedule_query import FutureSpanQuery, ScheduleQuery
-from skyway_composition.missions.schedule.station_schedule import (
+    ScheduleQuery,
     StationSchedule,
+    schedule_of,
     station_schedule,
 )
 from skyway_composition.pads.store import pads_of, reservations_of

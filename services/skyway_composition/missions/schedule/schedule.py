@@ -1,7 +1,11 @@
-"""A drone's schedule: its missions in time order, and when and where it is free again."""
+"""Schedules: a drone's missions in time order, a station's reservations, and the span shown.
 
-from collections.abc import Mapping, Sequence
-from datetime import datetime
+A drone's schedule also says when and where the drone is free again.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime, timedelta
 from typing import Annotated, Any, Final
 
 from pydantic import Field
@@ -9,14 +13,17 @@ from pydantic import Field
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.mission import OPEN_MISSION_STATES, MissionState
 from skyway.contracts.mission_reports import FreeFrom
+from skyway.contracts.statistics import Span
 from skyway.delivery.plan import Fly
+from skyway.errors import InvalidInput
 from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId, StationId
 from skyway.json_model import JsonModel
-from skyway.runtime.http.paging import Page
+from skyway.runtime.http.paging import Page, PageQuery
 from skyway.scheduling.stays import first_slot
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.notify import free_from
 from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.pads.store import Reservation
 
 _EXAMPLE: Final[Mapping[str, Any]] = {
     "mission_id": "msn_01m82xxr559y422js25whdngd9",
@@ -31,6 +38,54 @@ _EXAMPLE: Final[Mapping[str, Any]] = {
     "standby": {"until_at": "2026-03-01T15:20:00Z"},
     "free_from": {"at": "2026-03-01T13:02:40Z", "station_id": "kyle", "soc": 0.62},
 }
+
+#: The longest span that one call shows; our own choice.
+LONGEST_SPAN: Final = timedelta(days=31)
+
+
+class FutureSpanQuery(JsonModel):
+    """``?from=&to=``: from now on, and 31 days, unless said otherwise."""
+
+    from_at: Annotated[
+        FleetMoment | None,
+        Field(alias="from", description="Start of the span, fleet time; without it now."),
+    ] = None
+    to_at: Annotated[
+        FleetMoment | None,
+        Field(
+            alias="to",
+            description="End of the span, fleet time; without it 31 days after the start. "
+            "A span is at most 31 days long.",
+        ),
+    ] = None
+
+    def span(self, now: datetime) -> Span:
+        """The span that is meant.
+
+        Raises
+        ------
+        InvalidInput
+            It ends before it begins, or it is too long.
+        """
+        from_at = self.from_at or now
+        try:
+            to_at = self.to_at or from_at + LONGEST_SPAN
+        except OverflowError as error:
+            raise InvalidInput("from", f"{from_at.isoformat()} is too late a moment") from error
+        if from_at >= to_at:
+            raise InvalidInput(
+                "from", f"{from_at.isoformat()} must be before `to`, {to_at.isoformat()}"
+            )
+        if to_at - from_at > LONGEST_SPAN:
+            days = (to_at - from_at) / timedelta(days=1)
+            raise InvalidInput(
+                "to", f"the span is {days:.1f} days long; the limit is {LONGEST_SPAN.days} days"
+            )
+        return Span(moment_to_ms(from_at), moment_to_ms(to_at))
+
+
+class ScheduleQuery(FutureSpanQuery, PageQuery):
+    """A span, and a page of the drones that have missions in it."""
 
 
 class ScheduledService(JsonModel):
@@ -162,3 +217,62 @@ def _served_at_station(record: MissionRecord) -> StationId:
         return stays[0].station_id if stays else record.candidate.station_id
     last = steps[-1]
     return last.to_id if isinstance(last, Fly) else last.station_id
+
+
+class PadEntry(JsonModel):
+    """A reservation of a pad in [start_at, end_at)."""
+
+    start_at: Annotated[datetime, Field(description="Start of the reservation, fleet time.")]
+    end_at: Annotated[
+        datetime, Field(description="End of the reservation, fleet time; the pad is free then.")
+    ]
+    mission_id: Annotated[
+        MissionId | None,
+        Field(
+            description="Mission that holds the pad, shown to operators only; null while the pad "
+            "is held for an offer."
+        ),
+    ]
+
+
+class PadSchedule(JsonModel):
+    """The reservations of one pad, by their start."""
+
+    pad: Annotated[int, Field(description="Number of the pad at its station, from 0.")]
+    entries: Annotated[tuple[PadEntry, ...], Field(description="Its reservations, in order.")]
+
+
+class StationSchedule(JsonModel):
+    """The pads of a station and their reservations in a span that are not over."""
+
+    station_id: Annotated[StationId, Field(description="Id of the station.")]
+    from_at: Annotated[FleetMoment, Field(description="Start of the span, fleet time.")]
+    to_at: Annotated[FleetMoment, Field(description="End of the span, fleet time.")]
+    pads: Annotated[tuple[PadSchedule, ...], Field(description="Each pad, in order of its number.")]
+
+
+def station_schedule(
+    station_id: StationId,
+    pads: int,
+    reservations: Iterable[Reservation],
+    *,
+    span: Span,
+    shows_missions: bool,
+) -> StationSchedule:
+    """The schedule of a station with this many pads, from its reservations in order of start."""
+    by_pad: dict[int, list[PadEntry]] = defaultdict(list)
+    for each in reservations:
+        if each.booked.start_ms < span.end_ms and span.start_ms < each.booked.end_ms:
+            by_pad[each.booked.pad].append(
+                PadEntry(
+                    start_at=ms_to_moment(each.booked.start_ms),
+                    end_at=ms_to_moment(each.booked.end_ms),
+                    mission_id=each.mission_id if shows_missions else None,
+                )
+            )
+    return StationSchedule(
+        station_id=station_id,
+        from_at=span.from_at,
+        to_at=span.to_at,
+        pads=tuple(PadSchedule(pad=pad, entries=tuple(by_pad[pad])) for pad in range(pads)),
+    )
