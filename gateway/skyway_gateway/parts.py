@@ -18,8 +18,7 @@ from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
 from skyway_gateway.deliveries.apply_reports import OverdueNotifier, ReportApplier
 from skyway_gateway.deliveries.booking.book import Booker
-from skyway_gateway.deliveries.booking.horizon import ScheduleOpener
-from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
+from skyway_gateway.deliveries.booking.run_bookings import BookingLoop, ScheduleOpener
 from skyway_gateway.deliveries.booking.wake_waiting import Waker
 from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter

@@ -15,10 +15,9 @@ from skyway_drone_agent.analysis.flight_estimates import EnergyUseMonitor, Veloc
 from skyway_drone_agent.analysis.landings import NO_LANDINGS, LandingSource, RememberedLandings
 from skyway_drone_agent.analysis.leg import Leg, LegCache, off_course_m
 from skyway_drone_agent.analysis.reach import EnergyToLand, LandingInReach, NextLanding, Reach
-from skyway_drone_agent.battery_pack import BatteryPack
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.logbook import Logbook, doing_now, run_under_way
-from skyway_drone_agent.vehicle import Reading, StepRun, Vehicle
+from skyway_drone_agent.vehicle import BatteryPack, Reading, StepRun, Vehicle
 
 #: The pack of all models.
 _PACK: Final = BatteryPack()

@@ -11,8 +11,7 @@ from skyway.contracts.flight_step import RechargeStep
 from skyway.drone.charging import soc_after_recharge
 from skyway.drone.model import DroneModel
 from skyway_drone_agent.analysis.leg import Leg
-from skyway_drone_agent.battery_pack import BatteryPack
-from skyway_drone_agent.vehicle import Reading, StepRun
+from skyway_drone_agent.vehicle import BatteryPack, Reading, StepRun
 
 #: A change of current that shows the resistance through a voltage sensor's noise.
 _LEAST_CHANGE_A: Final = 5.0

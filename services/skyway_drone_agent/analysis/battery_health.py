@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
-from skyway_drone_agent.battery_pack import BatteryPack
-from skyway_drone_agent.vehicle import Reading
+from skyway_drone_agent.vehicle import BatteryPack, Reading
 
 #: The battery is at rest below this current.
 _REST_A: Final = 1.0

@@ -9,9 +9,8 @@ from typing import Any, Final
 from skyway.drone.model import DroneModel
 from skyway.geo import Position, distance_m
 from skyway.runtime.clock import FleetClock
-from skyway_drone_agent.battery_pack import BatteryPack
 from skyway_drone_agent.mavlink.link import MavlinkMessage, finished_within
-from skyway_drone_agent.vehicle import Reading
+from skyway_drone_agent.vehicle import BatteryPack, Reading
 
 #: Wall time after which a position counts as lost.
 _FRESH: Final = timedelta(seconds=5)

@@ -12,11 +12,10 @@ from skyway.drone.model import DroneModel
 from skyway.geo import EARTH_RADIUS_M, Position, bearing_rad
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
-from skyway_drone_agent.battery_pack import BatteryPack
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances, normals
 from skyway_drone_agent.simulated.physics import Physics
 from skyway_drone_agent.simulated.wind_field import wind_field
-from skyway_drone_agent.vehicle import Outcome, Reading, Sample, Standing, StepRun
+from skyway_drone_agent.vehicle import BatteryPack, Outcome, Reading, Sample, Standing, StepRun
 
 _PACK: Final = BatteryPack()
 

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from skyway_drone_agent.analysis.battery_health import BatteryHealth
-from skyway_drone_agent.battery_pack import BatteryPack
-from skyway_drone_agent.vehicle import Reading
+from skyway_drone_agent.vehicle import BatteryPack, Reading
 
 from skyway.geo import Position
 

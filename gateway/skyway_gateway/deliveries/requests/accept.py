@@ -28,9 +28,8 @@ from skyway.runtime.sql.claims import FREE
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import current_traceparent
 from skyway.units import moment_to_ms
-from skyway_gateway.deliveries.booking.horizon import books_from
 from skyway_gateway.deliveries.booking.queue_store import held_by
-from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
+from skyway_gateway.deliveries.booking.run_bookings import BookingLoop, books_from
 from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Flags, PackageStatus

@@ -9,10 +9,10 @@ from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 import pytest
-from skyway_drone_agent.battery_pack import BatteryPack
 from skyway_drone_agent.mavlink.link import MavlinkLink, mavlink_link
 from skyway_drone_agent.mavlink.settings import MavlinkSettings, PayloadRelease
 from skyway_drone_agent.mavlink.vehicle import ready_vehicle
+from skyway_drone_agent.vehicle import BatteryPack
 
 from skyway.geo import Position, point_between
 from skyway.runtime.clock import FleetClock, sleep_wall

@@ -3,7 +3,7 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from skyway_drone_agent.battery_pack import BatteryPack
+from skyway_drone_agent.vehicle import BatteryPack
 
 PACK = BatteryPack(cells=6, resistance_ohm=0.02)
 
