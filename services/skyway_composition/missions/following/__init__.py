@@ -1,6 +1,6 @@
 """Following: what drones report changes their missions.
 
-`follow` reads the messages in batches; `handle_ack`, `handle_event`, `handle_state` and
-`handle_failure` handle one message each. `advance` moves a mission on and passes its packages on,
-`recover_packages` brings back packages of missions that were given up.
+`follow` reads the messages in batches; `handle_ack`, `handle_report` and `handle_failure` handle
+one message each. `advance` moves a mission on and passes its packages on, `recover_packages` brings
+back packages of missions that were given up.
 """

@@ -30,8 +30,7 @@ from skyway_composition.links.link import CachedLinks, DroneLink
 from skyway_composition.links.listening import Listening
 from skyway_composition.links.store import lock_link
 from skyway_composition.missions.following.handle_ack import handle_ack
-from skyway_composition.missions.following.handle_event import handle_event
-from skyway_composition.missions.following.handle_state import handle_state
+from skyway_composition.missions.following.handle_report import handle_event, handle_state
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 

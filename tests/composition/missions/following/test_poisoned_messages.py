@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.following.follow import Follower
-from skyway_composition.missions.following.handle_state import handle_state
+from skyway_composition.missions.following.handle_report import handle_state
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 from skyway.contracts.drone_report import DroneState
