@@ -160,33 +160,13 @@ async def end_after_forced_landing(
             "package_ids": packages,
         },
     )
-    await _abort_in_the_open(
-        work,
-        record,
-        at=at,
-        code=code,
-        detail=f"the drone had to land at {place}, away from every station: {detail}",
-        position=position,
-    )
-
-
-async def _abort_in_the_open(
-    work: MissionUnitOfWork,
-    record: MissionRecord,
-    *,
-    at: datetime,
-    code: str,
-    detail: str,
-    position: Position,
-) -> None:
-    """End a mission whose drone has landed away from every station, with its load on board."""
     await _end(
         work,
         record,
         "ABORTED",
         at=at,
         code=code,
-        detail=detail,
+        detail=f"the drone had to land at {place}, away from every station: {detail}",
         station_id=None,
         position=position,
     )
