@@ -2,5 +2,6 @@
 
 `trip` is a drone's whole trip, `booked_pad` a pad that it reserves. `standby` finds where the drone
 goes after a delivery, and ends this standby early for the next mission. `stays` lists where a drone
-stands after its last hand-over, and chooses the stay at which the next mission begins.
+stands after its last hand-over, and chooses the stay at which the next mission begins. `giving_way`
+says which pads of a standby another drone's service may use.
 """

@@ -96,6 +96,7 @@ class BusyWorld:
         self.attempts: dict[str, int] = {}
         self.released: set[tuple[str, str]] = set()
         self.loaders = "RIGHT"
+        self._bookings_under_way = 0
         self.restart()
 
     async def __aenter__(self) -> Self:
@@ -124,7 +125,7 @@ class BusyWorld:
         """Restart composition as after kill -9: new objects on the same database."""
         db, clock, mint, stuck = self.db, self.clock, self.mint, Wake()
         networks, parts = PreparedNetworks(db), (db, clock, mint, stuck)
-        self.bookings = Bookings(db, networks, self.solver, clock, mint, Wake())
+        self.bookings = Bookings(db, networks, self.solver, clock, mint, Wake(), pause=self._pause)
         self.closings = Closings(db, networks, MissionImpact(clock, mint, stuck), clock, mint)
         self.cancellations, self.commands = Cancellations(*parts), Commands(*parts)
         self.loadings = Loadings(*parts)
@@ -278,8 +279,17 @@ class BusyWorld:
         ]
         shortlist = Shortlist.of(candidates)
         requested = BookMissions(attempt=attempt, request=request, shortlist=shortlist)
-        booking = await self.bookings.book(DeliveryId(delivery_id), requested)
+        self._bookings_under_way += 1
+        try:
+            booking = await self.bookings.book(DeliveryId(delivery_id), requested)
+        finally:
+            self._bookings_under_way -= 1
         return booking.outcome
+
+    async def _pause(self, _wall_s: float) -> None:
+        """Exchange messages while a booking waits for drones; among several, none is answered."""
+        if self._bookings_under_way == 1:
+            await self.converse()
 
     async def cancel(self, delivery_id: str, package_ids: tuple[str, ...] | None) -> Cancellation:
         requested = CancelMissions.model_validate(

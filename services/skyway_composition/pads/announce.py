@@ -64,7 +64,7 @@ class StationStates:
         for station_id in broken.keys() & uses.keys():
             taken = [
                 (pad, end_ms)
-                for at, pad, start_ms, end_ms in held
+                for at, pad, start_ms, end_ms, _ in held
                 if at == station_id and start_ms <= now_ms
             ]
             uses[station_id] = uses[station_id].with_outages(taken, broken[station_id])

@@ -1,7 +1,8 @@
 """The reservations of a network, read station by station when planning needs them."""
 
 import asyncio
-from collections.abc import Collection, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final, Self
 
 import numpy as np
@@ -11,10 +12,54 @@ from skyway.network.columns import Rows
 from skyway.network.network import Network
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.runtime.sql.database import Database
-from skyway_composition.pads.store import PadHeld, booked_at, booked_everywhere
+from skyway.scheduling.booked_pad import BookedPad
+from skyway_composition.pads.store import PadHeld, PadHeldBy, booked_at, booked_everywhere
 
 #: With more stations than this, all reservations of the network are read: that is faster.
 _MOST_NAMED: Final = 5_000
+
+
+class _PadsRead:
+    """The reservations that were read so far; all snapshots made from one share them."""
+
+    def __init__(
+        self, db: Database, network_id: NetworkId, network: Network, *, after_ms: int
+    ) -> None:
+        self._db = db
+        self._network_id = network_id
+        self._network = network
+        self._after_ms = after_ms
+        # A second caller waits here, so that it does not plan before the rows are read.
+        self._reading = asyncio.Lock()
+        self.is_read = np.zeros(len(network.row_of), np.bool_)
+        self.held: list[PadHeldBy] = []
+
+    def anew(self) -> "_PadsRead":
+        """The same with nothing read."""
+        return _PadsRead(self._db, self._network_id, self._network, after_ms=self._after_ms)
+
+    async def read(self, rows: Rows) -> None:
+        """Read the stations of these rows that have not been read."""
+        async with self._reading:
+            missing = rows[~self.is_read[rows]]
+            if len(missing) > _MOST_NAMED:
+                await self._read_all()
+            elif len(missing):
+                await self._read_at(missing)
+
+    async def _read_all(self) -> None:
+        async with self._db.read() as connection:
+            self.held = await booked_everywhere(
+                connection, self._network_id, moment_ms=self._after_ms
+            )
+        self.is_read[:] = True
+
+    async def _read_at(self, missing: Rows) -> None:
+        ids = self._network.columns.station_ids
+        station_ids = [ids[row] for row in missing.tolist()]
+        async with self._db.read() as connection:
+            self.held += await booked_at(connection, station_ids, moment_ms=self._after_ms)
+        self.is_read[missing] = True
 
 
 class PadSnapshot:
@@ -28,11 +73,15 @@ class PadSnapshot:
         The moment, milliseconds since 1970.
     without
         Missions and holds whose pads count as free.
+    instead
+        Missions that count as if they had reserved exactly these pads.
     outages
         Pads that are out of order, and when; an end of `OPEN_MS` means no end.
     gap_ms
         How long a pad must be free before a reservation. The gap after a reservation is part of
         the reservation.
+    read
+        What another snapshot has read; None reads anew.
     """
 
     def __init__(
@@ -43,74 +92,106 @@ class PadSnapshot:
         *,
         after_ms: int,
         without: Collection[MissionId | HoldId] = (),
+        instead: Mapping[MissionId, Collection[BookedPad]] | None = None,
         outages: Sequence[PadHeld] = (),
         gap_ms: int = 0,
+        read: _PadsRead | None = None,
     ) -> None:
         self._db = db
         self._network_id = network_id
         self._network = network
         self._after_ms = after_ms
-        self._without = frozenset(without)
-        self._is_read = np.zeros(len(network.row_of), np.bool_)
+        self._instead = {} if instead is None else dict(instead)
+        self._without = frozenset(without).union(self._instead)
         self._outages = tuple(outages)
         self._gap_ms = gap_ms
-        self._held: list[PadHeld] = []
-        # A second caller waits here, so that it does not plan before the rows are read.
-        self._reading = asyncio.Lock()
-        #: The reservations read so far, in milliseconds since 1970.
-        self.book: PadBook = self._book_of(()) if outages else NO_RESERVATIONS
+        self._read = read or _PadsRead(db, network_id, network, after_ms=after_ms)
+        #: The stations whose reservations are in `book`.
+        self._is_known = np.zeros(len(network.row_of), np.bool_)
+        #: The reservations known so far, in milliseconds since 1970.
+        self.book: PadBook = self._book_of(()) if outages or self._instead else NO_RESERVATIONS
 
     def without(self, owners: Collection[MissionId | HoldId]) -> Self:
-        """The same reservations but those of these missions and holds, to be read anew."""
+        """The same reservations but those of these missions and holds."""
+        instead = {key: pads for key, pads in self._instead.items() if key not in owners}
+        return self._with(without=self._without.union(owners), instead=instead, read=self._read)
+
+    def instead(self, pads: Mapping[MissionId, Collection[BookedPad]]) -> Self:
+        """The same reservations as if these missions had exactly these pads."""
+        instead = {**self._instead, **pads}
+        return self._with(without=self._without, instead=instead, read=self._read)
+
+    def anew(self) -> Self:
+        """The same reservations, to be read again."""
+        read = self._read.anew()
+        return self._with(without=self._without, instead=self._instead, read=read)
+
+    def _with(
+        self,
+        *,
+        without: Collection[MissionId | HoldId],
+        instead: Mapping[MissionId, Collection[BookedPad]],
+        read: _PadsRead,
+    ) -> Self:
         return type(self)(
             self._db,
             self._network_id,
             self._network,
             after_ms=self._after_ms,
-            without=self._without.union(owners),
+            without=without,
+            instead=instead,
             outages=self._outages,
             gap_ms=self._gap_ms,
+            read=read,
+        )
+
+    def holders(self, *, from_ms: int, until_ms: int) -> frozenset[str]:
+        """The missions and holds that have pads for some of this time, where none is free always.
+
+        Only at stations that were read, here or in a snapshot that shares what was read.
+        """
+        row_of, pads = self._network.row_of, self._network.columns.pads
+        taken: dict[StationId, set[int]] = defaultdict(set)
+        holding: dict[StationId, set[str]] = defaultdict(set)
+        for station_id, pad, start_ms, end_ms, owner in self._read.held:
+            if start_ms < until_ms and from_ms < end_ms:
+                taken[station_id].add(pad)
+                holding[station_id].add(owner)
+        for station_id, pad, start_ms, end_ms in self._outages:
+            if start_ms < until_ms and from_ms < end_ms:
+                taken[station_id].add(pad)
+        return frozenset().union(
+            *(
+                owners
+                for station_id, owners in holding.items()
+                if station_id in row_of and len(taken[station_id]) >= pads[row_of[station_id]]
+            )
         )
 
     def has_read(self, station_id: StationId) -> bool:
-        """Whether this station has been read."""
-        return bool(self._is_read[self._network.row_of[station_id]])
+        """Whether the reservations of this station are in `book`."""
+        return bool(self._is_known[self._network.row_of[station_id]])
 
     async def read(self, rows: Rows) -> None:
         """Read the stations of these rows that have not been read."""
-        async with self._reading:
-            missing = rows[~self._is_read[rows]]
-            if len(missing) > _MOST_NAMED:
-                await self._read_all()
-            elif len(missing):
-                await self._read_at(missing)
+        if self._is_known[rows].all():
+            return
+        await self._read.read(rows)
+        self.book = self._book_of(self._read.held)
+        self._is_known = self._read.is_read.copy()
 
-    async def _read_all(self) -> None:
-        async with self._db.read() as connection:
-            self._held = await booked_everywhere(
-                connection,
-                self._network_id,
-                moment_ms=self._after_ms,
-                without=self._without,
-            )
-        self.book = self._book_of(self._held)
-        self._is_read[:] = True
-
-    async def _read_at(self, missing: Rows) -> None:
-        ids = self._network.columns.station_ids
-        async with self._db.read() as connection:
-            self._held += await booked_at(
-                connection,
-                [ids[row] for row in missing.tolist()],
-                moment_ms=self._after_ms,
-                without=self._without,
-            )
-        self.book = self._book_of(self._held)
-        self._is_read[missing] = True
-
-    def _book_of(self, held: Sequence[PadHeld]) -> PadBook:
+    def _book_of(self, held: Sequence[PadHeldBy]) -> PadBook:
         row_of, pads = self._network.row_of, self._network.columns.pads
-        early = ((*each[:2], each[2] - self._gap_ms, each[3]) for each in held)
+        early = [
+            (station_id, pad, start_ms - self._gap_ms, end_ms)
+            for station_id, pad, start_ms, end_ms, owner in held
+            if owner not in self._without
+        ]
+        early += [
+            (each.station_id, each.pad, each.start_ms - self._gap_ms, each.end_ms)
+            for own in self._instead.values()
+            for each in own
+        ]
         # Left out: stations and pads that this version of the network does not have.
         entries = [
             (row, pad, start_ms, end_ms)

@@ -7,7 +7,7 @@ from typing import Any, Final
 from sqlalchemy import BigInteger, bindparam, delete, func, insert, literal, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.ids import DroneId, HoldId, MissionId, NetworkId, StationId
+from skyway.ids import DroneId, MissionId, NetworkId, StationId
 from skyway.planner.pad_book import OPEN_MS
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
@@ -18,6 +18,8 @@ from skyway_composition.tables import is_queued, missions, pad_reservations, sta
 
 #: A pad reserved in [start_ms, end_ms): station, pad, start_ms, end_ms.
 PadHeld = tuple[StationId, int, int, int]
+#: The same with the mission that has reserved it, or the hold.
+PadHeldBy = tuple[StationId, int, int, int, str]
 
 # Built once, because every booking runs these statements and building takes longer than running.
 _OWNER: Final = func.coalesce(pad_reservations.c.mission_id, pad_reservations.c.hold_id)
@@ -28,10 +30,10 @@ _LASTING: Final = select(
     pad_reservations.c.pad,
     pad_reservations.c.start_ms,
     pad_reservations.c.end_ms,
+    _OWNER,
 ).where(
     pad_reservations.c.end_ms > bindparam("moment_ms"),
     _COUNTS,
-    ~in_list(_OWNER, "without"),
 )
 _BOOKED_AT: Final = _LASTING.where(in_list(pad_reservations.c.station_id, "station_ids"))
 _BOOKED_EVERYWHERE: Final = _LASTING.join(
@@ -147,17 +149,12 @@ async def booked_at(
     station_ids: Sequence[StationId],
     *,
     moment_ms: int,
-    without: Collection[MissionId | HoldId] = (),
-) -> list[PadHeld]:
-    """The reservations at these stations that end after a moment, but not those of `without`.
+) -> list[PadHeldBy]:
+    """The reservations at these stations that end after a moment.
 
     Pads that are held for an offer count until the hold expires.
     """
-    selection = {
-        "station_ids": station_ids,
-        "moment_ms": moment_ms,
-        "without": [*without],
-    }
+    selection = {"station_ids": station_ids, "moment_ms": moment_ms}
     return [*await connection.execute(_BOOKED_AT, selection)]
 
 
@@ -166,14 +163,9 @@ async def booked_everywhere(
     network_id: NetworkId,
     *,
     moment_ms: int,
-    without: Collection[MissionId | HoldId] = (),
-) -> list[PadHeld]:
-    """The reservations of a whole network that end after a moment, but not those of `without`."""
-    selection = {
-        "network_id": network_id,
-        "moment_ms": moment_ms,
-        "without": [*without],
-    }
+) -> list[PadHeldBy]:
+    """The reservations of a whole network that end after a moment."""
+    selection = {"network_id": network_id, "moment_ms": moment_ms}
     return [*await connection.execute(_BOOKED_EVERYWHERE, selection)]
 
 

@@ -5,7 +5,7 @@ a segment is closed at a given time.
 """
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from math import inf
@@ -22,6 +22,7 @@ from skyway.planner.compose import DEFAULT_STRATEGY
 from skyway.planner.problem import Problem
 from skyway.planner.problem_parts import SegmentClosure, StationClosure
 from skyway.runtime.sql.database import Database, Tx
+from skyway.scheduling.booked_pad import BookedPad
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.conditions import Conditions
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
@@ -61,6 +62,14 @@ class World:
     def without(self, owners: Collection[MissionId | HoldId]) -> Self:
         """The same world, in which the pads of these missions and holds count as free."""
         return replace(self, pads=self.pads.without(owners))
+
+    def anew(self) -> Self:
+        """The same world, in which pads are read again."""
+        return replace(self, pads=self.pads.anew())
+
+    def instead(self, pads: Mapping[MissionId, Collection[BookedPad]]) -> Self:
+        """The same world, in which these missions have reserved exactly these pads."""
+        return replace(self, pads=self.pads.instead(pads))
 
     @classmethod
     async def around(

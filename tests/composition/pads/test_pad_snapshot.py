@@ -9,6 +9,7 @@ from skyway_composition.pads.pad_snapshot import PadSnapshot
 
 from skyway.ids import StationId
 from skyway.planner.pad_book import OPEN_MS
+from skyway.scheduling.booked_pad import BookedPad
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
@@ -70,3 +71,43 @@ async def test_a_second_reader_waits_for_the_first(composition: Any) -> None:
     first, second = await asyncio.gather(known_after_reading(), known_after_reading())
 
     assert (first > 0, second) == (True, first)
+
+
+async def test_a_mission_counts_as_if_it_had_other_pads(composition: Any) -> None:
+    booking = await composition.book()
+    mission_id = booking.missions[0].mission_id
+    pad = BookedPad(StationId("d"), 1, 1_000, 2_000)
+    pads = await make_snapshot(composition)
+
+    moved = pads.instead({mission_id: [pad]})
+    await moved.read(np.arange(5, dtype=np.int32))
+
+    assert moved.book.station.tolist() == [3]
+    gone = moved.without([mission_id])
+    await gone.read(np.arange(5, dtype=np.int32))
+    assert gone.book.station.tolist() == []
+
+
+async def test_the_holders_of_pads_in_some_time_are_known(composition: Any, make: Any) -> None:
+    await composition.publish(make.network(pads=dict.fromkeys("abcde", 1)))
+    booking = await composition.book()
+    held = await composition.reservations()
+    first_ms, last_ms = min(each.start_ms for each in held), max(each.end_ms for each in held)
+    pads = await make_snapshot(composition)
+
+    during = pads.holders(from_ms=first_ms, until_ms=last_ms)
+    after = pads.holders(from_ms=last_ms, until_ms=last_ms + 1)
+
+    assert during == frozenset([booking.missions[0].mission_id])
+    assert not after
+
+
+async def test_a_station_with_a_free_pad_keeps_nobody_waiting(composition: Any) -> None:
+    await composition.book()
+    pads = await make_snapshot(composition)
+    with_outages = await make_snapshot(
+        composition, outages=[(StationId(each), 1, 0, OPEN_MS) for each in "abcde"]
+    )
+
+    assert not pads.holders(from_ms=0, until_ms=OPEN_MS)
+    assert with_outages.holders(from_ms=0, until_ms=OPEN_MS)

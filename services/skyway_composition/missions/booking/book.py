@@ -5,6 +5,7 @@ offer is booked as it is held, if that still fits. The PUT request has the key (
 so a repeated request returns what was booked before.
 """
 
+import asyncio
 import logging
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,6 +19,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
+from skyway_composition.missions.booking.clear_way import Pause
 from skyway_composition.missions.booking.engage import WorldChanged, claim, engage
 from skyway_composition.missions.booking.held_offer import HeldOffer
 from skyway_composition.missions.booking.hold_loss import held_offer, hold_loss
@@ -47,11 +49,12 @@ class Bookings:
     mint: Mint
     calendars: Wake
     turns: Turns = field(default_factory=Turns)
+    pause: Pause = asyncio.sleep
 
     @property
     def rounds(self) -> Rounds:
         """The rounds of planning in which it books."""
-        return Rounds(self.db, self.networks, self.solver, self.clock)
+        return Rounds(self.db, self.networks, self.solver, self.clock, self.mint, self.pause)
 
     async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
         """The missions of this attempt: booked before, or booked now from the best offer.
@@ -181,6 +184,7 @@ class Bookings:
             engaged=found.engaged,
             clock=self.clock,
             own_hold=own_hold,
+            moves=found.moves,
         )
         if len(places) < len(found.offer.parts):
             tx.after_commit(self.calendars.set)

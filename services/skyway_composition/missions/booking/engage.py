@@ -16,8 +16,9 @@ from skyway.scheduling.booked_pad import BookedPad, without
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import InstructionPlace
-from skyway_composition.links.store import claim_next_place, lock_link
+from skyway_composition.links.store import claim_next_place, lock_link, lock_links
 from skyway_composition.missions.booking.hold_store import free_drones, free_pads
+from skyway_composition.missions.booking.move_standbys import MovedStandby, move_standbys
 from skyway_composition.missions.booking.store import booked_missions, claim_in_one_statement
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
@@ -164,11 +165,13 @@ async def claim(
     engaged: Sequence[BookedMission],
     clock: FleetClock,
     own_hold: HoldId | None = None,
+    moves: Sequence[MovedStandby] = (),
 ) -> dict[DroneId, InstructionPlace]:
     """Lock what an offer needs; returns the place of each drone's next instruction.
 
     A drone that begins later, or after another mission, gets no instruction yet, and is left out.
-    What `own_hold` keeps is given up, so that this booking can have it.
+    What `own_hold` keeps is given up, so that this booking can have it. QUEUED missions of other
+    drones get the standbys of `moves`.
 
     The locks on the network, the drones and the stations last until the transaction ends.
 
@@ -176,15 +179,18 @@ async def claim(
     ------
     WorldChanged
         A network was published, or a closure made or lifted, since the world was read (I11), or
-        the calendar of a drone has changed since `engaged` was read, or a drone is held.
+        the calendar of a drone has changed since `engaged` was read, or a drone is held, or a
+        mission of `moves` has changed.
     """
     now_ms = moment_to_ms(clock.now())
     parts = sorted(offer.parts, key=lambda each: each.candidate.drone_id)
+    drones = [*(each.drone_id for each in moves), *(each.candidate.drone_id for each in parts)]
     booked = [pad for part in parts for pad in part.trip.booked_pads]
     send_by_ms = now_ms + send_ahead_ms(clock)
     sent_now = {each.candidate.drone_id for each in parts if _is_sent_now(each, send_by_ms)}
     first = parts[0].candidate
     is_only_sent = first.drone_id in sent_now and parts[0].opening is None and own_hold is None
+    is_only_sent = is_only_sent and not moves
     if tx.dialect == "postgresql" and len(parts) == 1 and is_only_sent:
         place = await claim_in_one_statement(
             tx,
@@ -199,8 +205,10 @@ async def claim(
     if not await still_holds(tx, world):
         raise WorldChanged
     if own_hold is not None:
-        drone_ids = [part.candidate.drone_id for part in parts]
-        await free_drones(tx, own_hold, before_locking=drone_ids)
+        await free_drones(tx, own_hold, before_locking=drones)
+    if moves:
+        # All in one order, before any drone is locked alone.
+        await lock_links(tx, drones)
     places = {}
     for each in (part.candidate for part in parts):
         if each.drone_id in sent_now:
@@ -210,9 +218,11 @@ async def claim(
             places[each.drone_id] = place
         else:
             await lock_link(tx, each.drone_id, each.provider_id)
-    await lock_stations(tx, booked)
+    await lock_stations(tx, [*booked, *(pad for each in moves for pad in each.pads)])
     if own_hold is not None:
         await free_pads(tx, own_hold)
+    if not await move_standbys(tx, moves, world):
+        raise WorldChanged
     in_calendars = [
         each
         for each in parts

@@ -5,9 +5,10 @@ anything, and then commits the best offer. If another booking was faster, the da
 of the rows. Then the next best offer is committed, or another round begins.
 """
 
+import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
 from skyway.contracts.candidate import ProviderReason
@@ -18,17 +19,21 @@ from skyway.ids import DroneId, HoldId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.metrics import count
+from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
+from skyway_composition.missions.booking.clear_way import Blocked, ClearedWay, Pause, WaySearch
 from skyway_composition.missions.booking.engage import WorldChanged
 from skyway_composition.missions.booking.hold_store import delete_expired
+from skyway_composition.missions.booking.move_standbys import MovedStandby
 from skyway_composition.missions.booking.outcome import all_taken, pickup_unknown, without_offer
 from skyway_composition.missions.booking.store import FirstLook, booked_missions
 from skyway_composition.missions.booking.turns import Turn
+from skyway_composition.missions.replanning.give_way import StandbyRequests
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.availability import Availability, BookedMission, start_ms
 from skyway_composition.planning.find_trip import TripFinder
-from skyway_composition.planning.offer import Limits, Offer
+from skyway_composition.planning.offer import Limits, Offer, Offers
 from skyway_composition.planning.plan_offers import plan_in_calendars
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
@@ -48,7 +53,8 @@ _DRONE_TAKEN: Final = "mission_drone"
 class FoundOffer:
     """The best offer of a round, and what it was planned with.
 
-    `delivery_exists` is False for a delivery that was neither booked nor closed before.
+    `delivery_exists` is False for a delivery that was neither booked nor closed before. QUEUED
+    missions of other drones get the standbys of `moves` in the same transaction.
     """
 
     offer: Offer
@@ -56,6 +62,7 @@ class FoundOffer:
     engaged: Sequence[BookedMission]
     begins_ms: int
     delivery_exists: bool
+    moves: tuple[MovedStandby, ...] = ()
 
 
 #: Reads what a round needs to know first.
@@ -69,6 +76,7 @@ Commit = Callable[[Tx, FoundOffer], Awaitable[DoneT]]
 class _Round:
     """What one round may commit: trips of these drones within these limits."""
 
+    number: int
     shortlist: Shortlist
     world: World
     begins_ms: int
@@ -78,12 +86,14 @@ class _Round:
 
 @dataclass(frozen=True, slots=True)
 class Rounds:
-    """Plans offers in rounds, until one is committed."""
+    """Plans offers in rounds, until one is committed; `pause` passes while drones are asked."""
 
     db: Database
     networks: PreparedNetworks
     solver: SolverPool
     clock: FleetClock
+    mint: Mint
+    pause: Pause = asyncio.sleep
 
     async def run(
         self,
@@ -101,6 +111,7 @@ class Rounds:
         pads of `own_hold` count as free.
         """
         reasons: tuple[ProviderReason, ...] = ()
+        search = self._search()
         for round_number in range(_MOST_ROUNDS):
             if round_number:
                 seen = await look()
@@ -116,7 +127,13 @@ class Rounds:
                 asked, world, round_number, delivery_exists=seen.delivery_exists
             )
             done, reasons = await self._commit_best(
-                asked, this_round, seen.engaged, turn, commit=commit, own_hold=own_hold
+                asked,
+                this_round,
+                seen.engaged,
+                turn,
+                search=search,
+                commit=commit,
+                own_hold=own_hold,
             )
             if done is not None:
                 return done
@@ -146,6 +163,7 @@ class Rounds:
             margin_factor=2**round_number,
         )
         return _Round(
+            round_number,
             shortlist if offer is None else shortlist.of_provider(offer.provider_id),
             world,
             begins_ms,
@@ -160,30 +178,35 @@ class Rounds:
         engaged: Sequence[BookedMission],
         turn: Turn,
         *,
+        search: WaySearch,
         commit: Commit[DoneT],
         own_hold: HoldId | None,
     ) -> tuple[DoneT | Booking | None, tuple[ProviderReason, ...]]:
         """What became of the best offer that is still free; None when a new round is needed."""
-        begins_ms, limits = this_round.begins_ms, this_round.limits
-        finder = TripFinder(self.solver, this_round.world, begins_ms, limits.latest_ms)
+        finder = self._finder(this_round)
         while True:
             # The finder keeps the trips that it has composed.
-            offers = await plan_in_calendars(
-                finder,
-                asked.request,
-                shortlist=this_round.shortlist,
-                available=Availability.of(engaged, begins_ms=begins_ms, clock=self.clock),
-                gaps=Availability.in_gaps(engaged, begins_ms=begins_ms, clock=self.clock),
-                limits=limits,
-            )
-            if not offers.ranked:
+            offers = await self._offers(finder, asked, this_round, engaged)
+            way = await self._cleared(asked, this_round, engaged, offers=offers, search=search)
+            if way is not None and way.offer is None:
+                # Drones have been asked meanwhile: plan with the pads that are free now.
+                this_round = self._round(
+                    asked,
+                    this_round.world.anew(),
+                    this_round.number,
+                    delivery_exists=this_round.delivery_exists,
+                )
+                finder = self._finder(this_round)
+                continue
+            if not offers.ranked and way is None:
                 return without_offer(asked, offers.reasons), offers.reasons
             found = FoundOffer(
-                offers.ranked[0],
+                offers.ranked[0] if way is None or way.offer is None else way.offer,
                 this_round.world,
                 engaged,
-                begins_ms,
+                this_round.begins_ms,
                 this_round.delivery_exists,
+                () if way is None else way.moves,
             )
             await turn.comes()
             try:
@@ -205,6 +228,49 @@ class Rounds:
             except WorldChanged:
                 _count_conflict("outdated")
                 return None, offers.reasons
+
+    def _finder(self, this_round: _Round) -> TripFinder:
+        begins_ms, latest_ms = this_round.begins_ms, this_round.limits.latest_ms
+        return TripFinder(self.solver, this_round.world, begins_ms, latest_ms)
+
+    async def _offers(
+        self,
+        finder: TripFinder,
+        asked: BookMissions | KeepOffer,
+        this_round: _Round,
+        engaged: Sequence[BookedMission],
+    ) -> Offers:
+        begins_ms = this_round.begins_ms
+        return await plan_in_calendars(
+            finder,
+            asked.request,
+            shortlist=this_round.shortlist,
+            available=Availability.of(engaged, begins_ms=begins_ms, clock=self.clock),
+            gaps=Availability.in_gaps(engaged, begins_ms=begins_ms, clock=self.clock),
+            limits=this_round.limits,
+        )
+
+    async def _cleared(
+        self,
+        asked: BookMissions | KeepOffer,
+        this_round: _Round,
+        engaged: Sequence[BookedMission],
+        *,
+        offers: Offers,
+        search: WaySearch,
+    ) -> ClearedWay | None:
+        """How a sooner offer can be booked when the standbys of other drones give way."""
+
+        async def plan(world: World, limits: Limits) -> Offers:
+            sooner = replace(this_round, world=world, limits=limits)
+            return await self._offers(self._finder(sooner), asked, sooner, engaged)
+
+        world, begins_ms = this_round.world, this_round.begins_ms
+        return await search.clear(Blocked(asked, world, begins_ms, this_round.limits, offers), plan)
+
+    def _search(self) -> WaySearch:
+        requests = StandbyRequests(self.db, self.networks, self.solver, self.clock, self.mint)
+        return WaySearch(self.db, self.solver, self.clock, requests, self.pause)
 
     async def _commit(self, tx: Tx, found: FoundOffer, commit: Commit[DoneT]) -> DoneT:
         if found.begins_ms < moment_to_ms(self.clock.now()):

@@ -31,6 +31,12 @@ STANDBY_ENDED: Final = "STANDBY_ENDED"
 #: The code of a revision that ends a standby early, because the drone's next mission begins.
 NEXT_MISSION: Final = "NEXT_MISSION"
 
+#: The code of a revision with another standby, because another drone's service needs its pads.
+GIVE_WAY: Final = "GIVE_WAY"
+
+#: Revisions with these codes leave the service as it is, so they do not concern the customer.
+OF_STANDBY_ONLY: Final = (NEXT_MISSION, GIVE_WAY)
+
 
 _NEXT: Final[Mapping[MissionState, tuple[MissionState, ...]]] = {
     "QUEUED": ("BOOKED", "REFUSED", "CANCELLED"),

@@ -1,13 +1,24 @@
 """One mission to plan for: its situation, why it needs another plan, and in which world."""
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 from skyway.ids import StationId
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.outlook.situation import Situation
-from skyway_composition.missions.replanning.remainder.anchor import Anchor
+from skyway_composition.missions.replanning.remainder.anchor import (
+    Anchor,
+    anchor_of_stuck,
+    find_anchor,
+)
+from skyway_composition.planning.problem_for import with_margin
 from skyway_composition.planning.world import ClosedAhead, World
+
+#: Time until a revision reaches the drone: fleet seconds, wall seconds. Our own choice.
+_REACHES_DRONE_WITHIN_S: Final = (5.0, 2.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +49,28 @@ class Case:
         """The same case with the drone diverted to this station, to wait there."""
         trouble = self.trouble.model_copy(update={"land_at": station_id})
         return replace(self, trouble=trouble)
+
+    def anchor(
+        self, *, closed: ClosedAhead, clock: FleetClock, before_step: int | None = None
+    ) -> Anchor | None:
+        """The place and moment from which the plan can be changed; see `find_anchor`."""
+        fleet_s, wall_s = _REACHES_DRONE_WITHIN_S
+        margin = fleet_margin(clock, fleet_s=fleet_s, wall_s=wall_s)
+        earliest_ms = 1 + moment_to_ms(clock.now() + margin)
+        stuck = self.record.stuck
+        if stuck is not None:
+            anchor = anchor_of_stuck(self.situation, stuck, earliest_ms=earliest_ms)
+            return anchor if before_step is None else None
+        energy_margin = self.situation.energy_margin(self.world.skyway.settings)
+        return find_anchor(
+            self.situation,
+            self.trouble,
+            model=with_margin(self.record.candidate.model, energy_margin),
+            closed=closed,
+            now_ms=moment_to_ms(clock.now()),
+            earliest_ms=earliest_ms,
+            before_step=before_step,
+        )
 
     def ground_stop(self, anchor: Anchor) -> str | None:
         """Why the drone may not take off at the anchor; None when it may, or flies over it."""

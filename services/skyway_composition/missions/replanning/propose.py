@@ -25,7 +25,7 @@ from skyway_composition.missions.mission.instruct import send_steps
 from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import (
     CALLED_HOME,
-    NEXT_MISSION,
+    OF_STANDBY_ONLY,
     Aim,
     MissionRecord,
     Proposal,
@@ -129,8 +129,7 @@ async def accept_proposal(
     )
     await release_unneeded_pads(work, record)
     record = await release_left_out(work, record)
-    if proposal.code != NEXT_MISSION:
-        # The end of a standby does not concern the customer.
+    if proposal.code not in OF_STANDBY_ONLY:
         record = _report_replanned(work, record, code=proposal.code, detail=proposal.detail)
     await work.save(record)
     await plan_now(work.tx, record.mission_id)

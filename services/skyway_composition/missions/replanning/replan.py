@@ -9,10 +9,9 @@ what was planned with. After any change the mission is planned again.
 import asyncio
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 from skyway.ids import ClosureId, DroneId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.scheduling.stays import Slot
@@ -21,10 +20,7 @@ from skyway.units import moment_to_ms
 from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.store import outages
-from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.store import queued_of_drone
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.apply_outcome import (
     MOST_REVISIONS,
     Outcomes,
@@ -32,21 +28,14 @@ from skyway_composition.missions.replanning.apply_outcome import (
 )
 from skyway_composition.missions.replanning.case import Case, may_be_planned, trouble_of
 from skyway_composition.missions.replanning.outlook.situation import Situation
-from skyway_composition.missions.replanning.remainder.anchor import (
-    Anchor,
-    anchor_of_stuck,
-    find_anchor,
-)
+from skyway_composition.missions.replanning.read_situation import read_situation
+from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
 from skyway_composition.missions.replanning.store import claim_stuck
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.availability import hand_over_time_ms
-from skyway_composition.planning.problem_for import with_margin
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import ClosedAhead, World
-
-#: Time until a revision reaches the drone: fleet seconds, wall seconds. Our own choice.
-_REACHES_DRONE_WITHIN_S: Final = (5.0, 2.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,15 +186,7 @@ class Replanner:
     async def _read_situation(
         self, drone_id: DroneId
     ) -> tuple[Situation, int, Sequence[MissionRecord]] | None:
-        """The situation of its mission, how many revisions of it were sent, and its queue."""
-        async with self.db.write() as tx:
-            work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
-            record = work.missions.get(drone_id)
-            if record is None:
-                return None
-            sent = max(record.mission.revision, await last_revision(tx, record.mission_id))
-            queued = await queued_of_drone(tx.connection, drone_id)
-            return await Situation.of(work, record), sent, queued
+        return await read_situation(self.db, drone_id, clock=self.clock, mint=self.mint)
 
     async def _world(self, record: MissionRecord, queued: Sequence[MissionRecord]) -> World:
         """The present world, in which the pads of this drone's missions count as free."""
@@ -221,23 +202,7 @@ class Replanner:
     def _anchor(
         self, case: Case, *, closed: ClosedAhead, before_step: int | None = None
     ) -> Anchor | None:
-        fleet_s, wall_s = _REACHES_DRONE_WITHIN_S
-        margin = fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s)
-        earliest_ms = 1 + moment_to_ms(self.clock.now() + margin)
-        stuck = case.record.stuck
-        if stuck is not None:
-            anchor = anchor_of_stuck(case.situation, stuck, earliest_ms=earliest_ms)
-            return anchor if before_step is None else None
-        settings = case.world.skyway.settings
-        return find_anchor(
-            case.situation,
-            case.trouble,
-            model=with_margin(case.record.candidate.model, case.situation.energy_margin(settings)),
-            closed=closed,
-            now_ms=self._now_ms(),
-            earliest_ms=earliest_ms,
-            before_step=before_step,
-        )
+        return case.anchor(closed=closed, clock=self.clock, before_step=before_step)
 
     @property
     def _outcomes(self) -> Outcomes:

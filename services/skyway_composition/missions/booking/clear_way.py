@@ -1,0 +1,242 @@
+"""Finds a sooner delivery that only the standbys of other drones prevent, and makes them give way.
+
+The standby of a QUEUED mission is planned again, and changes in the transaction that books. The
+drone of a mission that was sent is asked. Its answer is awaited for a short time. Only the service
+of a request counts: for its own standby no other one gives way.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import timedelta
+from typing import Final
+
+from skyway.contracts.mission import BookMissions
+from skyway.contracts.offer_hold import KeepOffer
+from skyway.delivery.plan import Recharge, Wait
+from skyway.ids import MissionId
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.sql.database import Database
+from skyway.scheduling.booked_pad import BookedPad
+from skyway.scheduling.giving_way import WORTH_MS, YieldingStandby, widened
+from skyway.scheduling.trip import NOTHING_TO_DELIVER, Trip
+from skyway.units import moment_to_ms
+from skyway_composition.missions.booking.move_standbys import MovedStandby
+from skyway_composition.missions.booking.standby_store import unanswered, yielding_standbys
+from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.record import PlannedIn
+from skyway_composition.missions.mission.standby_around import trip_with_other_standby
+from skyway_composition.missions.replanning.give_way import StandbyRequests
+from skyway_composition.planning.offer import Limits, Offer, Offers
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.world import World
+
+#: How long a booking waits for the answers of drones, and how often it looks, seconds of wall time.
+#: Bookings behind it wait too. Our own choice.
+_ANSWERS_WITHIN_S: Final = 1.0
+_LOOKS_EVERY_S: Final = 0.05
+
+#: A drone that gives way leaves its pads free for this much longer, because the service begins
+#: later than first planned: fleet seconds, wall seconds. Our own choice.
+_SLACK_S: Final = (60.0, 3.0)
+
+#: A drone can change its standby this long from now: fleet seconds, wall seconds. Our own choice.
+_REACH_S: Final = (5.0, 1.0)
+
+#: A request without an offer or deadline is looked at this far ahead.
+_HORIZON_MS: Final = 24 * 3600 * 1000
+
+#: Searches of one booking; then it books what is free. Our own choice.
+_MOST_SEARCHES: Final = 3
+
+#: The service whose pads count as reserved; its mission is not booked yet.
+_THE_SERVICE: Final = MissionId("")
+
+#: Plans the offers of a booking in a world, within limits.
+PlanOffers = Callable[[World, Limits], Awaitable[Offers]]
+
+#: Lets this many seconds of wall time pass.
+Pause = Callable[[float], Awaitable[None]]
+
+
+@dataclass(frozen=True, slots=True)
+class Blocked:
+    """A booking whose best offer (None: it has no offer) may have to wait for standbys."""
+
+    asked: BookMissions | KeepOffer
+    world: World
+    begins_ms: int
+    limits: Limits
+    offers: Offers
+
+    @property
+    def best(self) -> Offer | None:
+        """The best offer among the pads that are free."""
+        return self.offers.ranked[0] if self.offers.ranked else None
+
+    @property
+    def may_be_sooner(self) -> bool:
+        """Whether free pads can help: the offer charges or waits, or there is none for now."""
+        if not isinstance(self.asked, BookMissions):
+            return False
+        if self.best is None:
+            return any(each.is_temporary for each in self.offers.reasons)
+        is_whole = self.best.packages == len(self.asked.request.packages)
+        return is_whole and any(
+            isinstance(step, Recharge | Wait)
+            for part in self.best.parts
+            for step in part.trip.plan.steps
+        )
+
+    @property
+    def until_ms(self) -> int:
+        """Until when standbys may be in its way."""
+        if self.best is not None:
+            return _served_ms(self.best)
+        latest_ms = self.limits.latest_ms
+        return self.begins_ms + _HORIZON_MS if latest_ms is None else latest_ms
+
+    @property
+    def sooner(self) -> Limits:
+        """The limits of an offer for which standbys give way."""
+        if self.best is None:
+            return self.limits
+        sooner_ms = _served_ms(self.best) - WORTH_MS
+        latest_ms = self.limits.latest_ms
+        return replace(
+            self.limits,
+            latest_ms=sooner_ms if latest_ms is None else min(latest_ms, sooner_ms),
+            is_whole=True,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class ClearedWay:
+    """An offer that can be booked together with new standbys of QUEUED missions.
+
+    Without an offer, drones have been asked: plan again with the pads that are free now.
+    """
+
+    offer: Offer | None = None
+    moves: tuple[MovedStandby, ...] = ()
+
+
+@dataclass(slots=True)
+class WaySearch:
+    """Clears the way of one booking; drones are asked once."""
+
+    db: Database
+    solver: SolverPool
+    clock: FleetClock
+    requests: StandbyRequests
+    pause: Pause = asyncio.sleep
+    _has_asked: bool = False
+    _searches: int = 0
+
+    async def clear(self, blocked: Blocked, plan: PlanOffers) -> ClearedWay | None:
+        """How a sooner offer can be booked; None if it cannot, or no standby prevents it."""
+        if self._searches >= _MOST_SEARCHES or not blocked.may_be_sooner:
+            return None
+        standbys = await self._standbys(blocked)
+        if not standbys:
+            return None
+        self._searches += 1
+        gap_ms = round(blocked.world.skyway.settings.pad_gap_s * 1000)
+        from_ms = self._now_ms() + self._span_ms(_REACH_S)
+        kept = {
+            each.mission_id: each.kept_pads(not_before_ms=from_ms, gap_ms=gap_ms)
+            for each in standbys
+        }
+        sooner = await plan(blocked.world.instead(kept), blocked.sooner)
+        if not sooner.ranked:
+            return None
+        best = sooner.ranked[0]
+        needed = _service_pads(best)
+        own = {part.candidate.drone_id for part in best.parts}
+        in_the_way = [
+            each for each in standbys if each.drone_id not in own and each.is_in_the_way(needed)
+        ]
+        free_longer = widened(needed, by_ms=self._span_ms(_SLACK_S))
+        to_ask = [each for each in in_the_way if each.is_sent]
+        if to_ask:
+            return await self._ask(to_ask, free_longer)
+        return await self._move(blocked, plan, in_the_way, free_longer)
+
+    async def _standbys(self, blocked: Blocked) -> list[YieldingStandby]:
+        holders = blocked.world.pads.holders(from_ms=blocked.begins_ms, until_ms=blocked.until_ms)
+        if not holders:
+            return []
+        async with self.db.read() as connection:
+            found = await yielding_standbys(connection, holders, now_ms=self._now_ms())
+        return [each for each in found if not (each.is_sent and self._has_asked)]
+
+    async def _ask(
+        self, standbys: Sequence[YieldingStandby], needed: Sequence[BookedPad]
+    ) -> ClearedWay | None:
+        """Ask these drones one after the other, and wait for their answers."""
+        self._has_asked = True
+        asked = [each.mission_id for each in standbys if await self.requests.ask(each, needed)]
+        if not asked:
+            return None
+        for _ in range(round(_ANSWERS_WITHIN_S / _LOOKS_EVERY_S)):
+            await self.pause(_LOOKS_EVERY_S)
+            async with self.db.read() as connection:
+                if not await unanswered(connection, asked):
+                    break
+        return ClearedWay()
+
+    async def _move(
+        self,
+        blocked: Blocked,
+        plan: PlanOffers,
+        standbys: Sequence[YieldingStandby],
+        needed: Sequence[BookedPad],
+    ) -> ClearedWay | None:
+        """Plan other standbys of QUEUED missions, and then the offer beside them."""
+        moves: list[MovedStandby] = []
+        for each in standbys:
+            pads = {_THE_SERVICE: needed, **_pads_after(moves)}
+            world = blocked.world.instead(pads).without([each.mission_id])
+            moved = await self._moved(each, world)
+            if moved is None:
+                return None
+            moves.append(moved)
+        if not moves:
+            return None
+        offers = await plan(blocked.world.instead(_pads_after(moves)), blocked.sooner)
+        return ClearedWay(offers.ranked[0], tuple(moves)) if offers.ranked else None
+
+    async def _moved(self, standby: YieldingStandby, world: World) -> MovedStandby | None:
+        async with self.db.read() as connection:
+            record = await store.get(connection, standby.mission_id, provider_id=None)
+        planned_in = PlannedIn(world.skyway.version, world.conditions_version)
+        if record is None or record.planned_in != planned_in or not record.stays:
+            return None
+        trip = await trip_with_other_standby(self.solver, world, record)
+        return MovedStandby(standby, record, trip) if isinstance(trip, Trip) else None
+
+    def _now_ms(self) -> int:
+        return moment_to_ms(self.clock.now())
+
+    def _span_ms(self, span: tuple[float, float]) -> int:
+        fleet_s, wall_s = span
+        margin = fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s)
+        return round(margin / timedelta(milliseconds=1))
+
+
+def _served_ms(offer: Offer) -> int:
+    """The planned end of an offer's last hand-over."""
+    return offer.begins_ms + round(offer.values.time_s * 1000)
+
+
+def _service_pads(offer: Offer) -> tuple[BookedPad, ...]:
+    """The pads that an offer needs until its last hand-overs, without its own standbys."""
+    return tuple(
+        pad
+        for part in offer.parts
+        for pad in replace(part.trip, home_plan=NOTHING_TO_DELIVER, home_recharge=None).booked_pads
+    )
+
+
+def _pads_after(moves: Sequence[MovedStandby]) -> dict[MissionId, tuple[BookedPad, ...]]:
+    return {each.record.mission_id: each.trip.booked_pads for each in moves}

@@ -1,0 +1,199 @@
+"""Asks a drone for another standby, so that another drone's service gets the pads that it needs.
+
+It is a proposal (decision 0010): the pads are free when the drone has accepted. The service of the
+mission stays as it is.
+"""
+
+import logging
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Final
+
+from skyway.contracts.flight_step import DeliverStep, PickUpStep, ReturnStep
+from skyway.ids import MissionId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import RowRefused
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
+from skyway.scheduling.booked_pad import BookedPad
+from skyway.scheduling.giving_way import YieldingStandby
+from skyway.scheduling.trip import Trip
+from skyway.units import moment_to_ms
+from skyway_composition.missions.mission.record import GIVE_WAY, Trouble
+from skyway_composition.missions.mission.standby_around import (
+    standby_steps,
+    trip_with_other_standby,
+    with_standby_of,
+)
+from skyway_composition.missions.mission.step_store import StepRecord
+from skyway_composition.missions.mission.store import queued_of_drone
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.case import Case, may_be_planned
+from skyway_composition.missions.replanning.outlook.situation import Situation, whereabouts
+from skyway_composition.missions.replanning.propose import Revision, propose
+from skyway_composition.missions.replanning.read_situation import read_situation
+from skyway_composition.missions.replanning.remainder.anchor import Anchor
+from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
+from skyway_composition.missions.replanning.revision import revision_of
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.world import ClosedAhead, World, still_holds
+
+log = logging.getLogger(__name__)
+
+#: A mission with this many revisions keeps the rest for causes that endanger it. Our own choice.
+_MOST_REVISIONS: Final = 20
+
+#: The service whose pads count as reserved; its mission is not booked yet.
+_THE_SERVICE: Final = MissionId("")
+
+_WHY: Final = Trouble(code=GIVE_WAY, detail="another drone's service needs a pad of the standby")
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """Another standby, as a revision of the mission."""
+
+    case: Case
+    anchor: Anchor
+    revision: Revision
+    starts_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class StandbyRequests:
+    """Asks drones to give way."""
+
+    db: Database
+    networks: PreparedNetworks
+    solver: SolverPool
+    clock: FleetClock
+    mint: Mint
+
+    async def ask(self, standby: YieldingStandby, needed: Collection[BookedPad]) -> bool:
+        """Propose another standby without the `needed` pads; False if there is none.
+
+        The drone's service, its packages and its next mission come first: then it is not asked.
+        """
+        case = await self._case(standby, needed)
+        if case is None:
+            return False
+        served = _last_of_service(case.situation)
+        if served is not None and served.status == "PLANNED":
+            asked = await self._before_standby(case, served.step.step_id)
+        else:
+            asked = await self._in_standby(case)
+        if asked is None:
+            return False
+        is_sent = await self._propose(asked)
+        about = {"mission_id": standby.mission_id, "is_sent": is_sent}
+        log.info("standby asked to give way", extra=about)
+        return is_sent
+
+    async def _case(self, standby: YieldingStandby, needed: Collection[BookedPad]) -> Case | None:
+        seen = await read_situation(self.db, standby.drone_id, clock=self.clock, mint=self.mint)
+        if seen is None:
+            return None
+        situation, sent, queued = seen
+        record = situation.record
+        is_same = record.mission_id == standby.mission_id and not queued and record.stays
+        if not is_same or sent >= _MOST_REVISIONS or not may_be_planned(situation, _WHY):
+            return None
+        skyway = await self.networks.current(record.network_id)
+        world = await World.of(
+            skyway, self.db, after_ms=self._now_ms(), without=[record.mission_id]
+        )
+        world = world.instead({_THE_SERVICE: needed})
+        return Case(situation, _WHY, world, ClosedAhead.of(world, now_ms=self._now_ms()), sent)
+
+    async def _before_standby(self, case: Case, served_step: int) -> _Asked | None:
+        """Another standby for a drone that has not ended its service; the service stays."""
+        situation, record = case.situation, case.record
+        where = whereabouts(situation)
+        if where is None or max(where.next_step, where.released_through) > served_step:
+            return None
+        trip = await trip_with_other_standby(
+            self.solver,
+            case.world,
+            record,
+            energy_margin=situation.energy_margin(case.world.skyway.settings),
+        )
+        if not isinstance(trip, Trip):
+            return None
+        served = record.stays[0]
+        anchor = Anchor(
+            station_id=served.station_id,
+            at_ms=trip.home_start_ms,
+            soc=served.soc_from,
+            last_valid_step=served_step,
+            carried=frozenset(),
+            has_loaded=True,
+        )
+        mission = with_standby_of(record.mission, trip, revision=case.sent_revisions + 1)
+        steps = standby_steps(record, trip, case.world, first_step=anchor.first_step)
+        return _Asked(case, anchor, Revision(mission, steps, record.aims), trip.home_start_ms)
+
+    async def _in_standby(self, case: Case) -> _Asked | None:
+        """Another standby for a drone that has ended its service, from its next landing on."""
+        situation, record = case.situation, case.record
+        anchor = case.anchor(closed=case.closed, clock=self.clock)
+        if anchor is None or anchor.is_in_the_air or situation.carried:
+            return None
+        if case.ground_stop(anchor) is not None:
+            return None
+        planner = RemainderPlanner(self.solver, case.world, situation, case.closed)
+        remainder = await planner.plan(anchor, _WHY)
+        if not isinstance(remainder, Remainder) or remainder.given_up is not None:
+            return None
+        revision = revision_of(
+            record,
+            remainder,
+            anchor=anchor,
+            trouble=_WHY,
+            number=case.sent_revisions + 1,
+            energy_margin=situation.energy_margin(case.world.skyway.settings),
+            skyway=case.world.skyway,
+            link=situation.link,
+        )
+        if not record.with_mission(revision.mission).stays:
+            # Nothing could be booked behind the mission until it is over.
+            return None
+        return _Asked(case, anchor, revision, remainder.trip.start_ms)
+
+    async def _propose(self, asked: _Asked) -> bool:
+        """Send the revision, unless the world, the mission or its drone's calendar has changed."""
+        case = asked.case
+        drone_id = case.record.drone_id
+        try:
+            async with self.db.write() as tx:
+                # I11: the world is checked inside the transaction and cannot change before its end.
+                holds = await still_holds(tx, case.world)
+                work = await MissionUnitOfWork.lock(
+                    [drone_id], tx=tx, clock=self.clock, mint=self.mint
+                )
+                record = work.missions.get(drone_id)
+                is_late = asked.starts_ms < self._now_ms()
+                if record is None or not holds or is_late or not case.is_unchanged(work, record):
+                    return False
+                if await queued_of_drone(tx.connection, drone_id):
+                    return False
+                await propose(work, record, asked.revision, anchor=asked.anchor, trouble=_WHY)
+        except RowRefused as taken:
+            log.info(
+                "pad taken", extra={"mission_id": case.record.mission_id, "by": taken.constraint}
+            )
+            return False
+        return True
+
+    def _now_ms(self) -> int:
+        return moment_to_ms(self.clock.now())
+
+
+def _last_of_service(situation: Situation) -> StepRecord | None:
+    """The last step that loads or hands over a package; the standby begins after it."""
+    service = [
+        each
+        for each in situation.steps
+        if isinstance(each.step, PickUpStep | DeliverStep | ReturnStep)
+    ]
+    return service[-1] if service else None
