@@ -3,5 +3,6 @@
 `outlook` checks whether a plan still holds, `request_plan` notes that it does not. `replan` takes
 such missions from the queue (`store`), plans their `remainder` for one `case`, and `apply_outcome`
 sends the new `revision` or gives up. `propose` sends a revision to a flying drone and handles its
-answer. `call_off` ends a mission once its drone has cancelled it.
+answer. `give_way` asks a drone for another standby. `call_off` ends a mission once its drone has
+cancelled it.
 """
