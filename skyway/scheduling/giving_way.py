@@ -6,8 +6,7 @@ from typing import Final
 
 from skyway.ids import DroneId, MissionId
 from skyway.scheduling.booked_pad import BookedPad
-from skyway.scheduling.slots import first_slot
-from skyway.scheduling.stays import Stay
+from skyway.scheduling.stays import Stay, first_slot
 
 #: A standby gives way only to a delivery that comes this much sooner, milliseconds: one minute.
 #: Less is lost while the drone of the standby is asked. Our own choice.

@@ -281,10 +281,9 @@ class BusyWorld:
         requested = BookMissions(attempt=attempt, request=request, shortlist=shortlist)
         self._bookings_under_way += 1
         try:
-            booking = await self.bookings.book(DeliveryId(delivery_id), requested)
+            return (await self.bookings.book(DeliveryId(delivery_id), requested)).outcome
         finally:
             self._bookings_under_way -= 1
-        return booking.outcome
 
     async def _pause(self, _wall_s: float) -> None:
         """Exchange messages while a booking waits for drones; among several, none is answered."""

@@ -12,7 +12,7 @@ from datetime import timedelta
 from typing import Final
 
 from skyway.contracts.mission import BookMissions
-from skyway.contracts.offer_hold import KeepOffer
+from skyway.contracts.quote import KeepOffer
 from skyway.delivery.plan import Recharge, Wait
 from skyway.ids import MissionId
 from skyway.runtime.clock import FleetClock, fleet_margin

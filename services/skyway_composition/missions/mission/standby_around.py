@@ -2,7 +2,7 @@
 
 from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.mission import Mission
-from skyway.scheduling.standby_choice import StandbyChoice
+from skyway.scheduling.standby import StandbyChoice
 from skyway.scheduling.trip import NoTrip, Trip
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.from_trip import StepTerms, finished_wait, flight_steps
