@@ -1,7 +1,6 @@
 """The gateway: the one public face. It owns deliveries, quotes, notifications and API keys.
 
 Rooms: `deliveries` (from request to last package), `quotes` (offers before a delivery),
-`notifications` (events for customers, by webhook, SSE and MQTT), `access` (who is calling),
-`forward` (calls that other services answer), `audit` (what operators and providers did),
-`statistics`. Read `deliveries.booking.book` first.
+`notifications` (events for customers, by webhook, SSE and MQTT), `access` (who is calling, and the
+audit log), `forward` (calls that other services answer). Read `deliveries.booking.book` first.
 """

@@ -63,7 +63,7 @@ audit = Table(
     Column("traceparent", Text),
     # Counts the entries from 1, without gaps.
     Column("number", BigInteger, nullable=False, server_default="0"),
-    # Of this entry and all entries before it, as `audit.store.entry_hash` chains them.
+    # Of this entry and all entries before it, as `audit_store.entry_hash` chains them.
     Column("hash", Text, nullable=False, server_default=text("''")),
     Index("audit_number", "number", unique=True),
     Index("audit_by_subject", "role", "subject_id", "entry_id"),

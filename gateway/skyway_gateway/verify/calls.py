@@ -7,7 +7,7 @@ from sqlalchemy import Column, ColumnElement, exists, select
 from skyway.runtime.idempotency.answer_store import KEPT_MS
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import union_of
-from skyway_gateway.audit.store import entry_hash
+from skyway_gateway.access.audit_store import entry_hash
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.tables import api_keys, audit, audit_head, events, idempotency, webhooks
 

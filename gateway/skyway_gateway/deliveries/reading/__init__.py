@@ -1,1 +1,1 @@
-"""What customers, operators and providers read: deliveries, plans, proofs, tracks and earnings."""
+"""What people read: deliveries, plans, proofs and tracks, earnings and statistics."""

@@ -21,13 +21,13 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.statistics import Span
 from skyway.ids import ProviderId
-from skyway_gateway.delivery_tables import deliveries, missions, packages
-from skyway_gateway.statistics.delivery_statistics import (
+from skyway_gateway.deliveries.reading.statistics import (
     AGES_S,
     Sums,
     WaitingRequests,
     waiting_requests,
 )
+from skyway_gateway.delivery_tables import deliveries, missions, packages
 
 #: A package that is handed over at most this late is on time, milliseconds of fleet time.
 _ON_TIME_MS: Final = 60_000

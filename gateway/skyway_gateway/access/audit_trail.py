@@ -16,8 +16,8 @@ from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import current_traceparent
-from skyway_gateway.audit import store
-from skyway_gateway.audit.store import LONGEST_BODY, AuditEntry, body_text, path_text
+from skyway_gateway.access import audit_store
+from skyway_gateway.access.audit_store import LONGEST_BODY, AuditEntry, body_text, path_text
 
 log = logging.getLogger(__name__)
 
@@ -85,7 +85,7 @@ class AuditTrail:
         )
         try:
             async with self._db.write() as tx:
-                await store.add(tx, entry)
+                await audit_store.add(tx, entry)
         except ServiceUnavailable:
             # The call has had its effect: it must not be answered as a failure.
             count("skyway_audit_lost", "calls that could not be logged")

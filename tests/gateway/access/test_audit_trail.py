@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_gateway.audit.store import LONGEST_BODY, body_text, path_text
-from skyway_gateway.audit.trail import AuditTrail
+from skyway_gateway.access.audit_store import LONGEST_BODY, body_text, path_text
+from skyway_gateway.access.audit_trail import AuditTrail
 
 from skyway.runtime.clock import AnchoredClock
 from skyway.runtime.http.identity import Caller

@@ -10,10 +10,10 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
+from skyway_gateway.access import audit_store
+from skyway_gateway.access.audit_store import LONGEST_PATH, AuditEntry, AuditFilter
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.access.store import KeyRole
-from skyway_gateway.audit import store
-from skyway_gateway.audit.store import LONGEST_PATH, AuditEntry, AuditFilter
 
 
 class AuditQuery(PageQuery):
@@ -48,7 +48,7 @@ def audit_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
         caller.must_be("operator")
         filters = AuditFilter(query.role, query.subject_id, query.path)
         async with db.survey() as connection:
-            found = await store.page(connection, query, filters)
+            found = await audit_store.page(connection, query, filters)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.entry_id,))
 
     return router

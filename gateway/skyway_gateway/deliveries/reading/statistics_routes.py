@@ -12,13 +12,13 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_gateway.access.routes import KeyGate
-from skyway_gateway.statistics import store
-from skyway_gateway.statistics.delivery_statistics import (
+from skyway_gateway.deliveries.reading import statistics_store
+from skyway_gateway.deliveries.reading.statistics import (
     DeliveryQuery,
     DeliveryStatistics,
     statistics,
 )
-from skyway_gateway.statistics.store import Counted
+from skyway_gateway.deliveries.reading.statistics_store import Counted
 
 
 def statistics_routes(*, db: Database, gate: KeyGate, clock: FleetClock) -> ServiceRouter:
@@ -38,10 +38,10 @@ def statistics_routes(*, db: Database, gate: KeyGate, clock: FleetClock) -> Serv
         span, provider_id = query.span(now), _provider(caller, query.provider_id)
         counted = Counted(span, provider_id, query.bucket_ms(span))
         async with db.survey() as connection:
-            found = await store.sums(connection, counted)
+            found = await statistics_store.sums(connection, counted)
             waiting = None
             if provider_id is None:
-                waiting = await store.waiting(connection, now_ms=moment_to_ms(now))
+                waiting = await statistics_store.waiting(connection, now_ms=moment_to_ms(now))
         return statistics(found, query, span=span, provider_id=provider_id, waiting=waiting)
 
     return router

@@ -1,1 +1,0 @@
-"""The audit log: one entry for each call of an operator or provider that may change something."""

@@ -1,1 +1,0 @@
-"""Statistics of deliveries, by state, provider and time."""
