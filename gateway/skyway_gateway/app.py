@@ -27,12 +27,14 @@ from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.senders import MqttSender, ReportSender
 from skyway.runtime.outbox.stream_sender import unhurried_pace
 from skyway.runtime.sql.migrations import migrate
-from skyway_gateway.access.audit_routes import audit_routes
 from skyway_gateway.access.audit_trail import AuditTrail
-from skyway_gateway.access.routes import key_routes
+from skyway_gateway.access.routes import audit_routes, key_routes
 from skyway_gateway.deliveries.booking.queue_store import free_claims
-from skyway_gateway.deliveries.reading.routes import earnings_routes, reading_routes
-from skyway_gateway.deliveries.reading.statistics_routes import statistics_routes
+from skyway_gateway.deliveries.reading.routes import (
+    earnings_routes,
+    reading_routes,
+    statistics_routes,
+)
 from skyway_gateway.deliveries.report_routes import report_routes
 from skyway_gateway.deliveries.requests.routes import cancelling_routes, delivery_routes
 from skyway_gateway.forward.document import stored_document, whole_document
