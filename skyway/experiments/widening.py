@@ -17,7 +17,7 @@ from skyway.experiments.report import (
 from skyway.experiments.sample import Sample
 from skyway.experiments.trials import Contest, Trial, hold
 from skyway.planner.heuristic import heuristic_from
-from skyway.planner.sector import WIDENINGS
+from skyway.planner.subnetwork import WIDENINGS
 
 #: From the paper's own sector to the whole network.
 LEVELS = tuple(range(WIDENINGS + 1))

@@ -4,7 +4,7 @@
 - `columns`: the same as arrays, a row for each station and segment.
 - `geojson`, `geojson_text`, `nx`: in and out as GeoJSON and as NetworkX graphs.
 - `feature_columns`, `station_columns`, `line_columns`, `column_fields`: the fast reader.
-- `geojson_features`, `fields`: the reader that names each fault; `feature_writing` writes.
+- `geojson_features`, `fields`: the reader that names each fault.
 - `bundled`, `synthetic`: the Texas corridor, and made-up cities.
 - `zones`, `near_pairs`, `great_circle`, `components`: geometry and reachability.
 - `geojson_schema`: the JSON schema that the REST documents show.

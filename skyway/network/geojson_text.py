@@ -12,8 +12,14 @@ import numpy as np
 from skyway.network.column_fields import Doubtful, collector_paused
 from skyway.network.columns import Columns, Floats
 from skyway.network.feature_columns import read_blocks
-from skyway.network.feature_writing import lines, segment_features, station_features, zone_feature
-from skyway.network.geojson import assembled, read_network
+from skyway.network.geojson import (
+    assembled,
+    lines,
+    read_network,
+    segment_features,
+    station_features,
+    zone_feature,
+)
 from skyway.network.network import Network
 
 _HEAD = re.compile(

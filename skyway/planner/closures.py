@@ -1,20 +1,58 @@
-"""When segments are closed to flight and stations to landing, in seconds since the start."""
+"""When segments are closed to flight and stations to landing, and when stations are open.
+
+All moments are seconds since the problem's start.
+"""
 
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 
 from skyway.ids import StationId
 from skyway.network.network import Zone
 from skyway.network.opening_hours import OpeningHours
 from skyway.planner.airspace import Airspace, SegmentEnds
-from skyway.planner.open_hours import Interval, closed_hours_s
 from skyway.planner.problem import Problem, StationClosure
+
+#: From one moment to another, seconds since the start.
+Interval = tuple[float, float]
+
+#: How far opening hours are followed, seconds: two weeks. After that stations with opening hours
+#: count as closed. Our own choice.
+HOURS_AHEAD_S = 14 * 86_400.0
 
 #: Seconds by which a drone may leave early because a sum of floats fell short of a closure's end.
 _ROUNDING_S = 1e-9
+
+
+def open_hours_s(problem: Problem, station_id: StationId) -> tuple[Interval, ...]:
+    """The times at which this station is open, in order; all time without opening hours.
+
+    No time lies more than `HOURS_AHEAD_S` ahead. The problem has a `start_at`.
+    """
+    hours = problem.network.opening_hours.get(station_id)
+    if hours is None or problem.start_at is None:
+        return ((-math.inf, math.inf),)
+    start_at = problem.start_at
+    times = hours.open_times(start_at, start_at + timedelta(seconds=HOURS_AHEAD_S))
+    return tuple(
+        ((opens_at - start_at).total_seconds(), (closes_at - start_at).total_seconds())
+        for opens_at, closes_at in times
+    )
+
+
+def closed_hours_s(problem: Problem, station_id: StationId) -> list[Interval]:
+    """The times from the start on at which this station is closed; the last one has no end."""
+    closed: list[Interval] = []
+    closed_from_s = -math.inf
+    for opens_s, closes_s in open_hours_s(problem, station_id):
+        if opens_s > max(closed_from_s, 0.0):
+            closed.append((closed_from_s, opens_s))
+        closed_from_s = closes_s
+    if closed_from_s < math.inf:
+        closed.append((closed_from_s, math.inf))
+    return closed
 
 
 @dataclass(frozen=True, slots=True)

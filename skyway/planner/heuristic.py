@@ -22,14 +22,11 @@ from skyway.ids import StationId
 from skyway.planner.airspace import SegmentEnds
 from skyway.planner.findings import Findings, Strategy, is_better
 from skyway.planner.itinerary import Itinerary, fly
-from skyway.planner.matrix import TimeMatrix
-from skyway.planner.orders import orders_by_cost
-from skyway.planner.route import stretches
-from skyway.planner.route_search import find_route
-from skyway.planner.sector import widening_sectors
+from skyway.planner.matrix import TimeMatrix, orders_by_cost
+from skyway.planner.route import find_route, stretches
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
-from skyway.planner.subnetwork import Subnetwork
+from skyway.planner.subnetwork import Subnetwork, widening_sectors
 
 #: Most orders simulated in one sector: all orders of up to five destinations. Our own choice.
 _MAX_ORDERS = 120

@@ -38,9 +38,10 @@ from skyway.planner.problem_parts import (
     Seconds,
     SegmentClosure,
     StationClosure,
+    TimedAct,
     not_text_or_truth,
+    window_faults,
 )
-from skyway.planner.window_faults import TimedAct, window_faults
 
 __all__ = [
     "MAX_FAULTS",

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from skyway.ids import StationId
-from skyway.planner.open_hours import Interval, open_hours_s
+from skyway.planner.closures import Interval, open_hours_s
 from skyway.planner.problem import Problem
 from skyway.units import TIME_TOLERANCE_S
 

@@ -1,4 +1,8 @@
-"""The paper's scenario: a customer plays it through the public interfaces of a running system."""
+"""The paper's scenario: a customer plays it through the public interfaces of a running system.
+
+Beside it, a provider with one drone serves two deliveries: the second is booked behind the first,
+while the drone is busy.
+"""
 
 import asyncio
 import time
@@ -6,11 +10,11 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
 
-from skyway.cli.demo.chain import Chain
 from skyway.cli.demo.flown import Flown
 from skyway.cli.demo.screen import DemoScreen
 from skyway.cli.demo.webhook_receiver import NotificationOrder, WebhookReceiver
 from skyway.cli.demo.world import (
+    CHAINED_REQUESTS,
     OTHER_REQUESTS,
     PACKAGES,
     PICKUP,
@@ -32,13 +36,19 @@ from skyway.runtime.mqtt.client import MqttClient
 #: times the usual time, because the machine may be busy. A process that keeps dying ends the demo
 #: immediately.
 _READY_WITHIN_S = 90.0
+
 _ENDED_WITHIN_S = 300.0
 
 _TERMINAL = frozenset({"COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"})
+
 _LAST_EVENTS = frozenset(f"delivery.{state.lower()}" for state in _TERMINAL)
 
 #: How long a webhook is held so that one of an earlier moment can be shown first, wall seconds.
 _HOLD_S = 1.0
+
+_DECIDED = frozenset({"PLANNED", "DISPATCHED", "LOADING", "IN_PROGRESS", "COMPLETED"})
+
+_LOST = frozenset({"PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"})
 
 
 async def play(system: System, screen: DemoScreen) -> None:
@@ -95,6 +105,67 @@ class _Observed:
                     self.states[received.ids[1]] = message
                 if isinstance(message, DroneState | Telemetry):
                     self.charges[received.ids[1]] = message.soc
+
+
+class Chain:
+    """The deliveries of a provider that has one drone, and what was shown of them."""
+
+    def __init__(self, api: GatewayApi, world: World, screen: DemoScreen) -> None:
+        self._api, self._world, self._screen = api, world, screen
+        self._deliveries: list[dict[str, Any]] = []
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether both packages are delivered."""
+        return all(each["state"] == "COMPLETED" for each in self._deliveries)
+
+    async def request(self) -> None:
+        """Request both deliveries; each is planned before the next one is requested."""
+        for pickup, packages in CHAINED_REQUESTS:
+            body = delivery_request(
+                pickup, packages, objective="fastest", pinned=self._world.courier_id
+            )
+            created = await self._call("POST", "/v1/deliveries", body)
+            delivery = await self._read(created["delivery_id"])
+            while delivery["state"] not in _DECIDED:
+                await asyncio.sleep(0.1)  # another process decides: no event can be awaited
+                delivery = await self._read(created["delivery_id"])
+            self._deliveries.append(delivery)
+            self._screen.chained(delivery, number=len(self._deliveries))
+
+    async def look(self) -> None:
+        """Show what has changed since the last look."""
+        for index, before in enumerate(self._deliveries):
+            if before["state"] == "COMPLETED":
+                continue
+            delivery = self._deliveries[index] = await self._read(before["delivery_id"])
+            if delivery["state"] != before["state"]:
+                self._screen.chained(delivery, number=index + 1)
+
+    def compare(self, flown: Flown) -> None:
+        """Show the plans beside what was flown."""
+        for delivery in self._deliveries:
+            self._screen.compare(delivery, flown)
+
+    async def _read(self, delivery_id: str) -> dict[str, Any]:
+        """The delivery.
+
+        Raises
+        ------
+        SkywayError
+            The delivery was not served.
+        """
+        delivery = await self._call("GET", f"/v1/deliveries/{delivery_id}", None)
+        if delivery["state"] in _LOST:
+            raise SkywayError(
+                f"delivery {delivery_id} ended {delivery['state']}: {delivery['reasons']}"
+            )
+        return delivery
+
+    async def _call(self, method: str, path: str, body: object) -> dict[str, Any]:
+        key = self._world.courier_customer_key
+        answer: dict[str, Any] = await self._api.call(method, path, key=key, body=body)
+        return answer
 
 
 @asynccontextmanager

@@ -1,4 +1,7 @@
-"""Keeps child processes running: starts them, restarts them with back-off, and ends them all."""
+"""Keeps child processes running: starts them, restarts them with back-off, and ends them all.
+
+An exit code says why a child ended, and whether it is started again.
+"""
 
 import asyncio
 import os
@@ -12,12 +15,29 @@ from types import TracebackType
 from typing import Any, Final, Protocol, Self
 
 from skyway.cli.system.niceness import give_way
-from skyway.cli.system.restarts import Restarts, cause_of, is_for_good
 from skyway.errors import SkywayError
 from skyway.runtime.clock import AnchoredClock, FleetClock, sleep_wall
+from skyway.runtime.errors import FOR_GOOD, ExitCode
 
 #: The end of a log in which the last words of a process are.
 _LAST_BYTES: Final = 4096
+
+
+#: Seconds of wall time before the first start after a death, the second, ...; the last for ever.
+_PAUSES_S: Final = (0.05, 0.5, 1.0, 2.0, 4.0, 5.0)
+
+
+#: A process that ran this long had started well: its death is the first one again.
+_STARTED_WELL_S: Final = 10.0
+
+
+_MEANINGS: Final = {
+    ExitCode.ENDED: "ended by itself",
+    ExitCode.FAILED: "ended by a bug",
+    ExitCode.BAD_SETTINGS: "cannot run with these settings",
+    ExitCode.NOT_NOW: "lacks a part of the system",
+    ExitCode.BAD_DATABASE: "cannot use its database",
+}
 
 
 class ProcessCannotRun(SkywayError):
@@ -25,7 +45,7 @@ class ProcessCannotRun(SkywayError):
 
     def __init__(self, child: "Child", *, exit_code: int) -> None:
         said = _last_line(child.log)
-        super().__init__(f"{child.name} {cause_of(exit_code)}: {said}; its log is {child.log}")
+        super().__init__(f"{child.name} {_cause_of(exit_code)}: {said}; its log is {child.log}")
 
 
 class Process(Protocol):
@@ -150,7 +170,7 @@ class Supervisor:
 
     async def _keep(self, child: Child) -> None:
         """Run the child, and start it again with growing pauses, until its cause cannot pass."""
-        restarts = Restarts()
+        restarts = _Restarts()
         while True:
             started_at = self._clock.wall_now()
             cause = await self._run(child)
@@ -173,8 +193,8 @@ class Supervisor:
         if child.gives_way_by:
             await asyncio.to_thread(give_way, process.pid, by=child.gives_way_by)
         exit_code = await process.wait()
-        if not is_for_good(exit_code):
-            return cause_of(exit_code)
+        if not _is_for_good(exit_code):
+            return _cause_of(exit_code)
         if self._failure is not None and not self._failure.done():
             self._failure.set_exception(ProcessCannotRun(child, exit_code=exit_code))
         return None
@@ -236,3 +256,39 @@ async def first_of(*runners: Coroutine[Any, Any, object]) -> None:
         await asyncio.gather(*tasks, return_exceptions=True)
     for task in done:
         task.result()
+
+
+@dataclass(slots=True)
+class _Restarts:
+    """The deaths of one process in a row, and what was said about them."""
+
+    _deaths: int = 0
+    _said: tuple[str, float] = ("", 0.0)
+
+    def pause_s(self, *, ran_s: float) -> float:
+        """How long to wait now that the process has died after so many seconds."""
+        if ran_s >= _STARTED_WELL_S:
+            self._deaths, self._said = 0, ("", 0.0)
+        pause_s = _PAUSES_S[min(self._deaths, len(_PAUSES_S) - 1)]
+        self._deaths += 1
+        return pause_s
+
+    def is_news(self, cause: str, pause_s: float) -> bool:
+        """Whether to say it: not again while the process keeps dying in the same way."""
+        is_news = self._said != (cause, pause_s)
+        self._said = (cause, pause_s)
+        return is_news
+
+
+def _cause_of(exit_code: int) -> str:
+    """Why a process ended, as a sentence without its subject."""
+    if exit_code < 0:
+        with suppress(ValueError):
+            return f"was ended by {signal.Signals(-exit_code).name}"
+    meaning = _MEANINGS.get(ExitCode(exit_code)) if exit_code in set(ExitCode) else None
+    return f"{meaning or 'ended'} (exit code {exit_code})"
+
+
+def _is_for_good(exit_code: int) -> bool:
+    """Whether the process would end again in the same way until a person does something."""
+    return exit_code in FOR_GOOD

@@ -1,24 +1,31 @@
-"""The calendars of a simulated fleet: what each drone flies, and which pads it has reserved."""
+"""The calendars of a simulated fleet under a policy: the missions of each drone, and its pads."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import Final
+from dataclasses import dataclass, field, replace
+from itertools import takewhile
+from typing import Final, Literal
 
 import numpy as np
 
+from skyway.contracts.candidate import Standby
+from skyway.delivery.plan import Fly
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DJI_MATRICE_300_RTK
-from skyway.experiments.fleet_hour.cases import Case
-from skyway.experiments.fleet_hour.mission import HourMission
-from skyway.experiments.fleet_hour.policy import Policy
+from skyway.experiments.fleet_hour.cases import Case, HourRequest
 from skyway.planner.pad_book import PadBook
-from skyway.scheduling.stays import Slot, Stay, slot_after
+from skyway.scheduling.booked_pad import BookedPad, without
+from skyway.scheduling.standby import shortened_trip
+from skyway.scheduling.stays import Slot, Stay, slot_after, stays_of_standby
+from skyway.scheduling.trip import PlacedStep, Trip
 
 #: The services' defaults: the share of energy that plans add, the gap between two drones on one
 #: pad, the time between two missions of a drone, and how far ahead a mission is booked.
 _ENERGY_MARGIN: Final = 0.15
+
 PAD_GAP_MS: Final = 120_000
+
 HAND_OVER_MS: Final = 30_000
+
 _HORIZON_MS: Final = 24 * 3600 * 1000
 
 #: From a booking until its mission can begin: planned, and sent to the drone.
@@ -28,6 +35,99 @@ _PREPARE_MS: Final = 60_000
 MODEL: Final[DroneModel] = DJI_MATRICE_300_RTK.model_copy(
     update={"power_empty_w": DJI_MATRICE_300_RTK.power_empty_w * (1 + _ENERGY_MARGIN)}
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """How the drones of a fleet are booked.
+
+    Parameters
+    ----------
+    standby
+        What a drone does after its last hand-over.
+    free_when
+        When a drone is free: when it is CHARGED, when it has LANDED at its standby, or when it has
+        SERVED its request.
+    books_behind
+        Whether a request is booked behind busy drones. Otherwise it waits until a drone is free.
+    """
+
+    name: str
+    standby: Standby
+    free_when: Literal["CHARGED", "LANDED", "SERVED"]
+    books_behind: bool = False
+
+    def usable(self, stays: Sequence[Stay]) -> Sequence[Stay]:
+        """The stays at which another mission can begin."""
+        if self.free_when == "CHARGED":
+            return stays[-1:]
+        if self.free_when == "LANDED":
+            end = stays[-1].station_id
+            at_end = [*takewhile(lambda each: each.station_id == end, reversed(stays))]
+            return at_end[::-1]
+        return stays
+
+
+ONE_AT_A_TIME: Final = Policy("one at a time", "HOME", "CHARGED")
+
+CHAINED_HOME: Final = Policy("chained, home", "HOME", "SERVED", books_behind=True)
+
+CHAINED: Final = Policy("chained", "STAY", "SERVED", books_behind=True)
+
+POLICIES: Final = (
+    ONE_AT_A_TIME,
+    Policy("free while charging", "HOME", "LANDED"),
+    Policy("stay", "STAY", "SERVED"),
+    CHAINED_HOME,
+    CHAINED,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class HourMission:
+    """A trip of one drone for one request.
+
+    `stays` are where the drone stands after its last hand-over, `pads` what it has reserved.
+    """
+
+    request: HourRequest
+    drone: int
+    slot: Slot
+    trip: Trip
+    stays: tuple[Stay, ...]
+    pads: tuple[BookedPad, ...]
+
+    @classmethod
+    def of(cls, request: HourRequest, drone: int, slot: Slot, trip: Trip) -> "HourMission":
+        """The mission of a trip that begins at this slot."""
+        stays = stays_of_standby(
+            trip.plan,
+            start_ms=trip.start_ms,
+            soc=slot.soc,
+            home_plan=trip.home_plan,
+            home_recharge=trip.home_recharge,
+        )
+        return cls(request, drone, slot, trip, stays, trip.booked_pads)
+
+    @property
+    def served_ms(self) -> int:
+        """The end of the last hand-over, which is that of the last delivery."""
+        return self.trip.home_start_ms
+
+    @property
+    def energy_j(self) -> float:
+        """The energy of all flights."""
+        return sum(each.step.energy_j for each in self.steps() if isinstance(each.step, Fly))
+
+    def steps(self) -> Iterator[PlacedStep]:
+        """Everything that the drone does, in time order."""
+        return self.trip.steps()
+
+    def until(self, following: "HourMission", *, hand_over_ms: int) -> "HourMission":
+        """The mission whose standby ends early enough for the mission that follows it."""
+        until_ms = following.slot.at_ms - hand_over_ms
+        trip = shortened_trip(self.trip, max(until_ms, self.trip.home_start_ms))
+        return replace(self, trip=trip, pads=without(trip.booked_pads, following.pads))
 
 
 @dataclass(slots=True)

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple, Self
 
 from skyway.delivery.plan import Deliver, Plan
-from skyway.experiments.fleet_hour.calendars import MODEL, PAD_GAP_MS, Calendars
+from skyway.experiments.fleet_hour.calendars import MODEL, PAD_GAP_MS, Calendars, HourMission
 from skyway.experiments.fleet_hour.cases import HourRequest
-from skyway.experiments.fleet_hour.mission import HourMission
 from skyway.ids import PackageId, StationId
 from skyway.network.network import Network
 from skyway.planner.airspace import Airspace

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from statistics import mean
 
 from skyway.experiments.figures import Axis, Stack, draw_groups, draw_stacks
+from skyway.experiments.fleet_hour.calendars import CHAINED, ONE_AT_A_TIME, POLICIES, Policy
 from skyway.experiments.fleet_hour.cases import PLACES, Load, Place
 from skyway.experiments.fleet_hour.measures import PATIENCE_MS, HourMeasures, HourTrial, measure
-from skyway.experiments.fleet_hour.policy import CHAINED, ONE_AT_A_TIME, POLICIES, Policy
 from skyway.experiments.laboratory import Laboratory
 from skyway.experiments.report import (
     Section,

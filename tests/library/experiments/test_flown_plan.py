@@ -3,9 +3,9 @@ from dataclasses import replace
 import pytest
 
 from skyway.delivery.plan import Fly, Recharge
+from skyway.experiments.flown import SETTING
 from skyway.experiments.flown_plan import Climate, Day, fly_plan
 from skyway.experiments.instances import SHORT_RANGE, chance, texas_problem
-from skyway.experiments.margin import SETTING
 from skyway.ids import StationId
 from skyway.planner import compose
 

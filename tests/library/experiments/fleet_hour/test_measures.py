@@ -2,9 +2,9 @@
 
 import pytest
 
+from skyway.experiments.fleet_hour.calendars import CHAINED, ONE_AT_A_TIME, POLICIES, Policy
 from skyway.experiments.fleet_hour.cases import Load
 from skyway.experiments.fleet_hour.measures import HourTrial, measure
-from skyway.experiments.fleet_hour.policy import CHAINED, ONE_AT_A_TIME, POLICIES, Policy
 
 LOAD = Load(drones=2, requests=6)
 

@@ -10,11 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skyway.delivery.plan import Fly, Recharge
-from skyway.experiments.fleet_hour.calendars import MODEL
+from skyway.experiments.fleet_hour.calendars import (
+    CHAINED,
+    MODEL,
+    ONE_AT_A_TIME,
+    POLICIES,
+    HourMission,
+    Policy,
+)
 from skyway.experiments.fleet_hour.cases import HOUR_MS, PLACES, Load, Place, draw_case
-from skyway.experiments.fleet_hour.mission import HourMission
-from skyway.experiments.fleet_hour.policy import CHAINED, ONE_AT_A_TIME, POLICIES, Policy
-from skyway.experiments.fleet_hour.simulate import FlownHour, simulate
+from skyway.experiments.fleet_hour.measures import FlownHour, simulate
 from skyway.ids import StationId
 from skyway.scheduling.trip import PlacedStep
 

@@ -10,8 +10,8 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from skyway.cli.main import make_app
-from skyway.cli.top.reader import MessageCounts, NoAnswer, TopReader
-from skyway.cli.top.screen import TopScreen
+from skyway.cli.top import TopScreen
+from skyway.cli.top_reader import MessageCounts, NoAnswer, TopReader
 
 ALARM = {
     "at": "2026-03-01T12:34:56Z",

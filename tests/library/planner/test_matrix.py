@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skyway.planner.orders import SOURCE, orders_by_cost
+from skyway.planner.matrix import SOURCE, orders_by_cost
 
 
 def total(order: tuple[int, ...], costs: dict[tuple[int, int], float]) -> float:

@@ -5,7 +5,7 @@ import pytest
 from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.network.network import Network, Station
-from skyway.planner.sector import widening_sectors
+from skyway.planner.subnetwork import widening_sectors
 
 SOURCE = StationId("source")
 

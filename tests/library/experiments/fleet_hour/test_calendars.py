@@ -1,6 +1,6 @@
 """From when on a drone can be booked again, under each policy."""
 
-from skyway.experiments.fleet_hour.policy import POLICIES
+from skyway.experiments.fleet_hour.calendars import POLICIES
 from skyway.ids import StationId
 from skyway.scheduling.stays import Stay
 

@@ -1,8 +1,8 @@
 import pytest
 
 from skyway.delivery.plan import Fly
+from skyway.experiments.causes import line_problem
 from skyway.experiments.instances import SHORT_RANGE, Setting, city_problem
-from skyway.experiments.line_network import line_problem
 from skyway.planner import compose
 from tests.library.planner.outcomes import delivery_time_s
 

@@ -1,1 +1,0 @@
-"""`skyway top`: `reader` asks the gateway, `screen` shows the answers, `command` runs both."""
