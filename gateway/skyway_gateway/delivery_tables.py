@@ -116,7 +116,7 @@ packages = Table(
     Column("mission_id", Text),  # the mission that carries it; null while it waits for one
     Column("code", Text),  # why it is not delivered
     Column("detail", Text),  # the same in words
-    Column("proof", Text),  # JSON of deliveries.lifecycle.proof.Proof
+    Column("proof", Text),  # JSON of deliveries.lifecycle.delivery.Proof
     Column("position", Text),  # JSON of Position: where it lies with a drone in the open
     CheckConstraint(
         "state IN ('CREATED', 'LOADED', 'IN_TRANSIT', 'DELIVERED', 'RETURNING', 'RETURNED', "
