@@ -13,7 +13,7 @@ from starlette.middleware import Middleware
 
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.http import docs_page
+from skyway.runtime.http.docs_page import router
 from skyway.runtime.http.openapi_document import Document, complete_document
 from skyway.runtime.http.problems import install_problems
 from skyway.runtime.http.request_boundary import BodyLimit, RequestBoundary, body_limits
