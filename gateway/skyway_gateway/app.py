@@ -20,7 +20,7 @@ from skyway.runtime.http.app import (
     nothing_to_wait_for,
 )
 from skyway.runtime.http.identity import read_secret
-from skyway.runtime.idempotency.answer_store import sweep
+from skyway.runtime.idempotency_store import sweep
 from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient

@@ -19,7 +19,7 @@ from sqlalchemy import (
     text,
 )
 
-from skyway.runtime.idempotency.answer_store import idempotency_table
+from skyway.runtime.idempotency_store import idempotency_table
 from skyway.runtime.outbox.outbox_store import outbox_table
 from skyway.runtime.sql.claims import claim_columns
 from skyway_gateway import delivery_tables

@@ -8,7 +8,7 @@ import sys
 from skyway.contracts.broker_rules import BrokerRules
 from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.garbage import keep_what_is_loaded
-from skyway.runtime.logs import configure_logs
+from skyway.runtime.tracing import configure_logs
 from skyway_broker.hardened import Gate, HardenedBroker
 from skyway_broker.settings import BrokerSettings
 

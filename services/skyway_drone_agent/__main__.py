@@ -8,7 +8,7 @@ import sys
 
 from skyway.errors import SkywayError
 from skyway.runtime.garbage import keep_what_is_loaded
-from skyway.runtime.logs import configure_logs
+from skyway.runtime.tracing import configure_logs
 from skyway_drone_agent.enrolment.enrol import Crew, EnrolledCrew, RegisteredCrew, enrol, enrolled
 from skyway_drone_agent.enrolment.enrolled_drone import CredentialsFolder, read_fleet
 from skyway_drone_agent.fleet import allow_open_files, host_fleet, place

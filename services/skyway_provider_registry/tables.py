@@ -15,7 +15,7 @@ from sqlalchemy import (
     UniqueConstraint,
 )
 
-from skyway.runtime.idempotency.answer_store import idempotency_table
+from skyway.runtime.idempotency_store import idempotency_table
 
 metadata = MetaData()
 

@@ -1,10 +1,17 @@
-"""W3C trace context: one `traceparent` follows a request through REST, messages and logs."""
+"""W3C trace context, and logs as JSON lines on standard error that name the trace.
 
+One `traceparent` follows a request through REST, messages and logs.
+"""
+
+import json
+import logging
 import re
 import secrets
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from datetime import UTC, datetime
 
 _TRACEPARENT = re.compile(r"([0-9a-f]{2})-([0-9a-f]{32})-([0-9a-f]{16})-([0-9a-f]{2})(-.*)?")
 _NO_TRACE = "0" * 32
@@ -12,6 +19,12 @@ _NO_SPAN = "0" * 16
 _SAMPLED = "01"
 
 _current: ContextVar[str | None] = ContextVar("skyway_traceparent", default=None)
+
+#: The attributes of every record, without added fields.
+_PLAIN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "taskName"}
+
+#: Members whose name holds one of these are never written.
+_SECRET_WORDS = ("password", "secret", "token", "authorization", "api_key", "bearer")
 
 
 def current_traceparent() -> str | None:
@@ -58,3 +71,45 @@ def tracing(received: str | None) -> Iterator[str]:
         yield traceparent
     finally:
         _current.reset(token)
+
+
+class JsonLines(logging.Formatter):
+    """One JSON object per record; what was given as `extra` becomes members."""
+
+    def __init__(self, service: str) -> None:
+        super().__init__()
+        self._service = service
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The record as one line."""
+        moment = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds")
+        line: dict[str, object] = {
+            "at": moment.replace("+00:00", "Z"),
+            "level": record.levelname,
+            "service": self._service,
+            "logger": record.name,
+            "event": record.getMessage(),
+        }
+        trace_id = current_trace_id()
+        if trace_id is not None:
+            line["trace_id"] = trace_id
+        for name, value in vars(record).items():
+            if name not in _PLAIN and not name.startswith("_"):
+                line[name] = "***" if _is_secret(name) else value
+        if record.exc_info:
+            line["exception"] = self.formatException(record.exc_info)
+        return json.dumps(line, default=str, ensure_ascii=False)
+
+
+def configure_logs(service: str, level: str) -> None:
+    """Write all records of this process, from `level` on, as JSON lines on standard error."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(JsonLines(service))
+    logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
+    logging.captureWarnings(capture=True)
+    # httpx logs each request to another service. That service logs the request itself.
+    logging.getLogger("httpx").setLevel(logging.WARNING)
+
+
+def _is_secret(name: str) -> bool:
+    return any(word in name.lower() for word in _SECRET_WORDS)

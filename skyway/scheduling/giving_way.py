@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from skyway.ids import DroneId, MissionId
-from skyway.scheduling.booked_pad import BookedPad
 from skyway.scheduling.stays import Stay, first_slot
+from skyway.scheduling.trip import BookedPad
 
 #: A standby gives way only to a delivery that comes this much sooner, milliseconds: one minute.
 #: Less is lost while the drone of the standby is asked. Our own choice.

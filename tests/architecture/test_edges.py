@@ -20,7 +20,7 @@ PACKAGES = (
 ALLOWED = {
     "sqlalchemy": re.compile(
         r"(.*/)?(\w+_)?store\.py|migrations/.*|(\w+_)?tables(\.py|/.*)|verify(\.py|/.*)"
-        r"|runtime/(sql|outbox|idempotency|verification)/.*"
+        r"|runtime/(sql|outbox|verification)/.*"
     ),
     "fastapi": re.compile(r"(.*/)?(\w+_)?routes\.py|app\.py|runtime/http/.*"),
     "starlette": re.compile(r"(.*/)?(\w+_)?routes\.py|app\.py|runtime/http/.*"),

@@ -16,7 +16,7 @@ from skyway.ids import DroneId, KeyId, SubjectId
 from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller, read_secret
-from skyway.runtime.idempotency.once import Answer, once
+from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx

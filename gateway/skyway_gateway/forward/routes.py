@@ -16,7 +16,7 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.client_disconnect import cancel_on_disconnect
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.idempotency.once import Answer, once
+from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.routes import KeyGate

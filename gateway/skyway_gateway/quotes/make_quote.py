@@ -16,7 +16,7 @@ from skyway.ids import HoldId, OfferId, QuoteId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.idempotency.once import Answer, answered_before, once
+from skyway.runtime.idempotency import Answer, answered_before, once
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx

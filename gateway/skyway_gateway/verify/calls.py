@@ -4,7 +4,7 @@ from typing import Final
 
 from sqlalchemy import Column, ColumnElement, exists, select
 
-from skyway.runtime.idempotency.answer_store import KEPT_MS
+from skyway.runtime.idempotency_store import KEPT_MS
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import union_of
 from skyway_gateway.access.audit_store import entry_hash

@@ -12,7 +12,7 @@ from skyway.network.columns import Rows
 from skyway.network.network import Network
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.runtime.sql.database import Database
-from skyway.scheduling.booked_pad import BookedPad
+from skyway.scheduling.trip import BookedPad
 from skyway_composition.pads.store import PadHeld, PadHeldBy, booked_at, booked_everywhere
 
 #: With more stations than this, all reservations of the network are read: that is faster.

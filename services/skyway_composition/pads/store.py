@@ -12,7 +12,7 @@ from skyway.planner.pad_book import OPEN_MS
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
-from skyway.scheduling.booked_pad import BookedPad, merged, without
+from skyway.scheduling.trip import BookedPad, merged, without
 from skyway_composition.pads.occupancy import Occupancy
 from skyway_composition.tables import is_queued, missions, pad_reservations, stations
 

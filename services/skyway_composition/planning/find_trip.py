@@ -13,7 +13,6 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.errors import InvalidProblem
 from skyway.ids import DroneId, StationId
 from skyway.planner.problem import DroneAtStart, Problem
-from skyway.scheduling.booked_pad import BookedPad
 from skyway.scheduling.standby import (
     StandbyChoice,
     fitted,
@@ -23,7 +22,7 @@ from skyway.scheduling.standby import (
     trip_by_way_home,
 )
 from skyway.scheduling.stays import Slot
-from skyway.scheduling.trip import NoTrip, Trip, no_plan, soc_after
+from skyway.scheduling.trip import BookedPad, NoTrip, Trip, no_plan, soc_after
 from skyway.units import moment_to_ms
 from skyway_composition.planning.availability import Opening
 from skyway_composition.planning.problem_for import (

@@ -14,7 +14,7 @@ from skyway.delivery.request import DeliveryRequest, Package
 from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
 from skyway.planner.problem import DroneAtStart, PackageToDeliver, PadReservation, Problem
-from skyway.scheduling.booked_pad import BookedPad
+from skyway.scheduling.trip import BookedPad
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.planning.world import World
 

@@ -9,8 +9,7 @@ from skyway.contracts.candidate import Candidate
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.request import DeliveryRequest, Package
 from skyway.network.network import Network
-from skyway.scheduling.booked_pad import BookedPad
-from skyway.scheduling.trip import NoTrip
+from skyway.scheduling.trip import BookedPad, NoTrip
 from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.offer import Limits, Offer, Part

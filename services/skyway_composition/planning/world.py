@@ -22,7 +22,7 @@ from skyway.planner.compose import DEFAULT_STRATEGY
 from skyway.planner.problem import Problem
 from skyway.planner.problem_parts import SegmentClosure, StationClosure
 from skyway.runtime.sql.database import Database, Tx
-from skyway.scheduling.booked_pad import BookedPad
+from skyway.scheduling.trip import BookedPad
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.conditions import Conditions
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks

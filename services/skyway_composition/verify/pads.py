@@ -12,7 +12,7 @@ from sqlalchemy import and_, exists, func, or_, select
 from skyway.contracts.flight_step import RechargeStep
 from skyway.ids import MissionId
 from skyway.runtime.verification.rule import Rule, Survey
-from skyway.scheduling.booked_pad import BookedPad, merged, without
+from skyway.scheduling.trip import BookedPad, merged, without
 from skyway.units import moment_to_ms
 from skyway_composition.missions.booking.claim_hold import pads_of_offers
 from skyway_composition.missions.booking.held_offer import HELD_OFFERS, HeldOffer

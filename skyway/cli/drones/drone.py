@@ -5,7 +5,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
-from skyway.cli.drones.agent_options import (
+from skyway.cli.drones.agent_process import (
     AbsentOption,
     AltitudeOption,
     ApiOption,
@@ -20,8 +20,10 @@ from skyway.cli.drones.agent_options import (
     SeedOption,
     VehicleOption,
     agent_arguments,
+    become_agent,
+    fly,
+    read_drones,
 )
-from skyway.cli.drones.agent_process import become_agent, fly, read_drones
 from skyway.cli.gateway import fail
 
 

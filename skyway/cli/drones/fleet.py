@@ -12,18 +12,16 @@ from urllib.parse import quote
 import typer
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
-from skyway.cli.drones.agent_options import (
+from skyway.cli.drones.agent_process import (
     AbsentOption,
     ChargeTimeOption,
+    Drones,
     FileArgument,
     FlightEnergyOption,
     FlightTimeOption,
     ScenarioOption,
     SeedOption,
     agent_arguments,
-)
-from skyway.cli.drones.agent_process import (
-    Drones,
     check_agent_arguments,
     fly,
     read_drones,

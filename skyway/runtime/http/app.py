@@ -1,19 +1,23 @@
-"""The HTTP side of every cloud service: what all services answer in the same way."""
+"""The HTTP side of every cloud service: what all services answer in the same way.
+
+The page /docs is Swagger UI from a package on this machine, so that no other host is asked.
+"""
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from importlib.metadata import version
+from importlib.resources import as_file, files
 from typing import Annotated, Final
 
-from fastapi import APIRouter, FastAPI, Response
+from fastapi import APIRouter, FastAPI, Request, Response
+from fastapi.openapi.docs import get_swagger_ui_html
 from fastapi.responses import PlainTextResponse
 from pydantic import BaseModel, Field
 from starlette.middleware import Middleware
 
 from skyway.json_model import JsonModel
-from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.http.docs_page import router
+from skyway.runtime.errors import NotFound, ServiceUnavailable
 from skyway.runtime.http.openapi_document import Document, complete_document
 from skyway.runtime.http.problems import install_problems
 from skyway.runtime.http.request_boundary import BodyLimit, RequestBoundary, body_limits
@@ -32,6 +36,20 @@ Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
 #: Asks each part that a service needs, by its name, whether it is there.
 Readiness = Callable[[], Awaitable[dict[str, bool]]]
 
+#: Makes a service's own OpenAPI document the one that it shows.
+Publish = Callable[[Document], Document]
+
+_ASSETS: Final = {
+    "swagger-ui-bundle.js": "text/javascript",
+    "swagger-ui.css": "text/css",
+    "favicon.png": "image/png",
+}
+
+#: The browser itself refuses what is not ours; the page's own script and styles are inline.
+_ONLY_OURS: Final = "default-src 'self' 'unsafe-inline'; img-src 'self' data:"
+
+_docs_page = ServiceRouter(include_in_schema=False)
+
 
 class Health(JsonModel):
     """The process is alive; with `checks`, each part it needs is there."""
@@ -41,10 +59,6 @@ class Health(JsonModel):
         dict[str, bool],
         Field(description="Each part that the service needs, and whether it is there."),
     ]
-
-
-#: Makes a service's own OpenAPI document the one that it shows.
-Publish = Callable[[Document], Document]
 
 
 class ServiceApp(FastAPI):
@@ -98,7 +112,7 @@ def create_app(
     )
     app.models, app.publish = models, publish
     install_problems(app)
-    for router in (*routers, _health_routes(service, readiness), docs_page.router):
+    for router in (*routers, _health_routes(service, readiness), _docs_page):
         app.routes.extend(router.routes)
     return app
 
@@ -145,3 +159,29 @@ async def nothing_to_open(_app: FastAPI) -> AsyncIterator[None]:
 async def nothing_to_wait_for() -> dict[str, bool]:
     """The readiness of an app that needs nothing."""
     return {}
+
+
+@_docs_page.get("/docs")
+async def show_docs(request: Request) -> Response:
+    """The page on which the API can be read and tried."""
+    page = get_swagger_ui_html(
+        openapi_url="/openapi.json",
+        title=request.app.title,
+        swagger_js_url="/docs/assets/swagger-ui-bundle.js",
+        swagger_css_url="/docs/assets/swagger-ui.css",
+        swagger_favicon_url="/docs/assets/favicon.png",
+    )
+    page.headers["Content-Security-Policy"] = _ONLY_OURS
+    return page
+
+
+@_docs_page.get("/docs/assets/{name}")
+def show_docs_asset(name: str) -> Response:
+    """One of the files that the page needs."""
+    if name not in _ASSETS:
+        raise NotFound("asset", name)
+    with as_file(files("fastapi_offline") / "static" / name) as path:
+        content = path.read_bytes()
+    return Response(
+        content, media_type=_ASSETS[name], headers={"Cache-Control": "public, max-age=86400"}
+    )

@@ -22,7 +22,7 @@ from skyway.contracts.mission import BookMissions
 from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DeliveryId, DroneId, HoldId, NetworkId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
-from skyway.scheduling.booked_pad import BookedPad
+from skyway.scheduling.trip import BookedPad
 from tests.row_locks import free_keys, until_a_lock_is_waited_for
 
 # SQLite has one writer: there is no order to keep.

@@ -7,7 +7,7 @@ from skyway_composition.pads.store import hold
 
 from skyway.ids import MissionId, StationId
 from skyway.runtime.errors import RowRefused
-from skyway.scheduling.booked_pad import BookedPad
+from skyway.scheduling.trip import BookedPad
 
 
 def pad(station: str, number: int, start_ms: int, end_ms: int) -> BookedPad:

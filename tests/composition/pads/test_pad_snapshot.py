@@ -9,7 +9,7 @@ from skyway_composition.pads.pad_snapshot import PadSnapshot
 
 from skyway.ids import StationId
 from skyway.planner.pad_book import OPEN_MS
-from skyway.scheduling.booked_pad import BookedPad
+from skyway.scheduling.trip import BookedPad
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 

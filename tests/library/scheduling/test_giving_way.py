@@ -3,9 +3,9 @@
 import pytest
 
 from skyway.ids import DroneId, MissionId, StationId
-from skyway.scheduling.booked_pad import BookedPad
 from skyway.scheduling.giving_way import YieldingStandby, widened
 from skyway.scheduling.stays import Stay
+from skyway.scheduling.trip import BookedPad
 
 HERE, HOME = StationId("here"), StationId("home")
 

@@ -1,7 +1,6 @@
 from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, PlanStatus, Recharge
 from skyway.ids import PackageId, StationId
-from skyway.scheduling.booked_pad import BookedPad
-from skyway.scheduling.trip import NOTHING_TO_DELIVER, Trip, soc_after
+from skyway.scheduling.trip import NOTHING_TO_DELIVER, BookedPad, Trip, merged, soc_after
 
 A, B = StationId("a"), StationId("b")
 
@@ -66,3 +65,28 @@ def test_the_way_home_has_no_pick_up_and_no_deliver_step() -> None:
     assert [placed.step.kind for placed in trip.steps()] == ["FLY"]
     assert trip.released_ms == 3_005
     assert soc_after(home, 0.9) == 0.4
+
+
+def held(station: str, pad: int, start_ms: int, end_ms: int) -> BookedPad:
+    return BookedPad(StationId(station), pad, start_ms, end_ms)
+
+
+def test_sessions_that_touch_on_one_pad_are_one_reservation() -> None:
+    sessions = [held("a", 0, 10, 20), held("a", 0, 0, 10), held("a", 0, 19, 30)]
+
+    assert merged(sessions) == (held("a", 0, 0, 30),)
+
+
+def test_sessions_with_a_gap_or_on_different_pads_stay_separate() -> None:
+    sessions = [
+        held("b", 0, 0, 10),
+        held("a", 1, 10, 20),
+        held("a", 0, 0, 10),
+        held("a", 0, 11, 12),
+    ]
+
+    assert merged(sessions) == tuple(sorted(sessions))
+
+
+def test_a_session_within_another_adds_nothing() -> None:
+    assert merged([held("a", 0, 0, 30), held("a", 0, 5, 10)]) == (held("a", 0, 0, 30),)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from skyway.ids import HoldId
 from skyway.runtime.sql.database import Tx
-from skyway.scheduling.booked_pad import BookedPad, merged, without
+from skyway.scheduling.trip import BookedPad, merged, without
 from skyway_composition.links.store import lock_link
 from skyway_composition.missions.booking.engage import WorldChanged
 from skyway_composition.missions.booking.held_offer import HeldOffer

@@ -17,9 +17,8 @@ from skyway.delivery.plan import Recharge, Wait
 from skyway.ids import MissionId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.sql.database import Database
-from skyway.scheduling.booked_pad import BookedPad
 from skyway.scheduling.giving_way import WORTH_MS, YieldingStandby, widened
-from skyway.scheduling.trip import NOTHING_TO_DELIVER, Trip
+from skyway.scheduling.trip import NOTHING_TO_DELIVER, BookedPad, Trip
 from skyway.units import moment_to_ms
 from skyway_composition.missions.booking.move_standbys import MovedStandby
 from skyway_composition.missions.booking.standby_store import unanswered, yielding_standbys

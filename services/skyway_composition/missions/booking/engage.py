@@ -12,7 +12,7 @@ from skyway.ids import DeliveryId, DroneId, HoldId, MissionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
-from skyway.scheduling.booked_pad import BookedPad, without
+from skyway.scheduling.trip import BookedPad, without
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import InstructionPlace

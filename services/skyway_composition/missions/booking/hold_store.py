@@ -10,7 +10,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.ids import DroneId, HoldId, SubjectId
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.sql.in_list import in_list
-from skyway.scheduling.booked_pad import BookedPad
+from skyway.scheduling.trip import BookedPad
 from skyway_composition.missions.booking.held_offer import HELD_OFFERS, HeldOffer
 from skyway_composition.tables import drone_links, is_open, missions, offer_holds, pad_reservations
 

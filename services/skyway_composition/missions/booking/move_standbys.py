@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, ReturnStep
 from skyway.ids import DroneId
 from skyway.runtime.sql.database import Tx
-from skyway.scheduling.booked_pad import BookedPad
 from skyway.scheduling.giving_way import YieldingStandby
-from skyway.scheduling.trip import Trip
+from skyway.scheduling.trip import BookedPad, Trip
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.release_pads import restore_pads

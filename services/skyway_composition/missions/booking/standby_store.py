@@ -11,9 +11,9 @@ from skyway.contracts.drone_report import Connection
 from skyway.ids import DroneId, MissionId, StationId
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.in_list import in_list
-from skyway.scheduling.booked_pad import BookedPad
 from skyway.scheduling.giving_way import YieldingStandby
 from skyway.scheduling.stays import read_stays
+from skyway.scheduling.trip import BookedPad
 from skyway_composition.tables import (
     drone_links,
     is_queued,

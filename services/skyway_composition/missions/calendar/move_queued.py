@@ -12,7 +12,7 @@ from typing import Final
 from skyway.contracts.flight_step import FlightStep, FlyStep
 from skyway.ids import MissionId, StationId
 from skyway.runtime.sql.database import Tx
-from skyway.scheduling.booked_pad import without
+from skyway.scheduling.trip import without
 from skyway.units import ms_to_moment
 from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.missions.calendar import store

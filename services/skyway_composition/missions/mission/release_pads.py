@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from skyway.contracts.flight_step import FlightStep, RechargeStep
 from skyway.ids import DroneId
 from skyway.runtime.sql.database import Tx
-from skyway.scheduling.booked_pad import BookedPad, merged, without
+from skyway.scheduling.trip import BookedPad, merged, without
 from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import StepRecord, steps_of

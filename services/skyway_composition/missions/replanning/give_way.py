@@ -15,9 +15,8 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
-from skyway.scheduling.booked_pad import BookedPad
 from skyway.scheduling.giving_way import YieldingStandby
-from skyway.scheduling.trip import Trip
+from skyway.scheduling.trip import BookedPad, Trip
 from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.record import GIVE_WAY, Trouble
 from skyway_composition.missions.mission.standby_around import (

@@ -14,7 +14,7 @@ from skyway_composition.tables import networks
 from sqlalchemy import update
 
 from skyway.ids import DroneId, NetworkId, ProviderId, StationId
-from skyway.scheduling.booked_pad import BookedPad
+from skyway.scheduling.trip import BookedPad
 from tests.row_locks import until_a_lock_is_waited_for
 
 pytestmark = [

@@ -1,9 +1,19 @@
-"""The table of answers that were given under an Idempotency-Key, and its SQL."""
+"""The answers given under an Idempotency-Key: what is derived from the key, the table, its SQL.
 
+Nothing that is stored leads back to the key.
+"""
+
+import hashlib
 import hmac
+import json
+from base64 import b64decode, b64encode, urlsafe_b64encode
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Self
 
+from cryptography.fernet import Fernet
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 from sqlalchemy import (
     BigInteger,
     Column,
@@ -16,14 +26,71 @@ from sqlalchemy import (
     select,
 )
 
+from skyway.errors import InvalidInput
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import IdempotencyKeyReused
-from skyway.runtime.idempotency.key_secrets import Answer, KeySecrets
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import hours_to_s, moment_to_ms
 
+_LONGEST_KEY: Final = 255
+
 #: How long an answer is stored, milliseconds of wall time.
 KEPT_MS: Final = int(hours_to_s(24) * 1000)
+
+_EXPIRED_MS: Final = bindparam("expired_ms", type_=BigInteger)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """An HTTP answer as it was first given."""
+
+    status: int
+    body: bytes
+    headers: Mapping[str, str] = field(default_factory=dict)
+    #: Whether this is a stored answer, given again without any effect.
+    is_replayed: bool = field(default=False, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class KeySecrets:
+    """The values that are derived from one key within its scope."""
+
+    key_hash: str
+    body_key: bytes = field(repr=False)
+    answer_key: bytes = field(repr=False)
+
+    @classmethod
+    def derive(cls, caller: str, route: str, key: str) -> Self:
+        """The secrets of this caller's key on this route.
+
+        Raises
+        ------
+        InvalidInput
+            The key is empty or longer than 255 characters.
+        """
+        if not 0 < len(key) <= _LONGEST_KEY:
+            raise InvalidInput("Idempotency-Key", f"1 to {_LONGEST_KEY} characters, got {len(key)}")
+        # JSON distinguishes ("ab", "c") from ("a", "bc").
+        scope = json.dumps([caller, route]).encode()
+        derived = HKDF(SHA256(), length=96, salt=None, info=scope).derive(key.encode())
+        return cls(derived[:32].hex(), derived[32:64], derived[64:])
+
+    def body_hash(self, body: bytes) -> bytes:
+        """A hash that identifies the body, and that nobody can compute without the key."""
+        return hmac.digest(self.body_key, body, hashlib.sha256)
+
+    def seal(self, answer: Answer) -> bytes:
+        """The answer, encrypted so that only the key opens it."""
+        text = json.dumps([answer.status, b64encode(answer.body).decode(), dict(answer.headers)])
+        return self._fernet().encrypt(text.encode())
+
+    def unseal(self, sealed: bytes) -> Answer:
+        """The sealed answer, marked as given again."""
+        status, body, headers = json.loads(self._fernet().decrypt(sealed))
+        return Answer(status, b64decode(body), headers, is_replayed=True)
+
+    def _fernet(self) -> Fernet:
+        return Fernet(urlsafe_b64encode(self.answer_key))
 
 
 def idempotency_table(metadata: MetaData) -> Table:
@@ -46,7 +113,6 @@ _KEYS: Final = idempotency_table(MetaData())
 
 # Statements of every request are made once: making one takes as long as running it.
 
-_EXPIRED_MS: Final = bindparam("expired_ms", type_=BigInteger)
 _THIS: Final = _KEYS.c.key_hash == bindparam("this")
 _FIND: Final = select(_KEYS.c.body_hash, _KEYS.c.answer).where(
     _THIS, _KEYS.c.created_at_ms > _EXPIRED_MS

@@ -13,8 +13,7 @@ from typing import Final
 from skyway.errors import SkywayError
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
-from skyway.runtime.idempotency.answer_store import StoredAnswer
-from skyway.runtime.idempotency.key_secrets import Answer, KeySecrets
+from skyway.runtime.idempotency_store import Answer, KeySecrets, StoredAnswer
 from skyway.runtime.sql.database import Database, Tx
 
 __all__ = ["Act", "Answer", "answered_before", "once"]
