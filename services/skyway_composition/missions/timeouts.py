@@ -28,7 +28,7 @@ from skyway_composition.missions.mission.end import abort, refuse
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.outlook.check_plan import REPORT_DELAY, check_plan
+from skyway_composition.missions.replanning.check_plan import REPORT_DELAY, check_plan
 from skyway_composition.missions.timeout_store import (
     AwaitedLoading,
     awaited_loadings,

@@ -210,7 +210,7 @@ offer_holds = Table(
     # Numbers the holds of a customer from 1 to its limit; null for an offer that is being accepted.
     Column("slot", SmallInteger),
     Column("until_ms", BigInteger, nullable=False),  # from then on nothing is held
-    Column("offers", Text, nullable=False),  # JSON list of missions.booking.held_offer.HeldOffer
+    Column("offers", Text, nullable=False),  # JSON list of missions.booking.hold_store.HeldOffer
     UniqueConstraint("customer_id", "slot", name="hold_slot"),
     CheckConstraint("slot >= 1", name="hold_slot_counts"),
     Index("offer_holds_by_end", "until_ms"),

@@ -14,8 +14,7 @@ from skyway.ids import MissionId
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.scheduling.trip import BookedPad, merged, without
 from skyway.units import moment_to_ms
-from skyway_composition.missions.booking.claim_hold import pads_of_offers
-from skyway_composition.missions.booking.held_offer import HELD_OFFERS, HeldOffer
+from skyway_composition.missions.booking.hold_store import HELD_OFFERS, HeldOffer, pads_of_offers
 from skyway_composition.tables import (
     drone_links,
     is_live,

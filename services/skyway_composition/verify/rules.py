@@ -31,7 +31,7 @@ from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import outbox_rules, storage_rules
 from skyway.runtime.verification.stored_forms import form_rule
 from skyway_composition.closures.closure import Area
-from skyway_composition.missions.booking.held_offer import HELD_OFFERS
+from skyway_composition.missions.booking.hold_store import HELD_OFFERS
 from skyway_composition.missions.mission.record import Aim, Proposal, Stuck, Trouble
 from skyway_composition.missions.mission.step_store import read_step
 from skyway_composition.tables import (

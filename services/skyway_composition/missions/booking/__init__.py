@@ -6,6 +6,5 @@ the SQL. `clear_way` makes standbys of other drones give way to a delivery: `sta
 them, `move_standbys` moves those of QUEUED missions.
 
 Offers that are held: `hold_quote` holds the best offers of a quote, `keep_offer` keeps an offer
-that is being accepted, `hold_loss` decides whether it can be booked as it is held. `held_offer` is
-what is stored, `claim_hold` claims drones and pads for it, `hold_store` has the SQL.
+that is being accepted. `hold_store` is what is stored, and whether it can be booked as it is held.
 """

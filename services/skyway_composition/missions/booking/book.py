@@ -21,9 +21,13 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions.booking.clear_way import Pause
 from skyway_composition.missions.booking.engage import WorldChanged, claim, engage
-from skyway_composition.missions.booking.held_offer import HeldOffer
-from skyway_composition.missions.booking.hold_loss import held_offer, hold_loss
-from skyway_composition.missions.booking.hold_store import find_hold, lock_hold
+from skyway_composition.missions.booking.hold_store import (
+    HeldOffer,
+    find_hold,
+    held_offer,
+    hold_loss,
+    lock_hold,
+)
 from skyway_composition.missions.booking.outcome import pickup_unknown, with_hold_loss
 from skyway_composition.missions.booking.rounds import FoundOffer, Rounds
 from skyway_composition.missions.booking.store import FirstLook, first_look, missions_of

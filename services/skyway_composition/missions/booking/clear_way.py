@@ -24,7 +24,7 @@ from skyway_composition.missions.booking.move_standbys import MovedStandby
 from skyway_composition.missions.booking.standby_store import unanswered, yielding_standbys
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.record import PlannedIn
-from skyway_composition.missions.mission.standby_around import trip_with_other_standby
+from skyway_composition.missions.mission.standby import trip_with_other_standby
 from skyway_composition.missions.replanning.give_way import StandbyRequests
 from skyway_composition.planning.offer import Limits, Offer, Offers
 from skyway_composition.planning.solver_pool import SolverPool

@@ -29,11 +29,11 @@ from skyway_composition.missions.mission.custody_store import (
 )
 from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps, new_mission
 from skyway_composition.missions.mission.instruct import mission_draft
-from skyway_composition.missions.mission.notify import free_from, report_in
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
 from skyway_composition.missions.mission.release_pads import restore_pads
 from skyway_composition.missions.mission.standby import end_standby_before
 from skyway_composition.missions.mission.step_store import add_steps
+from skyway_composition.missions.mission.unit_of_work import free_from, report_in
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.pads.store import give_way, lock_stations, pads_of_queued, reserve
 from skyway_composition.planning.availability import (

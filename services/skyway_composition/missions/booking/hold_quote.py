@@ -4,25 +4,38 @@ A held offer is planned to begin when its hold has expired, at the earliest: its
 the ground until then, and the customer may accept at the last moment.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final
 
 from skyway.contracts.quote import HOLD_GRACE_S, HoldTerms, QuoteAnswer, QuoteQuery
+from skyway.ids import HoldId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import Conflict, RowRefused
-from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.database import Database, Tx
+from skyway.scheduling.trip import BookedPad, without
 from skyway.units import moment_to_ms
-from skyway_composition.missions.booking.claim_hold import claim_for_hold
+from skyway_composition.links.store import lock_link
 from skyway_composition.missions.booking.engage import WorldChanged
-from skyway_composition.missions.booking.held_offer import HeldOffer
-from skyway_composition.missions.booking.hold_store import Hold, add_hold, delete_expired, slots_of
+from skyway_composition.missions.booking.hold_store import (
+    HeldOffer,
+    Hold,
+    add_hold,
+    delete_expired,
+    free_drones,
+    free_pads,
+    pads_of_drones,
+    pads_of_offers,
+    slots_of,
+)
 from skyway_composition.missions.booking.rounds import Rounds
+from skyway_composition.missions.booking.store import booked_missions
+from skyway_composition.pads.store import lock_stations
 from skyway_composition.planning.availability import BookedMission, start_ms
 from skyway_composition.planning.offer import Offers
 from skyway_composition.planning.plan_offers import Quotes, answer_of
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import World, still_holds
 
 #: At most this many offers of a quote are held, the best first. Our own choice.
 MOST_HELD_OFFERS: Final = 3
@@ -122,3 +135,41 @@ def _held(
     return tuple(
         HeldOffer.of(each, world, engaged=engaged) for each in offers.ranked[:MOST_HELD_OFFERS]
     )
+
+
+async def claim_for_hold(
+    tx: Tx,
+    offers: Sequence[HeldOffer],
+    world: World,
+    *,
+    now_ms: int,
+    own_hold: HoldId | None = None,
+) -> tuple[BookedPad, ...]:
+    """Lock what these offers need; returns the pads to hold. What `own_hold` keeps is given up.
+
+    Pads that a mission of the same drone has reserved are not held twice.
+
+    Raises
+    ------
+    WorldChanged
+        A network was published, a closure made or lifted, the calendar of a drone has changed
+        since the offers were planned, or a drone is held at `now_ms`, fleet time.
+    """
+    if not await still_holds(tx, world):
+        raise WorldChanged
+    drones = {
+        part.candidate.drone_id: part.candidate for held in offers for part in held.offer.parts
+    }
+    if own_hold is not None:
+        await free_drones(tx, own_hold, before_locking=drones)
+    for drone_id in sorted(drones):
+        await lock_link(tx, drone_id, drones[drone_id].provider_id)
+    now = await booked_missions(tx.connection, tuple(drones), now_ms=now_ms)
+    if set(now) != {each for held in offers for each in held.calendars}:
+        raise WorldChanged
+    own_pads = await pads_of_drones(tx.connection, tuple(drones))
+    pads = without(pads_of_offers(offers), own_pads)
+    await lock_stations(tx, pads)
+    if own_hold is not None:
+        await free_pads(tx, own_hold)
+    return pads

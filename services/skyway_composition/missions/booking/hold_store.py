@@ -1,17 +1,28 @@
-"""All SQL of held offers: their rows, and the drones and pads that they keep from others."""
+"""Held offers, whether they can still be booked, and all SQL of what they keep from others.
+
+A hold is stored with its offers: their trips, and what they were planned with.
+"""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
 
+from pydantic import TypeAdapter
 from sqlalchemy import BigInteger, Text, bindparam, delete, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.ids import DroneId, HoldId, SubjectId
+from skyway.contracts.mission import OfferLimits
+from skyway.contracts.quote import HoldLoss
+from skyway.delivery.request import DeliveryRequest
+from skyway.ids import DroneId, HoldId, NetworkId, PackageId, SubjectId
+from skyway.json_model import JsonModel
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.sql.in_list import in_list
-from skyway.scheduling.trip import BookedPad
-from skyway_composition.missions.booking.held_offer import HELD_OFFERS, HeldOffer
+from skyway.scheduling.trip import BookedPad, merged
+from skyway_composition.networks.store import Present
+from skyway_composition.planning.availability import BookedMission
+from skyway_composition.planning.offer import Offer
+from skyway_composition.planning.world import World
 from skyway_composition.tables import drone_links, is_open, missions, offer_holds, pad_reservations
 
 _THIS: Final = offer_holds.c.hold_id == bindparam("this_hold")
@@ -61,6 +72,70 @@ _OWN_PADS: Final = (
 )
 
 
+class HeldOffer(JsonModel):
+    """An offer whose drones and pads are held, the network, and the drones' calendars then."""
+
+    network_id: NetworkId
+    version: int
+    conditions: int
+    offer: Offer
+    calendars: tuple[BookedMission, ...]
+
+    @classmethod
+    def of(cls, offer: Offer, world: World, *, engaged: Iterable[BookedMission]) -> Self:
+        """The offer as it was planned in this world, with the calendars as read before."""
+        drone_ids = {part.candidate.drone_id for part in offer.parts}
+        return cls(
+            network_id=world.present.network_id,
+            version=world.present.version,
+            conditions=world.present.conditions,
+            offer=offer,
+            calendars=tuple(each for each in engaged if each.drone_id in drone_ids),
+        )
+
+    @property
+    def present(self) -> Present:
+        """Version and conditions of the network with which the offer was planned."""
+        return Present(self.network_id, self.version, self.conditions)
+
+    @property
+    def drone_ids(self) -> tuple[DroneId, ...]:
+        """The held drones."""
+        return tuple(part.candidate.drone_id for part in self.offer.parts)
+
+    @property
+    def package_ids(self) -> frozenset[PackageId]:
+        """The packages that it carries."""
+        return frozenset(
+            package.package_id for part in self.offer.parts for package in part.request.packages
+        )
+
+    def keeps(self, promised: OfferLimits) -> bool:
+        """Whether this is an offer of the promised provider for at most the promised price."""
+        price = self.offer.price
+        is_same = (self.offer.provider_id, price.currency) == (
+            promised.provider_id,
+            promised.price.currency,
+        )
+        return is_same and price.amount <= promised.price.amount
+
+    @property
+    def starts_ms(self) -> int:
+        """The earliest start of its trips, fleet time in milliseconds."""
+        return min(part.trip.start_ms for part in self.offer.parts)
+
+
+#: Reads and writes the offers of one hold.
+HELD_OFFERS: Final = TypeAdapter(tuple[HeldOffer, ...])
+
+
+def pads_of_offers(offers: Sequence[HeldOffer]) -> tuple[BookedPad, ...]:
+    """The pads of all trips of these offers."""
+    return merged(
+        pad for held in offers for part in held.offer.parts for pad in part.trip.booked_pads
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Hold:
     """Offers that are held until `until_ms`, fleet time; their drones and pads are one bundle."""
@@ -68,6 +143,38 @@ class Hold:
     hold_id: HoldId
     until_ms: int
     offers: tuple[HeldOffer, ...]
+
+
+def held_offer(hold: Hold | None, number: int, *, now_ms: int) -> HeldOffer | None:
+    """The numbered offer of a hold that has not expired; None without one."""
+    if hold is None or hold.until_ms <= now_ms or number >= len(hold.offers):
+        return None
+    return hold.offers[number]
+
+
+def hold_loss(
+    held: HeldOffer | None,
+    *,
+    request: DeliveryRequest,
+    present: Present,
+    engaged: Iterable[BookedMission],
+    now_ms: int,
+) -> HoldLoss | None:
+    """Why a held offer cannot be booked as it was planned; None if it can.
+
+    `engaged` are the present calendars of its drones, `now_ms` is fleet time.
+    """
+    if held is None or held.starts_ms < now_ms:
+        return "EXPIRED"
+    if held.present != present:
+        return "NETWORK_CHANGED"
+    if held.package_ids != {each.package_id for each in request.packages}:
+        return "REQUEST_CHANGED"
+    engaged = frozenset(engaged)
+    if engaged == frozenset(held.calendars):
+        return None
+    is_occupied = any(each.mission_id is None for each in engaged)
+    return "DRONE_NOT_FREE" if is_occupied else "CALENDAR_CHANGED"
 
 
 async def find_hold(connection: AsyncConnection, hold_id: HoldId) -> Hold | None:

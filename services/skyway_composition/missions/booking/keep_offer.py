@@ -15,10 +15,9 @@ from skyway.ids import DeliveryId, DroneId, HoldId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
-from skyway_composition.missions.booking.claim_hold import claim_for_hold
-from skyway_composition.missions.booking.held_offer import HeldOffer
-from skyway_composition.missions.booking.hold_loss import held_offer, hold_loss
+from skyway_composition.missions.booking.hold_quote import claim_for_hold
 from skyway_composition.missions.booking.hold_store import (
+    HeldOffer,
     Hold,
     add_hold,
     delete_expired,
@@ -26,6 +25,8 @@ from skyway_composition.missions.booking.hold_store import (
     find_hold,
     free_drones,
     free_pads,
+    held_offer,
+    hold_loss,
     lock_hold,
 )
 from skyway_composition.missions.booking.outcome import with_hold_loss

@@ -11,7 +11,7 @@ from skyway.scheduling.trip import BookedPad, Trip
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.release_pads import restore_pads
-from skyway_composition.missions.mission.standby_around import standby_steps, with_standby_of
+from skyway_composition.missions.mission.standby import standby_steps, with_standby_of
 from skyway_composition.missions.mission.step_store import replace_steps, steps_of
 from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.pads.store import hold

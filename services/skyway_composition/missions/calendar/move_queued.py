@@ -20,7 +20,6 @@ from skyway_composition.missions.calendar.plan_queue import Dropped, Moved
 from skyway_composition.missions.mission.end import refuse
 from skyway_composition.missions.mission.from_trip import StepTerms, finished_wait, flight_steps
 from skyway_composition.missions.mission.instruct import send_mission
-from skyway_composition.missions.mission.notify import free_from, report
 from skyway_composition.missions.mission.record import (
     NEXT_MISSION,
     MissionRecord,
@@ -33,10 +32,10 @@ from skyway_composition.missions.mission.standby import (
     shortened_steps,
 )
 from skyway_composition.missions.mission.step_store import replace_steps
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.outlook.situation import Situation, whereabouts
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, free_from, report
 from skyway_composition.missions.replanning.propose import Revision, propose
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
+from skyway_composition.missions.replanning.situation import Situation, whereabouts
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.pads.store import give_way, hold, pads_of_queued
 

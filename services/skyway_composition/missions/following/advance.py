@@ -18,10 +18,9 @@ from skyway_composition.missions.mission.custody_store import (
     held_packages,
     may_pass,
 )
-from skyway_composition.missions.mission.notify import free_from, report
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.step_store import ended_events, flown_totals
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, free_from, report
 from skyway_composition.missions.replanning.store import plan_now
 
 

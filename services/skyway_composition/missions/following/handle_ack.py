@@ -21,12 +21,11 @@ from skyway_composition.missions.mission.instruct import (
     handle_refused_hold,
     is_being_called_off,
 )
-from skyway_composition.missions.mission.notify import raise_alarm
 from skyway_composition.missions.mission.record import CALLED_HOME, MissionRecord, Proposal
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm
 from skyway_composition.missions.replanning.call_off import handle_answer_to_cancel
-from skyway_composition.missions.replanning.outlook.situation import steering_failsafe
 from skyway_composition.missions.replanning.propose import accept_proposal, drop_proposal
+from skyway_composition.missions.replanning.situation import steering_failsafe
 from skyway_composition.missions.replanning.store import plan_now, retry_stuck
 
 log = logging.getLogger(__name__)

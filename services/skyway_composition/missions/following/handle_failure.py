@@ -27,10 +27,9 @@ from skyway_composition.missions.following.advance import begin, record_loading
 from skyway_composition.missions.mission.doubt import put_in_doubt
 from skyway_composition.missions.mission.end import end_after_forced_landing
 from skyway_composition.missions.mission.instruct import send_mission
-from skyway_composition.missions.mission.notify import raise_alarm, report
 from skyway_composition.missions.mission.record import MissionRecord, OccupiedPad, Stuck
 from skyway_composition.missions.mission.step_store import end_step, steps_of
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm, report
 from skyway_composition.missions.replanning.propose import drop_proposal, with_aims
 from skyway_composition.missions.replanning.remainder.aims import (
     absent_aim,

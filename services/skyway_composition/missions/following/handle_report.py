@@ -41,12 +41,11 @@ from skyway_composition.missions.mission.custody_store import (
 from skyway_composition.missions.mission.doubt import without_doubt
 from skyway_composition.missions.mission.end import abort, complete
 from skyway_composition.missions.mission.instruct import call_off
-from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.release_pads import release_unneeded_pads
 from skyway_composition.missions.mission.step_store import end_step, keep_cut_step
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.outlook.check_plan import (
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
+from skyway_composition.missions.replanning.check_plan import (
     check_plan,
     check_plan_after_step,
 )

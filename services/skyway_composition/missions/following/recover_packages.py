@@ -22,10 +22,9 @@ from skyway_composition.missions.mission.custody_store import (
     held_packages,
 )
 from skyway_composition.missions.mission.instruct import hold
-from skyway_composition.missions.mission.notify import raise_alarm
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import steps_of
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm
 
 
 async def raise_flies_on(work: MissionUnitOfWork, ended: MissionRecord, state: DroneState) -> None:

@@ -25,8 +25,8 @@ from skyway_composition.missions.mission.end import abort
 from skyway_composition.missions.mission.instruct import held, hold, resume
 from skyway_composition.missions.mission.record import CALLED_HOME, DIVERTED, MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, lock_mission
-from skyway_composition.missions.replanning.outlook.situation import steering_failsafe
 from skyway_composition.missions.replanning.request_plan import request_plan
+from skyway_composition.missions.replanning.situation import steering_failsafe
 from skyway_composition.networks.station_store import network_of
 
 CommandName = Literal["HOLD", "RESUME", "DIVERT", "RETURN_HOME", "CANCEL", "GIVE_UP"]

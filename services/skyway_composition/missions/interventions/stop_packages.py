@@ -15,10 +15,9 @@ from skyway_composition.missions.mission.custody_store import (
     has_never_left,
     held_packages,
 )
-from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
 from skyway_composition.missions.mission.step_store import steps_of
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.call_off import (
     can_stay_at_pickup,
     request_call_off,

@@ -2,7 +2,7 @@
 
 `record` is a mission as composition stores it; `row` and `store` read and write it. `from_trip`
 makes a mission and its steps from a planned trip; `step_store` keeps the steps, `custody_store`
-who holds each package. `unit_of_work` locks missions together with the links to their drones.
-`instruct` sends instructions to the drone, `notify` sends reports and alarms to everybody else.
-`release_pads` frees pads, `standby` ends a standby for the next mission, `end` ends a mission.
+who holds each package. `unit_of_work` locks missions together with the links to their drones, and
+sends reports and alarms about them. `instruct` sends instructions to the drone. `release_pads`
+frees pads, `standby` ends a standby for the next mission, `end` ends a mission.
 """

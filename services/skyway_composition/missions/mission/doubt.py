@@ -8,9 +8,8 @@ from dataclasses import replace
 from typing import Literal
 
 from skyway.contracts.mission import Doubt
-from skyway_composition.missions.mission.notify import raise_alarm, report
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm, report
 
 
 async def put_in_doubt(

@@ -16,12 +16,11 @@ from skyway_composition.missions.mission.custody_store import (
     on_board,
 )
 from skyway_composition.missions.mission.instruct import call_off
-from skyway_composition.missions.mission.notify import raise_alarm, report
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.release_pads import restore_pads
 from skyway_composition.missions.mission.standby import begin_sooner, restore_standby
 from skyway_composition.missions.mission.step_store import ended_events, flown_totals
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm, report
 from skyway_composition.pads.store import free
 
 

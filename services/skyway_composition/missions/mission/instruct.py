@@ -19,10 +19,9 @@ from skyway.units import moment_to_ms
 from skyway_composition.links.courier import Courier, Draft
 from skyway_composition.links.instruction_store import SentInstruction, open_instructions
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.mission.notify import raise_alarm
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import steps_of
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm
 
 
 async def send_steps(

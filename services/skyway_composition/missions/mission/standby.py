@@ -1,6 +1,7 @@
-"""Ends a drone's standby early for its next mission, and gives it back when that mission is gone.
+"""Ends a drone's standby early for its next mission, gives it back, or plans another one.
 
-Without a standby, the drone would end its last mission with little charge, and stay there.
+A standby is given back when the next mission is gone. Without it, the drone would end its last
+mission with little charge, and stay there.
 """
 
 from collections.abc import Sequence
@@ -10,9 +11,11 @@ from skyway.contracts.flight_step import FlightStep, RechargeStep, WaitStep
 from skyway.contracts.mission import Mission
 from skyway.ids import DroneId, MissionId
 from skyway.runtime.sql.database import Tx
-from skyway.scheduling.standby import SAME_MS, shortened_plan, shortened_step
+from skyway.scheduling.standby import SAME_MS, StandbyChoice, shortened_plan, shortened_step
+from skyway.scheduling.trip import NoTrip, Trip
 from skyway.units import CHARGE_TOLERANCE, moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.from_trip import StepTerms, finished_wait, flight_steps
 from skyway_composition.missions.mission.record import (
     NEXT_MISSION,
     STANDBY_ENDED,
@@ -24,6 +27,10 @@ from skyway_composition.missions.mission.step_store import replace_steps, steps_
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.pads.store import hold
 from skyway_composition.planning.availability import send_ahead_ms
+from skyway_composition.planning.find_trip import way_home
+from skyway_composition.planning.problem_for import Standing
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.world import World
 
 #: A mission that can begin this much sooner is planned again, fleet milliseconds. Our own choice.
 WORTH_MS: Final = 60_000
@@ -130,3 +137,51 @@ def _has_ended_early(live: MissionRecord) -> bool:
     last, drone = live.stays[-1], live.candidate
     is_away = drone.standby == "HOME" and last.station_id != drone.home_station_id
     return is_away or last.soc_from < drone.model.top_soc - CHARGE_TOLERANCE
+
+
+async def trip_with_other_standby(
+    solver: SolverPool, world: World, record: MissionRecord, *, energy_margin: float = 0.0
+) -> Trip | NoTrip:
+    """The mission's trip with the best standby in this world after the same service.
+
+    The mission has stays. Its pads count as free in `world`. The drone's own `energy_margin` counts
+    if it is larger than the network's.
+    """
+    served, candidate = record.stays[0], record.candidate
+    return await way_home(
+        solver,
+        world,
+        record.mission.plan,
+        standing=Standing(candidate.model, served.soc_from, served.station_id, energy_margin),
+        standby=StandbyChoice.of(candidate),
+        start_ms=moment_to_ms(record.mission.start_at),
+    )
+
+
+def with_standby_of(mission: Mission, trip: Trip, *, revision: int) -> Mission:
+    """The mission as this revision, with the standby of a trip that has the same service."""
+    return mission.model_copy(
+        update={
+            "revision": revision,
+            "released_at": ms_to_moment(trip.released_ms),
+            "home_plan": trip.home_plan,
+            "home_recharge": trip.home_recharge,
+        }
+    )
+
+
+def standby_steps(
+    record: MissionRecord, trip: Trip, world: World, *, first_step: int
+) -> tuple[FlightStep, ...]:
+    """The steps of a trip's standby; a wait of no duration if it has none."""
+    skyway = world.skyway
+    steps = flight_steps(
+        skyway.network,
+        [*trip.steps()][len(trip.plan.steps) :],
+        terms=StepTerms.of(record, skyway.settings),
+        first_step=first_step,
+    )
+    if steps:
+        return steps
+    station_id = record.stays[0].station_id
+    return (finished_wait(station_id, trip.home_start_ms, step_id=first_step),)

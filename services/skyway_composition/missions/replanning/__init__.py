@@ -1,8 +1,8 @@
 """Replanning: a mission whose plan no longer holds gets a new revision.
 
-`outlook` checks whether a plan still holds, `request_plan` notes that it does not. `replan` takes
-such missions from the queue (`store`), plans their `remainder` for one `case`, and `apply_outcome`
-sends the new `revision` or gives up. `propose` sends a revision to a flying drone and handles its
-answer. `give_way` asks a drone for another standby. `call_off` ends a mission once its drone has
-cancelled it.
+`check_plan` compares the `prediction` of a mission's `situation` with its plan, and `request_plan`
+notes that the plan no longer holds. `replan` takes such missions from the queue (`store`), plans
+their `remainder` for one `case`, and `apply_outcome` sends the new `revision` or gives up.
+`propose` sends a revision to a flying drone and handles its answer. `give_way` asks a drone for
+another standby. `call_off` ends a mission once its drone has cancelled it.
 """

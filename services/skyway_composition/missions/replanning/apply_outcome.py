@@ -18,21 +18,20 @@ from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import open_instructions
 from skyway_composition.missions.mission.end import abort, cancel
 from skyway_composition.missions.mission.instruct import hold
-from skyway_composition.missions.mission.notify import raise_alarm
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.step_store import steps_of
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm
 from skyway_composition.missions.replanning.call_off import (
     can_stay_at_pickup,
     request_call_off,
     surely_stays_at_pickup,
 )
 from skyway_composition.missions.replanning.case import Case
-from skyway_composition.missions.replanning.outlook.situation import Situation
 from skyway_composition.missions.replanning.propose import propose, replace_plan
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder
 from skyway_composition.missions.replanning.revision import revision_of
+from skyway_composition.missions.replanning.situation import Situation
 from skyway_composition.missions.replanning.store import put_off, retry_stuck
 from skyway_composition.planning.world import still_holds
 

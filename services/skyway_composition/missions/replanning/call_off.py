@@ -20,10 +20,9 @@ from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.custody_store import has_never_left, held_packages
 from skyway_composition.missions.mission.end import end_cancelled
 from skyway_composition.missions.mission.instruct import call_off
-from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import StepRecord, steps_of
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.store import plan_now, retry_stuck
 
 #: Longest time until an instruction reaches a drone, seconds of wall time. Our own choice.

@@ -8,12 +8,12 @@ from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.outlook.situation import Situation
 from skyway_composition.missions.replanning.remainder.anchor import (
     Anchor,
     anchor_of_stuck,
     find_anchor,
 )
+from skyway_composition.missions.replanning.situation import Situation
 from skyway_composition.planning.problem_for import with_margin
 from skyway_composition.planning.world import ClosedAhead, World
 

@@ -19,7 +19,7 @@ from skyway.scheduling.giving_way import YieldingStandby
 from skyway.scheduling.trip import BookedPad, Trip
 from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.record import GIVE_WAY, Trouble
-from skyway_composition.missions.mission.standby_around import (
+from skyway_composition.missions.mission.standby import (
     standby_steps,
     trip_with_other_standby,
     with_standby_of,
@@ -28,12 +28,11 @@ from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.case import Case, may_be_planned
-from skyway_composition.missions.replanning.outlook.situation import Situation, whereabouts
 from skyway_composition.missions.replanning.propose import Revision, propose
-from skyway_composition.missions.replanning.read_situation import read_situation
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
 from skyway_composition.missions.replanning.revision import revision_of
+from skyway_composition.missions.replanning.situation import Situation, read_situation, whereabouts
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import ClosedAhead, World, still_holds

@@ -22,7 +22,6 @@ from skyway.runtime.sql.database import Tx
 from skyway_composition.links.courier import Draft
 from skyway_composition.links.instruction_store import kind_of_revision
 from skyway_composition.missions.mission.instruct import send_steps
-from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import (
     CALLED_HOME,
     OF_STANDBY_ONLY,
@@ -38,7 +37,7 @@ from skyway_composition.missions.mission.step_store import (
     replace_steps,
     steps_of,
 )
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.call_off import release_left_out
 from skyway_composition.missions.replanning.remainder.aims import turned_back
 from skyway_composition.missions.replanning.remainder.anchor import Anchor

@@ -27,10 +27,9 @@ from skyway_composition.missions.replanning.apply_outcome import (
     refusal_code,
 )
 from skyway_composition.missions.replanning.case import Case, may_be_planned, trouble_of
-from skyway_composition.missions.replanning.outlook.situation import Situation
-from skyway_composition.missions.replanning.read_situation import read_situation
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
+from skyway_composition.missions.replanning.situation import Situation, read_situation
 from skyway_composition.missions.replanning.store import claim_stuck
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.availability import hand_over_time_ms

@@ -21,8 +21,8 @@ from skyway.json_model import JsonModel
 from skyway.runtime.http.paging import Page, PageQuery
 from skyway.scheduling.stays import first_slot
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.missions.mission.notify import free_from
 from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.unit_of_work import free_from
 from skyway_composition.pads.store import Reservation
 
 _EXAMPLE: Final[Mapping[str, Any]] = {

@@ -14,6 +14,8 @@ from skyway.units import moment_to_ms
 A, B, C = StationId("a"), StationId("b"), StationId("c")
 P1 = PackageId("p1")
 
+_START_MS = 1_000_000_000_000
+
 
 def fly(start: StationId, end: StationId, start_s: float, end_s: float) -> Fly:
     return Fly(
@@ -24,7 +26,7 @@ def fly(start: StationId, end: StationId, start_s: float, end_s: float) -> Fly:
 def sent(make: Any, *steps: Step, first_step: int = 1) -> Any:
     return flight_steps(
         read_network(make.network()),
-        [PlacedStep(1_000, step) for step in steps],
+        [PlacedStep(_START_MS, step) for step in steps],
         terms=StepTerms(masses_kg={P1: 0.4}),
         first_step=first_step,
     )
@@ -58,8 +60,8 @@ def test_a_recharge_may_last_as_long_as_its_pad_is_reserved(make: Any) -> None:
     (recharge,) = sent(make, charging)
 
     assert isinstance(recharge, RechargeStep)
-    assert moment_to_ms(recharge.not_before_at) == 11_000
-    assert moment_to_ms(recharge.not_after_at) == 21_001
+    assert moment_to_ms(recharge.not_before_at) == _START_MS + 10_000
+    assert moment_to_ms(recharge.not_after_at) == _START_MS + 20_001
 
 
 def test_steps_are_numbered_from_the_given_first_step(make: Any) -> None:

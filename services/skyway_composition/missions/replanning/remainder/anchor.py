@@ -21,8 +21,8 @@ from skyway.contracts.flight_step import (
 from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
 from skyway_composition.missions.mission.record import CALLED_HOME, Stuck, Trouble
-from skyway_composition.missions.replanning.outlook.prediction import Load, PredictedStep, predict
-from skyway_composition.missions.replanning.outlook.situation import (
+from skyway_composition.missions.replanning.prediction import Load, PredictedStep, predict
+from skyway_composition.missions.replanning.situation import (
     Situation,
     Whereabouts,
     whereabouts,

@@ -19,7 +19,6 @@ from skyway.scheduling.standby import StandbyChoice, fitted, standby_for
 from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import NOTHING_TO_DELIVER, NoTrip, Trip
 from skyway_composition.missions.mission.record import CALLED_HOME, Aim, MissionRecord, Trouble
-from skyway_composition.missions.replanning.outlook.situation import Situation
 from skyway_composition.missions.replanning.remainder.aims import aims_to_try
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.landing import (
@@ -29,6 +28,7 @@ from skyway_composition.missions.replanning.remainder.landing import (
     leaving_behind,
     staying,
 )
+from skyway_composition.missions.replanning.situation import Situation
 from skyway_composition.planning.find_trip import round_trip, way_home
 from skyway_composition.planning.problem_for import (
     AimedPackage,

@@ -1,18 +1,23 @@
 """A mission at one moment: its steps and packages, its drone's last report and failsafe."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Self
 
 from skyway.contracts.drone_report import ActiveFailsafe, DroneEvent, DroneState, Failsafe, Fault
 from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
 from skyway.geo import Position
-from skyway.ids import PackageId, StationId
+from skyway.ids import DroneId, PackageId, StationId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
+from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.custody_store import Held, held_packages, on_board
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import StepRecord, steps_of
+from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.problem_for import planned_more
@@ -215,3 +220,20 @@ def _landing(planned: tuple[FlightStep, ...]) -> int:
         (each.step_id for each in planned if isinstance(each, FlyStep) and each.lands),
         planned[-1].step_id if planned else 0,
     )
+
+
+async def read_situation(
+    db: Database, drone_id: DroneId, *, clock: FleetClock, mint: Mint
+) -> tuple[Situation, int, Sequence[MissionRecord]] | None:
+    """The situation of its mission, the last revision that was sent, and its queue.
+
+    None when the drone has no live mission.
+    """
+    async with db.write() as tx:
+        work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=clock, mint=mint)
+        record = work.missions.get(drone_id)
+        if record is None:
+            return None
+        sent = max(record.mission.revision, await last_revision(tx, record.mission_id))
+        queued = await queued_of_drone(tx.connection, drone_id)
+        return await Situation.of(work, record), sent, queued

@@ -14,17 +14,16 @@ from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, Recha
 from skyway.contracts.mission import PackageEta
 from skyway.runtime.clock import fleet_margin
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.outlook.prediction import Load, PredictedStep, predict
-from skyway_composition.missions.replanning.outlook.situation import (
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
+from skyway_composition.missions.replanning.prediction import Load, PredictedStep, predict
+from skyway_composition.missions.replanning.request_plan import request_plan
+from skyway_composition.missions.replanning.situation import (
     Situation,
     Whereabouts,
     waits_for_pad,
     whereabouts,
 )
-from skyway_composition.missions.replanning.request_plan import request_plan
 from skyway_composition.planning.problem_for import used_more, with_margin
 from skyway_composition.planning.world import ClosedAhead
 

@@ -4,9 +4,13 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.missions.booking.held_offer import HeldOffer
-from skyway_composition.missions.booking.hold_loss import held_offer, hold_loss
-from skyway_composition.missions.booking.hold_store import Hold, find_hold
+from skyway_composition.missions.booking.hold_store import (
+    HeldOffer,
+    Hold,
+    find_hold,
+    held_offer,
+    hold_loss,
+)
 from skyway_composition.networks.store import Present
 from skyway_composition.planning.availability import BookedMission
 

@@ -18,7 +18,7 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position, distance_m
 from skyway.ids import PackageId
 from skyway.units import moment_to_ms
-from skyway_composition.missions.replanning.outlook.situation import Whereabouts
+from skyway_composition.missions.replanning.situation import Whereabouts
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,8 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.missions.replanning.outlook.prediction import Load, PredictedStep, predict
-from skyway_composition.missions.replanning.outlook.situation import Whereabouts
+from skyway_composition.missions.replanning.prediction import Load, PredictedStep, predict
+from skyway_composition.missions.replanning.situation import Whereabouts
 
 from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, RechargeStep, WaitStep
 from skyway.drone.models import DRONE_MODELS
