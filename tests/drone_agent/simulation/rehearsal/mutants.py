@@ -30,13 +30,13 @@ MUTANTS = (
     Mutant("the journal is not synced", "journal/journal.py", "        self._sync(file)\n", ""),
     Mutant(
         "repeated instructions are carried out again",
-        "instructions/inbox.py",
+        "messages/inbox.py",
         "envelope.seq < expected_seq:",
         "envelope.seq < 0:",
     ),
     Mutant(
         "gaps are accepted",
-        "instructions/inbox.py",
+        "messages/inbox.py",
         "elif envelope.seq > expected_seq:",
         "elif envelope.seq < 0:",
     ),
