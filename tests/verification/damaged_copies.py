@@ -16,9 +16,8 @@ from skyway_gateway.verify.rules import RULES as GATEWAY_RULES
 from skyway_provider_registry.verify import FACTS as REGISTRY_FACTS
 from skyway_provider_registry.verify import RULES as REGISTRY_RULES
 
-from skyway.cli.verify.across import broken_across
 from skyway.cli.verify.command import RULES as ACROSS
-from skyway.cli.verify.looks import ServiceLook
+from skyway.cli.verify.looks import ServiceLook, broken_across
 from skyway.runtime.sql.database import Database
 from skyway.runtime.verification.check import check
 from skyway.runtime.verification.rule import BrokenRule

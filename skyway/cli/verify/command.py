@@ -13,10 +13,9 @@ import typer
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_folder
 from skyway.cli.gateway import fail
 from skyway.cli.system.databases import database_urls
-from skyway.cli.verify.across import AnyCrossRule, broken_across, still_broken
 from skyway.cli.verify.delivery_rules import DELIVERY_RULES
 from skyway.cli.verify.drone_rules import DRONE_RULES
-from skyway.cli.verify.looks import look
+from skyway.cli.verify.looks import AnyCrossRule, broken_across, look, still_broken
 from skyway.errors import SkywayError
 from skyway.runtime.verification.rule import BrokenRule
 

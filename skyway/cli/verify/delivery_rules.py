@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Final
 
-from skyway.cli.verify.across import CrossRule
-from skyway.cli.verify.looks import ServiceLook
+from skyway.cli.verify.looks import CrossRule, ServiceLook
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.service_facts import DeliveryFacts, MissionFacts, PackageFacts
 

@@ -1,14 +1,21 @@
-"""Looks at the databases: each service checks its own and writes down its facts."""
+"""Looks at the databases, and the rules across two services.
+
+At each look a service checks its own database and writes down its facts. What one service has
+stored, the other must have stored too: a running system must break no such rule. So there are two
+looks, a pause apart, and each rule says which service counts by the first look: what was settled
+there must be in the other service by the second look. What is still on its way explains a
+difference: a report in an outbox, a booking that is not answered.
+"""
 
 import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final, Generic, Literal, TypeVar
 
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.system.children import PACKAGES
@@ -16,6 +23,7 @@ from skyway.contracts.service_facts import DeliveryFacts, DroneFacts, HintFacts,
 from skyway.errors import SkywayError
 from skyway.json_model import WireModel
 from skyway.runtime.errors import ExitCode
+from skyway.runtime.verification.fact_files import side_by_side
 from skyway.runtime.verification.rule import BrokenRule
 
 #: Seconds for one service; millions of rows take minutes, not hours.
@@ -27,6 +35,11 @@ _RESTORE: Final = (
 )
 
 FactsT = TypeVar("FactsT", bound=WireModel)
+
+
+ComparedT = TypeVar("ComparedT", DeliveryFacts, HintFacts, DroneFacts, ProviderFacts)
+
+Service = Literal["gateway", "composition", "registry"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,3 +114,48 @@ def _look(service: str, folder: DataFolder, urls: Mapping[str, str], facts: Path
     if checked.returncode not in (0, 1) or bool(found) != bool(checked.returncode):
         raise SkywayError(f"{service} could not be checked:\n{checked.stderr}")
     return ServiceLook(service, found, facts)
+
+
+# Without slots, because a generic class with slots cannot be made with its type.
+@dataclass(frozen=True)
+class CrossRule(Generic[ComparedT]):
+    """A sentence about the facts of one key in two services; the `second` is read later."""
+
+    name: str
+    first: Service
+    second: Service
+    facts: Callable[[ServiceLook], Iterator[ComparedT]]
+    #: The subjects that break the rule; None where a service has no such fact.
+    finder: Callable[[ComparedT | None, ComparedT | None], Iterable[str]]
+    advice: str
+
+    def broken(self, first: ServiceLook, second: ServiceLook) -> Iterator[BrokenRule]:
+        """What breaks the rule in a look at the first service and a later one at the second."""
+        if not (first.has_facts and second.has_facts):
+            return
+        for one, other in side_by_side(self.facts(first), self.facts(second)):
+            for subject in self.finder(one, other):
+                yield BrokenRule(self.name, subject, self.advice)
+
+
+#: A rule about facts of any kind.
+AnyCrossRule = (
+    CrossRule[DeliveryFacts]
+    | CrossRule[HintFacts]
+    | CrossRule[DroneFacts]
+    | CrossRule[ProviderFacts]
+)
+
+
+def broken_across(rules: Sequence[AnyCrossRule], look: Looks, later: Looks) -> list[BrokenRule]:
+    """What breaks the rules by two looks; with the same look twice, what may break them."""
+    return [each for rule in rules for each in rule.broken(look[rule.first], later[rule.second])]
+
+
+def still_broken(rules: Sequence[AnyCrossRule], look: Looks, later: Looks) -> list[BrokenRule]:
+    """What may break the rules by the first look, and does so by both looks.
+
+    What changed only between the looks is no fault: each service was read at another moment.
+    """
+    suspected = frozenset(broken_across(rules, look, look))
+    return [each for each in broken_across(rules, look, later) if each in suspected]

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from skyway.cli.verify.across import still_broken
 from skyway.cli.verify.drone_rules import DRONE_RULES
-from skyway.cli.verify.looks import ServiceLook
+from skyway.cli.verify.looks import ServiceLook, still_broken
 from skyway.contracts.mission import LIVE_MISSION_STATES, MissionState
 from skyway.contracts.service_facts import HintFacts
 from skyway.ids import DroneId, MissionId
