@@ -19,6 +19,7 @@ from skyway_composition.tables import (
     drone_links,
     is_live,
     is_open,
+    is_queued,
     mission_steps,
     missions,
     offer_holds,
@@ -97,13 +98,16 @@ async def _needed_pads(survey: Survey) -> dict[MissionId, set[BookedPad]]:
 
 
 async def _queued_pads(survey: Survey) -> dict[MissionId, list[BookedPad]]:
-    """By mission: the pads that other missions of its drone hold, which wait in the calendar."""
+    """By mission: the pads that later missions of its drone hold, which wait in the calendar."""
     waiting = missions.alias("waiting")
     rows = await survey.rows(
         select(missions.c.mission_id, pad_reservations)
         .join(waiting, waiting.c.drone_id == missions.c.drone_id)
         .join(pad_reservations, pad_reservations.c.mission_id == waiting.c.mission_id)
-        .where(is_live, waiting.c.state == "QUEUED")
+        .where(
+            or_(is_live, and_(is_queued, waiting.c.start_ms > missions.c.start_ms)),
+            waiting.c.state == "QUEUED",
+        )
     )
     queued: dict[MissionId, list[BookedPad]] = {}
     for mission_id, *columns in rows:

@@ -4,6 +4,7 @@ from datetime import datetime, timedelta
 
 import pytest
 
+from skyway.ids import StationId
 from tests.composition.busy_world import BusyWorld
 from tests.composition.missions.calendar.booked_chain import (
     book,
@@ -133,3 +134,20 @@ async def test_a_late_mission_before_another_one_is_not_flown_after_its_deadline
     assert (await kinds_of(world, "noon"))["REFUSED"] == 1
     await world.end()
     assert delivered_by(world) == ["evening"]
+
+
+async def test_a_waiting_mission_may_charge_on_the_pad_of_the_one_before_it(
+    world: BusyWorld,
+) -> None:
+    for station_id in "bc":
+        await world.close("PAD", station_id=StationId(station_id), pad=0, reason="no power")
+    at = later_today(world, 15)
+    assert await book(world, "noon", "a", "c", earliest_pickup_at=at) == "BOOKED"
+    soon_after = at + timedelta(minutes=30)
+
+    assert await book(world, "next", "b", "a", earliest_pickup_at=soon_after) == "BOOKED"
+
+    assert await waiting(world) == ["noon", "next"]
+    await world.check()
+    await world.end()
+    assert delivered_by(world) == ["noon", "next"]
