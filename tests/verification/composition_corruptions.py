@@ -128,7 +128,9 @@ _NETWORKS: Final = (
     Corruption(
         "a closed pad under a live plan",
         "I11 no live plan uses what is closed",
-        composition="UPDATE closures SET kind = 'PAD', (station_id, pad) ="
+        # A drone that was asked to give way has two plans until it answers.
+        composition="UPDATE missions SET proposal = NULL;"
+        " UPDATE closures SET kind = 'PAD', (station_id, pad) ="
         " (SELECT station_id, pad FROM pad_reservations WHERE mission_id = :flying_mission"
         " ORDER BY start_ms DESC LIMIT 1)",
     ),
