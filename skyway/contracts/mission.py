@@ -37,15 +37,17 @@ class Doubt(WireModel):
     """Why nobody knows whether the drone flies, or has flown, its mission.
 
     The mission keeps its drone, its pads and its packages until the drone reports what happened or
-    an operator gives the mission up: no other drone may get the packages meanwhile.
+    an operator gives the mission up: no other drone may get the packages meanwhile. Reports of the
+    drone do not end the doubt IMPLAUSIBLE: only an operator does.
     """
 
     code: Annotated[
-        Literal["NO_ANSWER", "SILENT", "JOURNAL_LOST"],
+        Literal["NO_ANSWER", "SILENT", "JOURNAL_LOST", "IMPLAUSIBLE"],
         Field(
             description="NO_ANSWER: the drone did not answer the booking, and may have accepted "
             "it. SILENT: the drone has sent no message since long after the planned end. "
-            "JOURNAL_LOST: the drone has lost its journal, and may have handed packages over."
+            "JOURNAL_LOST: the drone has lost its journal, and may have handed packages over. "
+            "IMPLAUSIBLE: the drone has reported a hand-over that cannot have happened."
         ),
     ]
     detail: Annotated[str, Field(description="The reason as a sentence.")]

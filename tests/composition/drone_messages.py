@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import timedelta
-from typing import Any
+from typing import Any, Final
 
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
 from skyway.contracts.flight_step import FlightStep, FlyStep, RechargeStep
@@ -14,6 +14,9 @@ from skyway.ids import DroneModelId
 from skyway.runtime.mqtt.client import Received
 
 _MODEL = DRONE_MODELS[DroneModelId("paper-scenario")]
+
+#: What a hand-over says about the load on board.
+EVIDENCE: Final = {"load_before_kg": 1.0, "load_after_kg": 0.5}
 
 
 @dataclass
@@ -100,6 +103,7 @@ class DroneMessages:
                 station_id=step.to_id if isinstance(step, FlyStep) else step.station_id,
                 energy_j=1000.0 if step.kind == "FLY" else 0.0,
                 soc=soc,
+                data=EVIDENCE if step.kind in ("DELIVER", "RETURN") else {},
             )
             events.append(ended)
         return events

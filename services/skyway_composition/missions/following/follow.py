@@ -13,12 +13,12 @@ import logging
 from collections import defaultdict
 from collections.abc import AsyncIterator, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, Topic
 from skyway.ids import DroneId, ProviderId
-from skyway.runtime.clock import FleetClock
+from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.metrics import count
@@ -31,6 +31,7 @@ from skyway_composition.links.listening import Listening
 from skyway_composition.links.store import lock_link
 from skyway_composition.missions.following.handle_ack import handle_ack
 from skyway_composition.missions.following.handle_report import handle_event, handle_state
+from skyway_composition.missions.following.plausibility import is_ahead
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
@@ -39,6 +40,9 @@ log = logging.getLogger(__name__)
 #: A batch that fails this often is handled message by message, so that one bad message is dropped
 #: alone: drones repeat what matters, and other drones must not wait.
 _TRIES = 3
+
+#: How far a message may be ahead of our clock, fleet and wall seconds. Our own choice.
+_AHEAD_S: Final = (30.0, 5.0)
 
 #: Seconds of wall time between two batches: messages that arrive meanwhile share one transaction.
 #: A drone often sends an acknowledgement and two states about the same change.
@@ -88,7 +92,7 @@ class Follower:
     async def step(self) -> bool:
         """Handle the next batch. Always True: this method itself waits for the next batch."""
         if not self._batch:
-            self._batch, self._tries = await anext(self._batches), 0
+            self._batch, self._tries = self._without_ahead(await anext(self._batches)), 0
         self._listening.begin_batch()
         self._tries += 1
         try:
@@ -104,6 +108,25 @@ class Follower:
             self._listening.end_batch()
             await asyncio.sleep(_PAUSE_S)
         return True
+
+    def _without_ahead(self, batch: Sequence[Received[Any]]) -> list[Received[Any]]:
+        """The batch without messages about the future: nobody knows whether they will be true.
+
+        A drone whose clock is ahead repeats its events when it is asked; they count when their time
+        has come.
+        """
+        margin = fleet_margin(self._clock, fleet_s=_AHEAD_S[0], wall_s=_AHEAD_S[1])
+        latest_at = self._clock.now() + margin
+        kept = [each for each in batch if not is_ahead(each.message, latest_at=latest_at)]
+        if len(kept) < len(batch):
+            doubtful = {each.ids for each in batch} - {each.ids for each in kept}
+            log.warning("messages about the future dropped", extra={"drones": sorted(doubtful)})
+            count(
+                "skyway_messages_ahead",
+                "drone messages dropped because they speak of the future",
+                len(batch) - len(kept),
+            )
+        return kept
 
     async def _handle_one_by_one(self) -> None:
         """Handle each message of a failing batch alone; only those that fail again are dropped.

@@ -26,6 +26,7 @@ from skyway_composition.missions.following.handle_failure import (
     handle_step_failure,
     open_stream,
 )
+from skyway_composition.missions.following.judge_step import is_believed
 from skyway_composition.missions.following.recover_packages import (
     hold_and_unload,
     raise_flies_on,
@@ -38,12 +39,12 @@ from skyway_composition.missions.mission.custody_store import (
     on_board,
     returned,
 )
-from skyway_composition.missions.mission.doubt import without_doubt
+from skyway_composition.missions.mission.doubt import is_disbelieved, without_doubt
 from skyway_composition.missions.mission.end import abort, complete
 from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.release_pads import release_unneeded_pads
-from skyway_composition.missions.mission.step_store import end_step, keep_cut_step
+from skyway_composition.missions.mission.step_store import end_step, keep_cut_step, planned_step
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.check_plan import (
     check_plan,
@@ -77,6 +78,9 @@ async def handle_event(work: MissionUnitOfWork, link: DroneLink, event: DroneEve
         log.info("event of no live mission", extra={"mission_id": event.mission_id})
         await record_late_event(work, link, event)
         return
+    if is_disbelieved(record):
+        log.warning("event of a drone that is not believed", extra={"mission_id": event.mission_id})
+        return
     record = await accept_if_flown(work, without_doubt(work, record), event.mission_revision)
     match event.event:
         case "STEP_ENDED":
@@ -94,9 +98,10 @@ async def _handle_step_end(
 ) -> None:
     if event.code == "CUT":
         await keep_cut_step(work.tx, record.mission_id, event)
-    step = await end_step(work.tx, record.mission_id, event, status="ENDED")
-    if step is None:
+    step = await planned_step(work.tx.connection, record.mission_id, event)
+    if step is None or not await is_believed(work, record, step, event):
         return
+    await end_step(work.tx, record.mission_id, event, status="ENDED")
     record = begin(work, record, at=event.started_at or event.ended_at)
     is_cut = event.code == "CUT"
     match step:

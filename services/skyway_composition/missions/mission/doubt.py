@@ -5,27 +5,43 @@ while the first drone may have them, or may have delivered them.
 """
 
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Final, Literal
 
 from skyway.contracts.mission import Doubt
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm, report
+
+#: A doubt is replaced only by one with a larger number.
+_WEIGHTS: Final = {"NO_ANSWER": 0, "SILENT": 0, "JOURNAL_LOST": 1, "IMPLAUSIBLE": 2}
+
+#: What the mission waits for: of a drone that is believed, and of one that is not.
+_WAITS: Final = (
+    "the mission waits until the drone reports or an operator gives it up",
+    "the mission waits until an operator gives it up; reports of the drone change nothing",
+)
+
+
+def is_disbelieved(record: MissionRecord) -> bool:
+    """Whether the drone has reported what cannot have happened."""
+    doubt = record.mission.doubt
+    return doubt is not None and doubt.code == "IMPLAUSIBLE"
 
 
 async def put_in_doubt(
     work: MissionUnitOfWork,
     record: MissionRecord,
     *,
-    code: Literal["NO_ANSWER", "SILENT", "JOURNAL_LOST"],
+    code: Literal["NO_ANSWER", "SILENT", "JOURNAL_LOST", "IMPLAUSIBLE"],
     detail: str,
+    data: dict[str, Any] | None = None,
 ) -> MissionRecord:
-    """The record in doubt, saved; operators get an alarm, and the customer a report.
+    """The record in doubt, saved; operators get an alarm, with `data`, and the customer a report.
 
-    The first reason stays. Only JOURNAL_LOST replaces another reason, because the drone itself does
-    not know then what it did before.
+    The first reason stays, unless the new one says more: with JOURNAL_LOST the drone itself does
+    not know what it did before, and with IMPLAUSIBLE nobody can believe it.
     """
     earlier = record.mission.doubt
-    if earlier is not None and (code != "JOURNAL_LOST" or earlier.code == code):
+    if earlier is not None and _WEIGHTS[earlier.code] >= _WEIGHTS[code]:
         return record
     now = work.clock.now()
     doubt = Doubt(code=code, detail=detail, since_at=now)
@@ -48,16 +64,19 @@ async def put_in_doubt(
         record,
         level="CRITICAL",
         code="MISSION_IN_DOUBT",
-        detail=f"{detail}; the mission waits until the drone reports or an operator gives it up",
-        data={"doubt": code, "mission_state": record.mission.state},
+        detail=f"{detail}; {_WAITS[code == 'IMPLAUSIBLE']}",
+        data={"doubt": code, "mission_state": record.mission.state, **(data or {})},
     )
     await work.save(record)
     return record
 
 
 def without_doubt(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
-    """The record after its drone has reported about the mission; a changed record is staged."""
-    if record.mission.doubt is None:
+    """The record after its drone has reported about the mission; a changed record is staged.
+
+    A mission whose drone is not believed stays in doubt.
+    """
+    if record.mission.doubt is None or is_disbelieved(record):
         return record
     record = replace(
         record,

@@ -128,10 +128,10 @@ async def change_step(tx: Tx, mission_id: MissionId, step: FlightStep) -> None:
     )
 
 
-async def end_step(
-    tx: Tx, mission_id: MissionId, event: DroneEvent, *, status: str
+async def planned_step(
+    connection: AsyncConnection, mission_id: MissionId, event: DroneEvent
 ) -> FlightStep | None:
-    """Mark a step as ended by an event and return it.
+    """The step that this event ends.
 
     None if the step has ended before, was replaced, or was never sent.
     """
@@ -140,10 +140,15 @@ async def end_step(
         "step_id": event.step_id,
         "revision": event.mission_revision or _ANY_REVISION,
     }
-    found = await tx.execute(_PLANNED_STEP, values)
+    found = await connection.execute(_PLANNED_STEP, values)
     text = found.scalar_one_or_none()
-    if text is None:
-        return None
+    return None if text is None else read_step(text)
+
+
+async def end_step(
+    tx: Tx, mission_id: MissionId, event: DroneEvent, *, status: Literal["ENDED", "FAILED"]
+) -> None:
+    """Mark the step that this event ends."""
     ended = {
         "of_mission": mission_id,
         "of_step": event.step_id,
@@ -153,7 +158,6 @@ async def end_step(
         "event": event.model_dump_json(),
     }
     await tx.execute(_END_STEP, ended)
-    return read_step(text)
 
 
 async def steps_of(connection: AsyncConnection, mission_id: MissionId) -> list[StepRecord]:

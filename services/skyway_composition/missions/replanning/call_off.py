@@ -53,10 +53,11 @@ async def request_call_off(
 async def handle_answer_to_cancel(work: MissionUnitOfWork, record: MissionRecord, ack: Ack) -> None:
     """End a live mission that its drone has cancelled; plan for it if the drone refused.
 
-    A drone that has lost its journal accepts the CANCEL of a mission that it does not know.
+    A drone that has lost its journal accepts the CANCEL of a mission that it does not know, and a
+    drone that is not believed may say anything.
     """
     doubt = record.mission.doubt
-    if doubt is not None and doubt.code == "JOURNAL_LOST":
+    if doubt is not None and doubt.code in ("JOURNAL_LOST", "IMPLAUSIBLE"):
         return
     if ack.status == "REJECTED":
         await plan_now(work.tx, record.mission_id)

@@ -78,6 +78,24 @@ async def test_only_the_message_that_cannot_be_handled_is_dropped(
     assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
 
 
+@pytest.mark.parametrize("rate", [1.0, 600.0])
+async def test_an_event_about_the_future_counts_only_when_its_time_has_come(
+    composition: Any, drone: Any, make: Any, begin: Any, rate: float
+) -> None:
+    composition.clock.rate = rate
+    instruction = await begin.loaded(composition, drone, make)
+    flight = next(each for each in instruction.steps if each.kind == "FLY")
+    (event,) = drone.ended(instruction, [flight], late_by=timedelta(hours=2))
+    before = await composition.rows("SELECT last_event_seq FROM drone_links")
+
+    await following(composition, event).step()
+    assert await composition.rows("SELECT last_event_seq FROM drone_links") == before
+
+    composition.clock.advance(timedelta(hours=4))
+    await following(composition, event).step()
+    assert await composition.rows("SELECT last_event_seq FROM drone_links") != before
+
+
 async def test_a_dropped_message_may_have_been_the_answer_to_an_earlier_booking(
     composition: Any, drone: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -102,18 +102,7 @@ async def test_a_repeated_cancellation_gets_the_same_answer_and_does_nothing(
     first = await cancel(composition, "p1")
     reports_before = len(await composition.reports())
     delivered = next(s.step_id for s in instruction.steps if s.kind == "DELIVER")
-    await composition.receive(
-        *(
-            drone.event(
-                "STEP_ENDED",
-                mission_id=instruction.mission_id,
-                step_id=step.step_id,
-                started_at=step.planned_start_at,
-                ended_at=step.planned_end_at,
-            )
-            for step in instruction.steps[1:delivered]
-        )
-    )
+    await composition.receive(*drone.ended(instruction, instruction.steps[1:delivered]))
     delivered_reports = len(await composition.reports()) - reports_before
 
     second = await cancel(composition, "p1")
