@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 
 #: The first and the last moment that Skyway accepts. A day can be added to both, and subtracted,
 #: in every time zone; both are exact in milliseconds in JSON and in every column.
-EARLIEST: Final = datetime(1970, 1, 2, tzinfo=UTC)
+EARLIEST: Final = datetime(1970, 1, 1, tzinfo=UTC)
 LATEST: Final = datetime(9000, 1, 1, tzinfo=UTC)
 
 #: The most characters of a text that a drone writes, and of an open object as JSON-like text.

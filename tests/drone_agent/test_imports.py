@@ -32,6 +32,7 @@ HEAVY = {
 }
 
 LIBRARY = {
+    "skyway.bounds",
     "skyway.contracts",
     "skyway.drone",
     "skyway.errors",

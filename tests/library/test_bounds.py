@@ -24,7 +24,7 @@ OBJECT = TypeAdapter[dict[str, Any]](SmallObject)
     ],
 )
 def test_a_moment_at_the_edge_of_the_calendar_is_refused_with_the_limits(text: str) -> None:
-    with pytest.raises(ValidationError, match="between 1970-01-02 and 9000-01-01"):
+    with pytest.raises(ValidationError, match="between 1970-01-01 and 9000-01-01"):
         MOMENT.validate_json(f'"{text}"')
 
 

@@ -23,7 +23,7 @@ async def six_samples(history: Any, make_sample: Any) -> Any:
         ("until=2026-03-01T12:00:02Z", SECONDS[:2]),
         ("from=2026-03-01T13:00:01%2B01:00&until=2026-03-01T12:00:03Z", SECONDS[1:3]),
         ("from=2026-03-01T12:00:03Z&until=2026-03-01T12:00:03Z", []),
-        ("from=1970-01-02T00:00:00Z&until=9000-01-01T00:00:00Z", SECONDS),
+        ("from=1970-01-01T00:00:00Z&until=9000-01-01T00:00:00Z", SECONDS),
         ("resolution=minute", SECONDS[:1]),
     ],
 )

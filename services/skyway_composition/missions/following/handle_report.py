@@ -1,7 +1,6 @@
 """Handles what drones report: their events, and their states.
 
-Events are a drone's deeds: they become custody, mission states and mission reports. A state is a
-drone's own view of its progress, which shows missed messages.
+Events become custody, mission states and mission reports. A state shows what was missed.
 """
 
 import logging
@@ -79,7 +78,6 @@ async def handle_event(work: MissionUnitOfWork, link: DroneLink, event: DroneEve
         await record_late_event(work, link, event)
         return
     if is_disbelieved(record):
-        log.warning("event of a drone that is not believed", extra={"mission_id": event.mission_id})
         return
     record = await accept_if_flown(work, without_doubt(work, record), event.mission_revision)
     match event.event:

@@ -121,7 +121,7 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
         "pickup at the end of time",
         {"earliest_pickup_at": "9999-12-31T23:59:59-14:00"},
         "earliest_pickup_at",
-        "later than the limit",
+        "between 1970-01-01 and 9000-01-01",
     ),
     (
         "moment without a zone",
