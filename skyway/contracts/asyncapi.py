@@ -6,7 +6,7 @@ from typing import Annotated, Any, Final, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from skyway.contracts.delivery_event import AnyDeliveryEvent
+from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
 from skyway.contracts.message_examples import message_examples
 from skyway.contracts.topics import DELIVERY_EVENTS, Topic
 

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from pydantic import TypeAdapter
 
-from skyway.contracts.delivery_event import AnyDeliveryEvent
+from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
 from skyway.contracts.instruction_examples import (
     DELIVERY,
     MCQUEENEY,

@@ -25,7 +25,7 @@ from skyway_gateway.tables import events
 from skyway_gateway.verify.rules import RULES
 from sqlalchemy import select, text
 
-from skyway.contracts.delivery_event import AnyDeliveryEvent
+from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
 from skyway.contracts.mission_reports import (
     MANY_MISSION_REPORTS,
     MissionReport,

@@ -8,8 +8,8 @@ from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Body, Depends, Header, Query, Request, Response
 
-from skyway.contracts.delivery_event import AnyDeliveryEvent
 from skyway.contracts.delivery_event_examples import delivery_event_examples
+from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
 from skyway.ids import SubjectId, WebhookId
 from skyway.runtime.clock import AnchoredClock, FleetClock
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of

@@ -57,7 +57,6 @@ log = logging.getLogger(__name__)
 
 #: The activities that customers see; loading has its own reports.
 _REPORTED_ACTIVITIES: Final = ("FLYING", "WAITING", "RECHARGING", "DELIVERING")
-#: A drone with one of these activities has started its mission.
 _ACTIVITIES_AFTER_START: Final = ("LOADING", "FLYING", "RECHARGING", "DELIVERING")
 
 
