@@ -50,7 +50,8 @@ async def test_a_loaded_mission_needs_few_statements(
         await warm.receive(*drone.ended(instruction, instruction.steps[:1]))
 
     assert await warm.state_of(instruction.mission_id) == "ACTIVE"
-    assert len(seen) <= 11, seen
+    # One of them reads the steps before: the hand-over is believed only if it fits them.
+    assert len(seen) <= 12, seen
 
 
 async def test_idle_drones_need_one_statement_without_locks(
