@@ -6,7 +6,6 @@ checks again what was planned with.
 """
 
 import logging
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -55,8 +54,10 @@ _REACH_S: Final = (5.0, 1.0)
 _PLAN_S: Final = (30.0, 2.5)
 _LONGEST_WAIT_S: Final = (600.0, 60.0)
 
-#: The time to plan is doubled at most this often. Our own choice.
-_MOST_DOUBLINGS: Final = 5
+#: A drone's next plan gets this many times what its last one took, but at most this many times
+#: the usual time. Our own choice.
+_TIMES_THE_LAST_PLAN: Final = 2
+_MOST_TIMES_THE_USUAL: Final = 32
 
 _NO_PLAN: Final = "its drone has had no plan for it for too long"
 
@@ -78,7 +79,7 @@ class _Calendar:
 class Calendars:
     """Keeps the calendars of all drones.
 
-    A plan for an idle drone that came too late gets twice the time for the next one, so that a slow
+    A plan for an idle drone gets more time when the drone's last plan took long, so that a slow
     machine sends its missions too.
     """
 
@@ -87,8 +88,8 @@ class Calendars:
     solver: SolverPool
     clock: FleetClock
     mint: Mint
-    #: How often in a row a plan for a drone came too late.
-    _came_late: Counter[DroneId] = field(default_factory=Counter)
+    #: How long the last plan for each drone took, fleet milliseconds.
+    _last_plan_took_ms: dict[DroneId, int] = field(default_factory=dict)
 
     async def step(self) -> bool:
         """Look at the drones whose next mission needs something; True when one has changed."""
@@ -131,11 +132,11 @@ class Calendars:
                 before=calendar.before,
                 link=work.links.get(drone_id),
                 is_planned_in_this_world=_planned_in(following) == present,
-                times=self._times(late=self._came_late[drone_id]),
+                times=self._times(drone_id),
             )
             match decision:
                 case Send():
-                    await self._send(work, following)
+                    await send_next(work, following)
                 case Shorten(until_ms=until_ms) if calendar.before is not None:
                     await shorten_standby(work, calendar.before, until_ms=until_ms)
                 case GiveUp(detail=detail):
@@ -150,7 +151,7 @@ class Calendars:
         return isinstance(decision, GiveUp)
 
     async def _plan_again(self, calendar: _Calendar, slot: Slot) -> bool:
-        first = calendar.queued[0]
+        first, began_ms = calendar.queued[0], moment_to_ms(self.clock.now())
         skyway = await self.networks.current(first.network_id)
         world = await World.of(
             skyway,
@@ -176,6 +177,8 @@ class Calendars:
                 await refuse(work, first, code="DRONE_NOT_FREE", detail=_NO_PLAN)
             else:
                 await _apply(work, calendar, changed, skyway)
+                took_ms = moment_to_ms(self.clock.now()) - began_ms
+                self._last_plan_took_ms[calendar.drone_id] = took_ms
                 if calendar.before is None:
                     await self._send_if_in_time(work, calendar.drone_id)
         return True
@@ -185,31 +188,30 @@ class Calendars:
         following = next(iter(await queued_of_drone(work.tx.connection, drone_id)), None)
         if following is None:
             return
+        times = self._times(drone_id)
         decision = decide(
             following,
             before=None,
             link=work.links.get(drone_id),
             is_planned_in_this_world=True,
-            times=self._times(),
+            # With more time to plan, the plan begins later than missions are usually sent.
+            times=replace(times, send_ahead_ms=max(times.send_ahead_ms, times.plan_ms)),
         )
         if isinstance(decision, Send):
-            await self._send(work, following)
-        else:
-            self._came_late[drone_id] = min(self._came_late[drone_id] + 1, _MOST_DOUBLINGS)
-
-    async def _send(self, work: MissionUnitOfWork, following: MissionRecord) -> None:
-        await send_next(work, following)
-        self._came_late.pop(following.drone_id, None)
+            await send_next(work, following)
 
     async def _lock(self, drone_id: DroneId, tx: Tx) -> MissionUnitOfWork:
         return await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
 
-    def _times(self, *, late: int = 0) -> Times:
-        """The present times, for a drone whose plans came too late this often in a row."""
+    def _times(self, drone_id: DroneId | None = None) -> Times:
+        """The present times; for a drone with the time that a plan for it needs."""
+        usual_ms, reach_ms = self._ms(_PLAN_S), self._ms(_REACH_S)
+        took_ms = 0 if drone_id is None else self._last_plan_took_ms.get(drone_id, 0)
+        needed_ms = reach_ms + _TIMES_THE_LAST_PLAN * took_ms
         return Times(
             now_ms=moment_to_ms(self.clock.now()),
-            reach_ms=self._ms(_REACH_S),
-            plan_ms=self._ms(_PLAN_S) * 2**late,
+            reach_ms=reach_ms,
+            plan_ms=max(usual_ms, min(needed_ms, _MOST_TIMES_THE_USUAL * usual_ms)),
             hand_over_ms=hand_over_time_ms(self.clock),
             send_ahead_ms=send_ahead_ms(self.clock),
             longest_wait_ms=self._ms(_LONGEST_WAIT_S),

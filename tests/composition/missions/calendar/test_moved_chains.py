@@ -158,15 +158,29 @@ async def test_a_drone_charges_at_home_before_a_mission_that_begins_hours_later(
 
 
 class SlowSolver(SolverPool):
-    """Takes a minute of fleet time for each plan, once it is slow."""
+    """Takes this much fleet time for each plan."""
 
     clock: ManualClock
-    is_slow = False
+    takes = timedelta(0)
 
     async def compose(self, problem: Problem, **options: Any) -> Plan:
-        if self.is_slow:
-            self.clock.advance(timedelta(minutes=1))
+        self.clock.advance(self.takes)
         return await super().compose(problem, **options)
+
+
+class RareLooks:
+    """Looks at the calendars every 45 minutes, as if those of many other drones came between."""
+
+    def __init__(self, world: BusyWorld) -> None:
+        self._calendars = world.calendars
+        self._clock = world.clock
+        self._next_at = world.clock.now()
+
+    async def step(self) -> bool:
+        if self._clock.now() >= self._next_at:
+            await self._calendars.step()
+            self._next_at = self._clock.now() + timedelta(minutes=45)
+        return False
 
 
 class UnkeptCalendars:
@@ -176,7 +190,12 @@ class UnkeptCalendars:
         return False
 
 
-async def test_missions_are_sent_though_planning_them_again_takes_long(migrated_url: str) -> None:
+@pytest.mark.parametrize(
+    ("minutes_per_plan", "looks_rarely"), [(1, False), (7, True)], ids=["slow", "slow and rare"]
+)
+async def test_missions_are_sent_though_planning_them_again_takes_long(
+    migrated_url: str, minutes_per_plan: int, looks_rarely: bool
+) -> None:
     """Planning a queue anew can take longer than the usual margin until its next mission begins."""
     async with BusyWorld(migrated_url) as world:
         solver = SlowSolver(threads=1, time_limit_s=5.0)
@@ -189,7 +208,9 @@ async def test_missions_are_sent_though_planning_them_again_takes_long(migrated_
             await pass_minutes(world, 300)
             assert len(await waiting(world)) == 4
             world.restart()
-            solver.is_slow = True
+            solver.takes = timedelta(minutes=minutes_per_plan)
+            if looks_rarely:
+                world.calendars = RareLooks(world)  # type: ignore[assignment]
 
             await world.end()
 
