@@ -7,6 +7,7 @@ from tests.verification.damaged_copies import Corruption
 _YEAR_3000_MS: Final = 32_503_680_000_000
 _STEPS_SENT: Final = "I4 a mission's steps are those that were sent"
 _ENERGY: Final = "I10 a live mission's steps need no more energy than the battery has"
+_WINDOWS: Final = "a mission's first plan keeps the windows and the deadline of its request"
 _EVIDENCE: Final = "a step that has ended has the drone's event as evidence"
 #: The last flight with the second package.
 _LAST: Final = "WHERE mission_id = :flying_mission AND to_station_id = 'line-s3'"
@@ -148,6 +149,18 @@ _STEPS: Final = (
         composition=f"{_LONGER};"
         " UPDATE instructions SET body = json_set(body, '$.steps[' || (SELECT step_id - 1 FROM"
         f" mission_steps {_LAST}) || '].length_m', 99000.0) WHERE mission_id = :flying_mission",
+    ),
+    Corruption(
+        "a mission that was planned past its deadline",
+        _WINDOWS,
+        composition="UPDATE missions SET request = json_set(request, '$.qos.deadline_at',"
+        " '2001-01-01T00:00:00Z') WHERE mission_id = :flying_mission",
+    ),
+    Corruption(
+        "a mission that loads before its window",
+        _WINDOWS,
+        composition="UPDATE missions SET request = json_set(request, '$.earliest_pickup_at',"
+        " '2999-01-01T00:00:00Z') WHERE mission_id = :flying_mission",
     ),
     Corruption(
         "a cut step with other times than its event",

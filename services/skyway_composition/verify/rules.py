@@ -57,6 +57,7 @@ from skyway_composition.verify.missions import MISSIONS, REPORTS
 from skyway_composition.verify.networks import CLOSURES, NETWORKS
 from skyway_composition.verify.pads import HOLDS, PADS
 from skyway_composition.verify.steps import STEPS
+from skyway_composition.verify.windows import WINDOWS
 
 _FORMS: Final = form_rule(
     {
@@ -99,6 +100,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *CALENDARS,
     *HOLDS,
     *STEPS,
+    *WINDOWS,
     *CUSTODY,
     *PADS,
     *CLOSURES,
