@@ -46,7 +46,7 @@ def _is_outside(text: str, steps: Iterable[Any]) -> bool:  # rows of mission_ste
         not _loads_in_time(request, step)
         if step.kind == "PICK_UP"
         else not all(
-            _hands_over_in_time(packages[package_id], request, step)
+            _delivers_in_time(packages[package_id], request, step)
             for package_id in (step_json(step) or {}).get("package_ids", ())
             if package_id in packages
         )
@@ -58,7 +58,7 @@ def _loads_in_time(request: DeliveryRequest, step: Any) -> bool:  # a PICK_UP
     return _is_within(step, request.earliest_pickup_at, request.latest_pickup_at)
 
 
-def _hands_over_in_time(package: Package, request: DeliveryRequest, step: Any) -> bool:
+def _delivers_in_time(package: Package, request: DeliveryRequest, step: Any) -> bool:
     return _is_within(step, package.not_before_at, package.latest_at) and _is_within(
         step, None, request.qos.deadline_at
     )
