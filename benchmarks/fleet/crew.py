@@ -8,6 +8,7 @@ from typing import Any, Final
 from pydantic import TypeAdapter
 from skyway_drone_agent.enrolment.enrolled_drone import BrokerLogin, EnrolledDrone
 
+from skyway.contracts.broker_rules import drone_account
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
@@ -32,7 +33,7 @@ def crew_of(count: int, *, seed: int) -> tuple[EnrolledDrone, ...]:
 
 def accounts_of(drones: Iterable[EnrolledDrone]) -> list[str]:
     """The user names of these drones at the broker."""
-    return [drone.mqtt.user_name for drone in drones]
+    return [drone.user_name for drone in drones]
 
 
 def write_fleet(file: Path, drones: Sequence[EnrolledDrone]) -> Path:
@@ -60,5 +61,5 @@ def _drone(number: int, home: Position) -> EnrolledDrone:
         home_station_id=StationId(f"home-{number:05}"),
         home_position=home,
         soc=1.0,
-        mqtt=BrokerLogin(user_name=drone_id, password=PASSWORD),
+        mqtt=BrokerLogin(user_name=drone_account(_PROVIDER, drone_id), password=PASSWORD),
     )

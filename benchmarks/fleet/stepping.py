@@ -135,7 +135,7 @@ def _connected(url: str, drone: EnrolledDrone) -> AbstractAsyncContextManager[Pl
     return plain_sender(
         address.hostname or "",
         address.port or 0,
-        user_name=drone.mqtt.user_name,
+        user_name=drone.user_name,
         password=drone.mqtt.password,
     )
 

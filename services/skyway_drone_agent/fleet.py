@@ -133,8 +133,8 @@ def _link_maker(
     ) -> MqttClient | LinkWithOutages:
         client = MqttClient(
             mqtt_url,
-            client_id=drone.mqtt.user_name,
-            user_name=drone.mqtt.user_name,
+            client_id=drone.user_name,
+            user_name=drone.user_name,
             password=drone.mqtt.password,
             will=will,
             on_connected=on_connected,

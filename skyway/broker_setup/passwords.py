@@ -4,21 +4,19 @@ import base64
 import hashlib
 import hmac
 import os
-import re
 import secrets
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from skyway.contracts.broker_rules import USER_NAME
 from skyway.errors import InvalidInput
 
 #: PBKDF2 rounds, Mosquitto's default: the passwords are 256 random bits, not chosen by people.
 _ROUNDS: Final = 101
 _SALT_BYTES: Final = 12
 _KEY_BYTES: Final = 64
-
-_USER_NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 
 def hash_password(password: str) -> str:
@@ -61,7 +59,7 @@ def write_password_file(path: Path, accounts: Mapping[str, str]) -> None:
         A user name is not an identifier: it would be read as another line or as a wildcard.
     """
     for name in accounts:
-        if not _USER_NAME.fullmatch(name):
+        if not USER_NAME.fullmatch(name):
             raise InvalidInput("user_name", f"{name!r} is not 1 to 64 of A-Z a-z 0-9 _ -")
     text = "".join(f"{name}:{hashed}\n" for name, hashed in sorted(accounts.items()))
     # mkstemp makes the file 0600; the rename lets a reader see the old or the new one, whole.

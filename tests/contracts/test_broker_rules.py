@@ -20,17 +20,22 @@ from skyway.contracts.topics import (
 )
 
 RULES = BrokerRules()
-ACCOUNTS = ("drone-1", "drone-2", "customer-1", *sorted(SERVICE_ACCOUNTS))
+#: Customers who bear the name of a drone and of a station.
+NAMESAKES = ("drone-1", "station-1")
+CUSTOMERS = ("customer-1", *NAMESAKES)
+ACCOUNTS = ("p/drone-1", "p/drone-2", "q/drone-1", *CUSTOMERS, *sorted(SERVICE_ACCOUNTS))
 
 
 def concrete_names() -> list[str]:
     """Every topic, with every account's name and an unknown name in every place."""
-    ids = (*ACCOUNTS, "else", "stations")
+    ids = ("p", "q", "drone-2", *CUSTOMERS, *SERVICE_ACCOUNTS, "else", "stations")
     names = {
         topic(*chosen).name
         for topic in TOPICS
         for chosen in product(ids, repeat=topic.template.count("{"))
     }
+    # What a pattern of drones becomes with a name that has one part.
+    names |= {f"skyway/v1/{name}/{word}" for name in ids for word in ("state", "instructions")}
     return sorted(names | {"skyway", "other/topic", "skyway/v1/p/drone-1/unknown", "$SYS/uptime"})
 
 
@@ -82,15 +87,30 @@ def test_the_file_for_mosquitto_gives_the_same_rights(account):
 
 @pytest.mark.parametrize("topic", [ACKS, EVENTS, STATE, TELEMETRY, CONNECTION])
 def test_a_drone_writes_its_own_reports_and_no_other_drones(topic):
-    assert RULES.may_write("drone-1", topic("p", "drone-1").name)
-    assert not RULES.may_write("drone-1", topic("p", "drone-2").name)
-    assert not RULES.may_read("drone-1", topic("p", "drone-2").name)
+    assert RULES.may_write("p/drone-1", topic("p", "drone-1").name)
+    assert not RULES.may_write("p/drone-1", topic("p", "drone-2").name)
+    assert not RULES.may_read("p/drone-1", topic("p", "drone-2").name)
+
+
+@pytest.mark.parametrize("topic", [ACKS, EVENTS, STATE, TELEMETRY, CONNECTION])
+def test_a_drone_writes_under_its_own_provider_only(topic):
+    assert not RULES.may_write("p/drone-1", topic("q", "drone-1").name)
+    assert not RULES.may_write("p/drone-1", topic("stations", "drone-1").name)
+
+
+@pytest.mark.parametrize("account", CUSTOMERS)
+def test_a_customer_writes_nothing_and_reads_no_instructions(account):
+    assert [name for name in concrete_names() if RULES.may_write(account, name)] == []
+    assert not any(
+        RULES.may_read(account, INSTRUCTIONS(*ids).name)
+        for ids in product((*NAMESAKES, "p"), repeat=2)
+    )
 
 
 def test_a_drone_reads_its_own_instructions_and_writes_none():
-    assert RULES.may_read("drone-1", INSTRUCTIONS("p", "drone-1").name)
-    assert not RULES.may_read("drone-1", INSTRUCTIONS("p", "drone-2").name)
-    assert not RULES.may_write("drone-1", INSTRUCTIONS("p", "drone-1").name)
+    assert RULES.may_read("p/drone-1", INSTRUCTIONS("p", "drone-1").name)
+    assert not RULES.may_read("p/drone-1", INSTRUCTIONS("p", "drone-2").name)
+    assert not RULES.may_write("p/drone-1", INSTRUCTIONS("p", "drone-1").name)
 
 
 def test_a_customer_reads_its_own_delivery_events_alone():
@@ -102,7 +122,7 @@ def test_a_customer_reads_its_own_delivery_events_alone():
 @pytest.mark.parametrize("topic", [CLOCK(), STATION_STATE("s"), NETWORK_VERSION("n")])
 def test_everybody_reads_what_is_about_the_world_and_no_drone_writes_it(topic):
     assert all(RULES.may_read(account, topic.name) for account in ACCOUNTS)
-    assert not RULES.may_write("drone-1", topic.name)
+    assert not RULES.may_write("p/drone-1", topic.name)
 
 
 def test_the_operator_reads_every_topic_and_writes_none():
@@ -125,7 +145,7 @@ def test_a_service_is_no_drone_of_its_name():
     assert not RULES.may_read("registry", INSTRUCTIONS("p", "registry").name)
 
 
-@pytest.mark.parametrize("user_name", ["+", "#", "drone-1/x", "", "%u"])
+@pytest.mark.parametrize("user_name", ["+", "#", "p/drone-1/x", "", "%u", "p/+", "/drone-1", "p/"])
 def test_an_account_named_like_a_wildcard_may_nothing(user_name):
     assert not RULES.may_read(user_name, INSTRUCTIONS("p", "drone-1").name)
     assert not RULES.may_write(user_name, STATE("p", user_name).name)
@@ -133,4 +153,4 @@ def test_an_account_named_like_a_wildcard_may_nothing(user_name):
 
 @pytest.mark.parametrize("topic", ["skyway/v1/+/drone-1/state", "skyway/v1/#/drone-1/state"])
 def test_a_filter_is_no_topic_to_publish_on(topic):
-    assert not RULES.may_write("drone-1", topic)
+    assert not RULES.may_write("p/drone-1", topic)

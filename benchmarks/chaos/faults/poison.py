@@ -65,9 +65,11 @@ async def _publish(
     url: str, drones: list[EnrolledDrone], payloads: Iterator[bytes], chance: random.Random
 ) -> None:
     for drone in drones:
-        login = drone.mqtt
         client = MqttClient(
-            url, client_id=login.user_name, user_name=login.user_name, password=login.password
+            url,
+            client_id=drone.user_name,
+            user_name=drone.user_name,
+            password=drone.mqtt.password,
         )
         with suppress(TimeoutError, MqttUnavailable):
             async with client, asyncio.timeout(_CONNECTS_WITHIN_S):

@@ -12,6 +12,7 @@ from typing import Final
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from skyway.contracts.broker_rules import drone_account
 from skyway.contracts.message import Soc
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidInput, SkywayError
@@ -52,6 +53,11 @@ class EnrolledDrone(WireModel):
     soc: Soc
     mqtt: BrokerLogin
     certificate: ClientCertificate | None = None
+
+    @property
+    def user_name(self) -> str:
+        """Its user name at the broker; files of older versions hold another one."""
+        return drone_account(self.provider_id, self.drone_id)
 
     def at_first(self) -> Logbook:
         """The logbook of a drone without a journal: at its last place, or at home."""

@@ -15,11 +15,17 @@ from typing import Final
 from sqlalchemy import BindParameter, bindparam, delete, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.contracts.broker_rules import drone_account
 from skyway.ids import DroneId, SubjectId
 from skyway.runtime.errors import AccessDenied, Conflict
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
-from skyway_provider_registry.tables import broker_accounts, drone_keys, enrolment_tokens
+from skyway_provider_registry.tables import (
+    broker_accounts,
+    drone_keys,
+    drones,
+    enrolment_tokens,
+)
 
 _KEY_HASH: Final[BindParameter[str]] = bindparam("key_hash")
 
@@ -78,11 +84,21 @@ async def remove_customer(tx: Tx, user_name: SubjectId) -> None:
 
 
 async def every_hash(connection: AsyncConnection) -> dict[str, str]:
-    """The password hash of each account that may log in, by user name."""
-    columns = select(broker_accounts.c.user_name, broker_accounts.c.password_hash).where(
-        broker_accounts.c.revoked_wall_ms.is_(None)
+    """The password hash of each account that may log in, by its user name at the broker."""
+    of_drones = (
+        select(broker_accounts.c.password_hash, drones.c.provider_id, drones.c.drone_id)
+        .join(drones, drones.c.drone_id == broker_accounts.c.user_name)
+        .where(broker_accounts.c.revoked_wall_ms.is_(None), broker_accounts.c.kind == "DRONE")
     )
-    return {row.user_name: row.password_hash for row in await connection.execute(columns)}
+    of_customers = select(broker_accounts.c.password_hash, broker_accounts.c.user_name).where(
+        broker_accounts.c.revoked_wall_ms.is_(None), broker_accounts.c.kind == "CUSTOMER"
+    )
+    hashes = {
+        drone_account(row.provider_id, row.drone_id): row.password_hash
+        for row in await connection.execute(of_drones)
+    }
+    customers = await connection.execute(of_customers)
+    return hashes | {row.user_name: row.password_hash for row in customers}
 
 
 async def _remove_account(tx: Tx, kind: str, user_name: str) -> None:

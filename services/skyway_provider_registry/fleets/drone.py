@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import Field, field_validator
 
 from skyway.bounds import Moment
+from skyway.contracts.broker_rules import drone_account
 from skyway.contracts.candidate import Standby
 from skyway.contracts.drone_report import ActiveFailsafe, DroneHealth, Fault
 from skyway.contracts.message import Soc
@@ -150,7 +151,7 @@ class DroneChange(JsonModel):
 class MqttAccount(JsonModel):
     """A drone's account at the MQTT broker."""
 
-    user_name: Annotated[str, Field(description="user name: the drone's id")]
+    user_name: Annotated[str, Field(description="user name: provider_id/drone_id")]
     password: Annotated[str, Field(repr=False, description="password; it is shown only once")]
 
 
@@ -252,7 +253,8 @@ class FleetDrone:
 
     def shown_once(self, wall_now: datetime, *, password: str, token: str) -> RegisteredDrone:
         """The drone as its provider sees it once: with its token and its broker account."""
-        account = MqttAccount(user_name=self.drone_id, password=password)
+        user_name = drone_account(self.provider_id, self.drone_id)
+        account = MqttAccount(user_name=user_name, password=password)
         return RegisteredDrone.model_construct(
             **self._members(wall_now), enrolment_token=token, mqtt=account
         )

@@ -11,6 +11,7 @@ from pydantic import Field
 from skyway.bounds import Moment
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.passwords import hash_password
+from skyway.contracts.broker_rules import drone_account
 from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.contracts.message import Soc
 from skyway.drone.model import DroneModel
@@ -108,10 +109,11 @@ class Issuer:
     def __init__(self, authority: CertificateAuthority | None) -> None:
         self._authority = authority
 
-    def make(self, drone_id: DroneId) -> Credentials:
+    def make(self, provider_id: ProviderId, drone_id: DroneId) -> Credentials:
         """New credentials, not stored yet; this only computes."""
+        user_name = drone_account(provider_id, drone_id)
         return Credentials(
-            mqtt=MqttAccount(user_name=drone_id, password=_new_password()),
+            mqtt=MqttAccount(user_name=user_name, password=_new_password()),
             certificate=self._certificate(drone_id),
             key=_new_key(),
         )
@@ -148,7 +150,7 @@ async def enrol(tx: Tx, token: str, *, issuer: Issuer, wall_now: datetime) -> En
     """
     drone_id = await credential_store.use_token(tx, token_hash(token), at=wall_now)
     drone = (await store.by_id(tx.connection, drone_id)).shown(wall_now)
-    made = issuer.make(drone_id)
+    made = issuer.make(drone.provider_id, drone_id)
     await credential_store.set_password(
         tx, drone_id, password_hash=hash_password(made.mqtt.password)
     )
@@ -176,7 +178,8 @@ async def rotate(tx: Tx, drone_id: DroneId, *, issuer: Issuer) -> Credentials:
     AccessDenied
         The drone's credentials were revoked in the meantime.
     """
-    made = issuer.make(drone_id)
+    drone = await store.by_id(tx.connection, drone_id)
+    made = issuer.make(drone.provider_id, drone_id)
     has_key = await credential_store.put_next_key(
         tx,
         drone_id,

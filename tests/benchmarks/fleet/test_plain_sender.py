@@ -21,7 +21,7 @@ async def test_messages_arrive_whole(tmp_path: Path) -> None:
         host, port = "127.0.0.1", int(broker.drones_url.rpartition(":")[2])
         async with (
             receiving(broker.services_url) as messages,
-            plain_sender(host, port, user_name=drone.drone_id, password="secret") as sender,
+            plain_sender(host, port, user_name=drone.user_name, password="secret") as sender,
         ):
             for _ in range(3):
                 sender.send(lines.telemetry_topic, lines.sample.now())
@@ -37,6 +37,6 @@ async def test_a_refused_sender_gets_an_error(tmp_path: Path) -> None:
     (drone,) = crew_of(1, seed=1)
     with own_embedded(tmp_path, accounts_of([drone])) as broker:
         port = int(broker.drones_url.rpartition(":")[2])
-        with pytest.raises(SkywayError, match="does not let drn_00000 in"):
-            async with plain_sender("127.0.0.1", port, user_name=drone.drone_id, password="wrong"):
+        with pytest.raises(SkywayError, match="does not let prv_bench/drn_00000 in"):
+            async with plain_sender("127.0.0.1", port, user_name=drone.user_name, password="wrong"):
                 pass

@@ -26,7 +26,7 @@ from skyway.runtime.mqtt.client import MqttClient, Received
 
 SERVICES = ("operator", "gateway", "registry", "composition")
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
-CLIENTS = ("drone-1", "drone-2", "customer-1", "customer-2")
+CLIENTS = ("p/drone-1", "p/drone-2", "customer-1", "customer-2", "drone-1", "station-1")
 
 
 class RunningBroker(Protocol):

@@ -15,7 +15,7 @@ from skyway.broker_setup.passwords import hash_password, write_password_file
 
 class Process:
     def __init__(self, folder: Path) -> None:
-        write_password_file(folder / "passwords", {"drone-1": hash_password("drone-1")})
+        write_password_file(folder / "passwords", {"p/drone-1": hash_password("p/drone-1")})
         listener = socket.create_server(("127.0.0.1", 0))
         self.port: int = listener.getsockname()[1]
         theirs, self._ours = os.pipe()
@@ -49,7 +49,7 @@ def process(tmp_path: Path) -> Iterator[Process]:
 
 
 async def test_the_broker_serves_on_the_socket_of_its_parent(process, connect):
-    drone = await connect(process.port, "drone-1")
+    drone = await connect(process.port, "p/drone-1")
 
     await drone.wait_connected()
 
@@ -57,7 +57,7 @@ async def test_the_broker_serves_on_the_socket_of_its_parent(process, connect):
 
 
 async def test_the_broker_exits_when_its_parent_is_gone(process, connect):
-    drone = await connect(process.port, "drone-1")
+    drone = await connect(process.port, "p/drone-1")
     await drone.wait_connected()
 
     process.drop_pipe()
@@ -66,7 +66,7 @@ async def test_the_broker_exits_when_its_parent_is_gone(process, connect):
 
 
 async def test_the_broker_exits_on_sigterm(process, connect):
-    drone = await connect(process.port, "drone-1")
+    drone = await connect(process.port, "p/drone-1")
     await drone.wait_connected()
 
     process.running.send_signal(signal.SIGTERM)

@@ -26,7 +26,7 @@ from skyway.runtime.mqtt.connection import Login, MqttConnection
 
 pytestmark = pytest.mark.integration
 
-DRONES = ("drone-1", "drone-2")
+DRONES = ("p/drone-1", "p/drone-2")
 
 
 def free_port() -> int:
@@ -127,7 +127,7 @@ async def tls_broker(tmp_path: Path) -> AsyncIterator[TlsBroker]:
     await broker.start(program)
     assert broker.process is not None
     try:
-        async with broker.client("drone-2") as first, asyncio.timeout(60):
+        async with broker.client("p/drone-2") as first, asyncio.timeout(60):
             await first.wait_connected()
         yield broker
     finally:
@@ -136,9 +136,9 @@ async def tls_broker(tmp_path: Path) -> AsyncIterator[TlsBroker]:
 
 
 async def test_a_certificate_and_the_password_let_a_drone_in(tls_broker: TlsBroker) -> None:
-    tls = tls_broker.shown_by("drone-1")
+    tls = tls_broker.shown_by("p/drone-1")
 
-    assert await tls_broker.is_let_in(tls, name="drone-1", password="drone-1")
+    assert await tls_broker.is_let_in(tls, name="p/drone-1", password="p/drone-1")
 
 
 async def test_a_certificate_alone_or_a_password_alone_is_refused(
@@ -146,14 +146,14 @@ async def test_a_certificate_alone_or_a_password_alone_is_refused(
 ) -> None:
     shows_nothing = ssl.create_default_context(cadata=tls_broker.authority.certificate_pem)
     other = CertificateAuthority.make(tmp_path / "another deployment")
-    from_elsewhere = tls_broker.shown_by("drone-1", signed_by=other)
-    own = tls_broker.shown_by("drone-1")
+    from_elsewhere = tls_broker.shown_by("p/drone-1", signed_by=other)
+    own = tls_broker.shown_by("p/drone-1")
 
     let_in = [
-        await tls_broker.is_let_in(shows_nothing, name="drone-1", password="drone-1"),
-        await tls_broker.is_let_in(from_elsewhere, name="drone-1", password="drone-1"),
-        await tls_broker.is_let_in(own, name="drone-1", password="wrong"),
-        await tls_broker.is_let_in(own, name="drone-2", password="drone-1"),
+        await tls_broker.is_let_in(shows_nothing, name="p/drone-1", password="p/drone-1"),
+        await tls_broker.is_let_in(from_elsewhere, name="p/drone-1", password="p/drone-1"),
+        await tls_broker.is_let_in(own, name="p/drone-1", password="wrong"),
+        await tls_broker.is_let_in(own, name="p/drone-2", password="p/drone-1"),
     ]
 
     assert let_in == [False] * 4
@@ -171,13 +171,13 @@ async def test_a_broker_of_another_deployment_is_not_trusted(
 
 
 async def test_a_revoked_drone_is_cut_off_within_a_second(tls_broker: TlsBroker) -> None:
-    async with tls_broker.client("drone-1") as revoked, tls_broker.client("drone-2") as other:
+    async with tls_broker.client("p/drone-1") as revoked, tls_broker.client("p/drone-2") as other:
         async with asyncio.timeout(60):
             await revoked.wait_connected()
             await other.wait_connected()
 
         since = time.monotonic()
-        tls_broker.revoke("drone-1")
+        tls_broker.revoke("p/drone-1")
         async with asyncio.timeout(60):
             await revoked.wait_lost()
         cut_off_s = time.monotonic() - since

@@ -64,7 +64,7 @@ async def connected(client: Any) -> Any:
 async def test_a_connecting_client_receives_only_topics_that_it_subscribed_to(embedded, connect):
     registry = await connect(embedded.port, "registry")
     registry.batches(CONNECTION)
-    drone = await connected(await connect(embedded.port, "drone-1"))
+    drone = await connected(await connect(embedded.port, "p/drone-1"))
     gateway = await connected(await connect(embedded.port, "gateway"))
     await connected(registry)
     await drone.publish(CONNECTION("p", "drone-1"), ONLINE)
@@ -80,12 +80,12 @@ async def test_a_connecting_client_receives_only_topics_that_it_subscribed_to(em
 
 
 async def test_retained_messages_are_sent_within_the_clients_rights(embedded, connect):
-    drone = await connected(await connect(embedded.port, "drone-1"))
+    drone = await connected(await connect(embedded.port, "p/drone-1"))
     gateway = await connected(await connect(embedded.port, "gateway"))
     await drone.publish(CONNECTION("p", "drone-1"), ONLINE)
     await gateway.publish(CLOCK(), ANCHOR)
 
-    other = Listening("drone-2")
+    other = Listening("p/drone-2")
     await other.open(embedded.port)
     await other.link.subscribe({"#": 1})
 
@@ -97,18 +97,18 @@ async def test_retained_messages_are_sent_within_the_clients_rights(embedded, co
 async def test_a_last_will_needs_the_write_right_of_its_client(embedded, connect, broker_proxy):
     registry = await connect(embedded.port, "registry")
     arrived = registry.batches(CONNECTION)
-    witness = await connect(embedded.port, "drone-2")
+    witness = await connect(embedded.port, "p/drone-2")
     await connected(registry)
     await connected(witness)
     proxy = await broker_proxy(embedded.port)
     payload = ONLINE.model_dump_json().encode()
     forged = RawMessage(CONNECTION("p", "drone-2").name, payload, 1, True)
-    drone = Listening("drone-1", will=forged)
+    drone = Listening("p/drone-1", will=forged)
     await drone.open(proxy.port)
 
     proxy.cut()
     # drone-1 can connect again only after the broker has closed its old connection.
-    again = await connected(await connect(embedded.port, "drone-1"))
+    again = await connected(await connect(embedded.port, "p/drone-1"))
     await again.publish(CONNECTION("p", "drone-1"), ONLINE)
 
     [received] = await anext(arrived)
@@ -121,12 +121,12 @@ async def test_a_last_will_needs_the_write_right_of_its_client(embedded, connect
 
 async def test_many_clients_that_connect_and_leave_disturb_no_other_client(embedded, connect):
     composition = await connected(await connect(embedded.port, "composition"))
-    drone = Listening("drone-1")
+    drone = Listening("p/drone-1")
     await drone.open(embedded.port)
     await drone.link.subscribe({INSTRUCTIONS("p", "drone-1").name: 1})
 
     async def come_and_go() -> None:
-        visitor = Listening("drone-2")
+        visitor = Listening("p/drone-2")
         try:
             await visitor.open(embedded.port)
             await visitor.link.subscribe({"#": 1, "skyway/v1/+/+/instructions": 0})
@@ -157,7 +157,7 @@ async def test_many_clients_that_connect_and_leave_disturb_no_other_client(embed
     ],
 )
 async def test_malformed_bytes_end_only_their_own_connection(embedded, connect, nonsense):
-    drone = await connected(await connect(embedded.port, "drone-1"))
+    drone = await connected(await connect(embedded.port, "p/drone-1"))
 
     reader, writer = await asyncio.open_connection("127.0.0.1", embedded.port)
     writer.write(nonsense)
@@ -170,7 +170,7 @@ async def test_malformed_bytes_end_only_their_own_connection(embedded, connect, 
 
 
 async def test_a_packet_above_the_limit_ends_its_connection(embedded, connect):
-    drone = await connected(await connect(embedded.port, "drone-1"))
+    drone = await connected(await connect(embedded.port, "p/drone-1"))
 
     with pytest.raises(MqttUnavailable):
         await drone.publish_raw(
@@ -179,10 +179,10 @@ async def test_a_packet_above_the_limit_ends_its_connection(embedded, connect):
 
 
 async def test_a_change_of_accounts_takes_effect_immediately(embedded, connect):
-    await connected(await connect(embedded.port, "drone-1"))
-    fresh, removed = Listening("drone-3"), Listening("drone-1")
+    await connected(await connect(embedded.port, "p/drone-1"))
+    fresh, removed = Listening("p/drone-3"), Listening("p/drone-1")
 
-    await embedded.set_accounts(("drone-3",))
+    await embedded.set_accounts(("p/drone-3",))
 
     await fresh.open(embedded.port)
     with pytest.raises(MqttUnavailable, match="refused"):

@@ -14,6 +14,7 @@ from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.client import MqttClient
 
 DRONE = DroneId("drone-1")
+ACCOUNT = "p/drone-1"
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 LOSSY = Disturbances(link=LinkLoss(share=1.0, every_s=600, for_s=30))
 
@@ -38,9 +39,9 @@ async def test_during_an_outage_the_last_will_is_sent_and_no_message_passes(
     await all_connected(composition)
     client = MqttClient(
         f"mqtt://127.0.0.1:{broker.port}",
-        client_id=DRONE,
-        user_name=DRONE,
-        password=DRONE,
+        client_id=ACCOUNT,
+        user_name=ACCOUNT,
+        password=ACCOUNT,
         will=lambda: (CONNECTION("p", DRONE), make.connection(1, "LOST")),
     )
     async with LinkWithOutages(client, clock, disturbed=LOSSY, drone_id=DRONE) as link:

@@ -19,13 +19,13 @@ async def test_a_new_connection_of_a_drone_replaces_its_old_one(
     await all_connected(
         await connect(
             proxy.port,
-            "drone-1",
+            "p/drone-1",
             will=lambda: (CONNECTION("p", "drone-1"), make.connection(1, "LOST")),
         )
     )
     proxy.go_silent()
 
-    drone = await connect(broker.port, "drone-1")
+    drone = await connect(broker.port, "p/drone-1")
     arrived = drone.batches(INSTRUCTIONS("p", "drone-1"))
     await all_connected(drone)
     await drone.publish(CONNECTION("p", "drone-1"), make.connection(2))
@@ -45,7 +45,7 @@ async def test_a_greeting_that_meets_trouble_is_repeated(broker, connect, all_co
         if len(tries) < 3:
             raise ServiceUnavailable("database", "it is away in this test")
 
-    await all_connected(await connect(broker.port, "drone-1", on_connected=greet))
+    await all_connected(await connect(broker.port, "p/drone-1", on_connected=greet))
 
     await until(lambda: len(tries) == 3)
 
@@ -59,7 +59,7 @@ async def test_retained_topics_are_republished_after_the_broker_lost_them(
     composition = await connect(broker.service_port, "composition")
     arrived = composition.batches(CONNECTION)
     await all_connected(composition)
-    drone = await connect(broker.port, "drone-1", on_connected=republish)
+    drone = await connect(broker.port, "p/drone-1", on_connected=republish)
     await receive(arrived, 1)
 
     await broker.stop()
@@ -86,7 +86,7 @@ async def test_the_last_will_carries_the_present_connection_number(
     arrived = composition.batches(CONNECTION)
     await all_connected(composition)
     proxy = await broker_proxy(broker.port)
-    drone = await connect(proxy.port, "drone-1", will=make_will)
+    drone = await connect(proxy.port, "p/drone-1", will=make_will)
     await all_connected(drone)
 
     proxy.cut()
@@ -108,13 +108,13 @@ async def test_a_drone_that_disconnects_in_order_is_not_reported_lost(
     await all_connected(composition)
     drone = await connect(
         broker.port,
-        "drone-1",
+        "p/drone-1",
         will=lambda: (CONNECTION("p", "drone-1"), make.connection(1, "LOST")),
     )
     await all_connected(drone)
 
     await drone.__aexit__()
-    other = await connect(broker.port, "drone-2")
+    other = await connect(broker.port, "p/drone-2")
     await all_connected(other)
     await other.publish(CONNECTION("p", "drone-2"), make.connection(1))
 
@@ -131,7 +131,7 @@ async def test_a_silent_client_is_lost_after_one_and_a_half_keepalives(
     proxy = await broker_proxy(broker.port)
     drone = await connect(
         proxy.port,
-        "drone-1",
+        "p/drone-1",
         will=lambda: (CONNECTION("p", "drone-1"), make.connection(1, "LOST")),
         keepalive_s=1,
     )
@@ -144,7 +144,7 @@ async def test_a_silent_client_is_lost_after_one_and_a_half_keepalives(
 
 
 async def test_publish_raises_when_the_broker_is_down(broker, connect, make, all_connected):
-    drone = await connect(broker.port, "drone-1")
+    drone = await connect(broker.port, "p/drone-1")
     await all_connected(drone)
     await drone.publish(ACKS("p", "drone-1"), make.ack(1))
 
@@ -158,7 +158,7 @@ async def test_publish_times_out_when_the_broker_is_silent(
     broker, connect, broker_proxy, make, all_connected
 ):
     proxy = await broker_proxy(broker.port)
-    drone = await connect(proxy.port, "drone-1")
+    drone = await connect(proxy.port, "p/drone-1")
     await all_connected(drone)
     proxy.go_silent()
 
@@ -170,7 +170,7 @@ async def test_subscriptions_are_renewed_when_the_broker_comes_back(
     broker, connect, make, receive, all_connected, until
 ):
     composition = await connect(broker.service_port, "composition")
-    drone = await connect(broker.port, "drone-1")
+    drone = await connect(broker.port, "p/drone-1")
     arrived = composition.batches(ACKS)
     await all_connected(composition, drone)
 

@@ -13,7 +13,7 @@ async def test_a_later_reader_receives_the_retained_message(
     await gateway.publish(CLOCK(), make.anchor(1.0))
     await gateway.publish(CLOCK(), make.anchor(2.0))
 
-    drone = await connect(broker.port, "drone-1")
+    drone = await connect(broker.port, "p/drone-1")
     [received] = await receive(drone.batches(CLOCK), 1)
 
     assert received.retained
@@ -25,7 +25,7 @@ async def test_a_reader_can_distinguish_live_and_retained_messages(
 ):
     gateway = await connect(broker.service_port, "gateway")
     await all_connected(gateway)
-    drone = await connect(broker.port, "drone-1")
+    drone = await connect(broker.port, "p/drone-1")
     arrived = drone.batches(CLOCK)
     await all_connected(drone)
 
@@ -39,7 +39,7 @@ async def test_a_subscription_of_a_connected_client_takes_effect_immediately(
     broker, connect, make, receive, all_connected
 ):
     composition = await connect(broker.service_port, "composition")
-    drone = await connect(broker.port, "drone-1")
+    drone = await connect(broker.port, "p/drone-1")
     await all_connected(composition, drone)
 
     arrived = composition.batches(ACKS)
@@ -53,7 +53,7 @@ async def test_messages_arrive_in_the_order_they_were_sent(
     broker, connect, make, receive, all_connected
 ):
     composition = await connect(broker.service_port, "composition")
-    drone = await connect(broker.port, "drone-1")
+    drone = await connect(broker.port, "p/drone-1")
     arrived = composition.batches(ACKS)
     await all_connected(composition, drone)
 
@@ -69,7 +69,7 @@ async def test_an_unreadable_message_is_dropped_and_the_next_one_is_read(
     broker, connect, make, receive, all_connected
 ):
     composition = await connect(broker.service_port, "composition")
-    drone = await connect(broker.port, "drone-1")
+    drone = await connect(broker.port, "p/drone-1")
     arrived = composition.batches(ACKS)
     await all_connected(composition, drone)
 
@@ -85,7 +85,7 @@ async def test_the_state_of_a_station_is_not_mistaken_for_the_state_of_a_drone(
     broker, connect, make, receive, all_connected
 ):
     composition = await connect(broker.service_port, "composition")
-    drone = await connect(broker.port, "drone-1")
+    drone = await connect(broker.port, "p/drone-1")
     arrived = drone.batches(STATION_STATE)
     await all_connected(composition, drone)
 

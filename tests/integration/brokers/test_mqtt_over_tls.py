@@ -64,7 +64,7 @@ async def test_messages_travel_over_tls(encrypted_port, certificate, monkeypatch
         MqttClient(
             f"mqtts://127.0.0.1:{encrypted_port}", client_id=name, user_name=name, password=name
         )
-        for name in ("gateway", "drone-1")
+        for name in ("gateway", "p/drone-1")
     )
     arrived = drone.batches(CLOCK)
 

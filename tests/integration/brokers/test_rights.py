@@ -4,7 +4,14 @@ from contextlib import suppress
 
 import pytest
 
-from skyway.contracts.topics import ACKS, CLOCK, DELIVERY_EVENTS, INSTRUCTIONS
+from skyway.contracts.topics import (
+    ACKS,
+    CLOCK,
+    DELIVERY_EVENTS,
+    INSTRUCTIONS,
+    STATE,
+    STATION_STATE,
+)
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.address import BrokerAddress
 from skyway.runtime.mqtt.connection import Login, MqttConnection
@@ -14,7 +21,7 @@ async def test_a_drone_reads_only_its_own_instructions(
     broker, connect, make, receive, all_connected
 ):
     composition = await connect(broker.service_port, "composition")
-    drone = await connect(broker.port, "drone-1")
+    drone = await connect(broker.port, "p/drone-1")
     arrived = drone.batches(INSTRUCTIONS)
     await all_connected(composition, drone)
 
@@ -28,8 +35,8 @@ async def test_a_drone_reads_only_its_own_instructions(
 
 async def test_a_drone_writes_only_its_own_topics(broker, connect, make, receive, all_connected):
     composition = await connect(broker.service_port, "composition")
-    drone = await connect(broker.port, "drone-1")
-    other = await connect(broker.port, "drone-2")
+    drone = await connect(broker.port, "p/drone-1")
+    other = await connect(broker.port, "p/drone-2")
     arrived = composition.batches(ACKS)
     await all_connected(composition, drone, other)
 
@@ -63,7 +70,7 @@ async def test_the_operator_reads_everything_and_writes_nothing(
     operator = await connect(broker.service_port, "operator")
     composition = await connect(broker.service_port, "composition")
     gateway = await connect(broker.service_port, "gateway")
-    drone = await connect(broker.port, "drone-1")
+    drone = await connect(broker.port, "p/drone-1")
     arrived = operator.batches(INSTRUCTIONS, ACKS, DELIVERY_EVENTS, CLOCK)
     forged = drone.batches(INSTRUCTIONS)
     await all_connected(operator, composition, gateway, drone)
@@ -84,9 +91,9 @@ async def test_the_operator_reads_everything_and_writes_nothing(
 @pytest.mark.parametrize("password", ["wrong", ""])
 async def test_a_wrong_password_is_refused(broker, connect, password, all_connected):
     link = MqttConnection(
-        Login("drone-1", "drone-1", password, 10), will=None, on_message=lambda *_: None
+        Login("p/drone-1", "p/drone-1", password, 10), will=None, on_message=lambda *_: None
     )
-    await all_connected(await connect(broker.port, "drone-2"))
+    await all_connected(await connect(broker.port, "p/drone-2"))
 
     with pytest.raises(MqttUnavailable, match="refused"):
         await link.open(BrokerAddress("127.0.0.1", broker.port, is_encrypted=False))
@@ -96,7 +103,7 @@ async def test_a_wrong_password_is_refused(broker, connect, password, all_connec
 
 async def test_anonymous_clients_are_refused(broker, connect, all_connected):
     link = MqttConnection(Login("anyone", "", "", 10), will=None, on_message=lambda *_: None)
-    await all_connected(await connect(broker.port, "drone-2"))
+    await all_connected(await connect(broker.port, "p/drone-2"))
 
     with pytest.raises(MqttUnavailable, match="refused"):
         await link.open(BrokerAddress("127.0.0.1", broker.port, is_encrypted=False))
@@ -104,7 +111,7 @@ async def test_anonymous_clients_are_refused(broker, connect, all_connected):
     link.close()
 
 
-@pytest.mark.parametrize("password", ["drone-2", "wrong"])
+@pytest.mark.parametrize("password", ["p/drone-2", "wrong"])
 async def test_a_drone_under_anothers_client_id_does_not_disturb_it(
     broker, connect, password, make, receive, all_connected
 ):
@@ -114,11 +121,11 @@ async def test_a_drone_under_anothers_client_id_does_not_disturb_it(
         greetings.append("connected")
 
     composition = await connect(broker.service_port, "composition")
-    victim = await connect(broker.port, "drone-1", on_connected=greet)
+    victim = await connect(broker.port, "p/drone-1", on_connected=greet)
     arrived = victim.batches(INSTRUCTIONS("p", "drone-1"))
     await all_connected(composition, victim)
     thief = MqttConnection(
-        Login("drone-1", "drone-2", password, 10), will=None, on_message=lambda *_: None
+        Login("p/drone-1", "p/drone-2", password, 10), will=None, on_message=lambda *_: None
     )
 
     with suppress(MqttUnavailable):
@@ -137,7 +144,7 @@ async def test_replicas_of_a_service_share_its_account(
 ):
     first = await connect(broker.service_port, "composition", client_id="composition-1")
     second = await connect(broker.service_port, "composition", client_id="composition-2")
-    drone = await connect(broker.port, "drone-1")
+    drone = await connect(broker.port, "p/drone-1")
     at_first, at_second = first.batches(ACKS), second.batches(ACKS)
     await all_connected(first, second, drone)
 
@@ -156,12 +163,12 @@ async def test_a_new_account_connects_and_a_removed_one_is_cut_off(
         greetings.append("connected")
 
     composition = await connect(broker.service_port, "composition", on_connected=greet)
-    removed = await connect(broker.port, "drone-1")
-    fresh = await connect(broker.port, "drone-3")
+    removed = await connect(broker.port, "p/drone-1")
+    fresh = await connect(broker.port, "p/drone-3")
     arrived = composition.batches(ACKS)
     await all_connected(composition, removed)
 
-    await broker.set_accounts(("composition", "drone-2", "drone-3"))
+    await broker.set_accounts(("composition", "p/drone-2", "p/drone-3"))
 
     await all_connected(fresh)
     await fresh.publish(ACKS("p", "drone-3"), make.ack(3))
@@ -170,3 +177,31 @@ async def test_a_new_account_connects_and_a_removed_one_is_cut_off(
     with pytest.raises(MqttUnavailable):
         await removed.publish(ACKS("p", "drone-1"), make.ack(1))
     assert greetings == ["connected"]
+
+
+@pytest.mark.parametrize(
+    ("account", "topic"),
+    [
+        ("station-1", STATION_STATE("station-1")),
+        ("station-1", STATE("stations", "station-1")),
+        ("drone-1", ACKS("p", "drone-1")),
+        ("drone-1", ACKS("drone-1", "drone-1")),
+        ("p/drone-1", STATE("stations", "drone-1")),
+        ("p/drone-1", ACKS("q", "drone-1")),
+    ],
+)
+async def test_nobody_writes_in_the_name_of_a_namesake(
+    broker, connect, make, receive, all_connected, account, topic
+):
+    operator = await connect(broker.service_port, "operator")
+    stranger = await connect(broker.port, account)
+    drone = await connect(broker.port, "p/drone-2")
+    arrived = operator.batches(ACKS, STATE, STATION_STATE)
+    await all_connected(operator, stranger, drone)
+
+    with suppress(MqttUnavailable):
+        await stranger.publish_raw(topic.name, b"{}", mqtt_qos=1, retained=True)
+    await drone.publish(ACKS("p", "drone-2"), make.ack(7))
+
+    [received] = await receive(arrived, 1)
+    assert received.message.seq == 7

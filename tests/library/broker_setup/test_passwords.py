@@ -50,7 +50,7 @@ def test_only_the_owner_can_read_the_file_and_no_draft_is_left(tmp_path):
     assert stat.S_IMODE((tmp_path / "passwords").stat().st_mode) == 0o600
 
 
-@pytest.mark.parametrize("name", ["a:b", "a\nb", "+", "", "x" * 65])
+@pytest.mark.parametrize("name", ["a:b", "a\nb", "+", "", "x" * 65, "a/", "/a", "a/b/c"])
 def test_a_user_name_that_is_no_identifier_is_refused(tmp_path, name):
     with pytest.raises(InvalidInput):
         write_password_file(tmp_path / "passwords", {name: hash_password("a")})

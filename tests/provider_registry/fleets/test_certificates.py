@@ -9,16 +9,16 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from skyway_provider_registry.fleets.issue_credentials import Issuer
 
 from skyway.broker_setup.certificates import CertificateAuthority
-from skyway.ids import DroneId
+from skyway.ids import DroneId, ProviderId
 from skyway.runtime.errors import InvalidSettings
 
-DRONE = DroneId("drn_1")
+PROVIDER, DRONE = ProviderId("prv_1"), DroneId("drn_1")
 
 
 def test_a_drones_certificate_names_it_and_is_signed_for_clients(tmp_path: Path) -> None:
     authority = CertificateAuthority.make(tmp_path / "ca")
 
-    made = Issuer(authority).make(DRONE).certificate
+    made = Issuer(authority).make(PROVIDER, DRONE).certificate
 
     assert made is not None
     certificate = x509.load_pem_x509_certificate(made.certificate_pem.encode())
@@ -34,7 +34,7 @@ def test_a_drones_certificate_names_it_and_is_signed_for_clients(tmp_path: Path)
 def test_credentials_are_unique_and_hidden_in_representations(tmp_path: Path) -> None:
     issuer = Issuer(CertificateAuthority.make(tmp_path / "ca"))
 
-    one, other = issuer.make(DRONE), issuer.make(DRONE)
+    one, other = issuer.make(PROVIDER, DRONE), issuer.make(PROVIDER, DRONE)
 
     assert one.key != other.key
     assert one.mqtt.password != other.mqtt.password
@@ -45,7 +45,7 @@ def test_credentials_are_unique_and_hidden_in_representations(tmp_path: Path) ->
 
 
 def test_without_an_authority_there_is_no_certificate() -> None:
-    assert Issuer(None).make(DRONE).certificate is None
+    assert Issuer(None).make(PROVIDER, DRONE).certificate is None
 
 
 def test_an_authority_is_made_once_and_only_this_user_can_read_it(tmp_path: Path) -> None:

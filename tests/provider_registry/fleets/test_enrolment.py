@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 from skyway_provider_registry.verify import RULES
 
-from skyway.broker_setup.passwords import matches, read_password_file
+from skyway.broker_setup.passwords import matches
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
+from tests.provider_registry.broker_accounts import accounts_in
 
 GATEWAY = "service:gateway"
 MONTH = timedelta(days=30)
@@ -29,7 +30,7 @@ async def whose(api: Any, key: str) -> Any:
 
 
 def logs_in(folder: Path, drone_id: str, password: str) -> bool:
-    hashed = read_password_file(folder / "passwords").get(drone_id)
+    hashed = accounts_in(folder).get(drone_id)
     return hashed is not None and matches(password, hashed)
 
 
@@ -43,7 +44,7 @@ async def test_a_token_is_exchanged_for_everything_a_drone_needs(api: Any, tmp_p
     assert answer.headers["cache-control"] == "no-store"
     for member in ("drone_id", "provider_id", "model", "home_station_id", "home_position", "soc"):
         assert enrolled[member] == drone[member]
-    assert enrolled["mqtt"]["user_name"] == drone["drone_id"]
+    assert enrolled["mqtt"]["user_name"] == f"{drone['provider_id']}/{drone['drone_id']}"
     assert logs_in(tmp_path, drone["drone_id"], enrolled["mqtt"]["password"])
     assert await whose(api, enrolled["key"]) == drone["drone_id"]
 

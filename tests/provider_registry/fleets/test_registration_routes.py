@@ -58,7 +58,7 @@ async def test_one_new_drone_is_answered_with_one_drone(api: Any, provider_id: s
     assert drone["home_position"] == [-97.94139, 29.88327]
     assert drone["model"]["model_id"] == drone["model_id"] == "paper-scenario"
     assert (drone["state"], drone["soc"], drone["position"]) == ("REGISTERED", 0.5, None)
-    assert drone["mqtt"]["user_name"] == drone["drone_id"]
+    assert drone["mqtt"]["user_name"] == f"{drone['provider_id']}/{drone['drone_id']}"
     assert drone["drone_id"].startswith("drn_")
 
 

@@ -9,9 +9,10 @@ from skyway_provider_registry.tables import presence
 from skyway_provider_registry.verify import RULES
 from sqlalchemy import update
 
-from skyway.broker_setup.passwords import matches, read_password_file
+from skyway.broker_setup.passwords import matches
 from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
+from tests.provider_registry.broker_accounts import accounts_in
 
 GATEWAY = "service:gateway"
 ROTATIONS = "/v1/enrolments/rotations"
@@ -25,7 +26,7 @@ async def whose(api: Any, key: str) -> Any:
 
 
 def logs_in(folder: Path, drone_id: str, password: str) -> bool:
-    hashed = read_password_file(folder / "passwords").get(drone_id)
+    hashed = accounts_in(folder).get(drone_id)
     return hashed is not None and matches(password, hashed)
 
 
@@ -117,7 +118,7 @@ async def test_a_revoked_drone_has_no_credentials(
     answer = await api(f"provider:{provider_id}", "DELETE", f"{path}/credentials")
 
     assert answer.status_code == 204
-    assert drone_id not in read_password_file(tmp_path / "passwords")
+    assert drone_id not in accounts_in(tmp_path)
     assert [await whose(api, one["key"]) for one in (enrolled, following)] == [None, None]
     body = {"enrolment_token": token["enrolment_token"]}
     assert (await api(GATEWAY, "POST", "/v1/enrolments", body)).status_code == 403
@@ -145,7 +146,7 @@ async def test_a_revoked_drone_enrols_again_with_a_new_token(
     path = f"/v1/providers/{provider_id}/drones/{drone_id}"
     await api(f"provider:{provider_id}", "DELETE", f"{path}/credentials")
     made = (await api(f"provider:{provider_id}", "POST", f"{path}/enrolment-tokens")).json()
-    without = drone_id in read_password_file(tmp_path / "passwords")
+    without = drone_id in accounts_in(tmp_path)
 
     body = {"enrolment_token": made["enrolment_token"]}
     again = (await api(GATEWAY, "POST", "/v1/enrolments", body)).json()
@@ -161,7 +162,7 @@ async def test_a_removed_drone_has_no_credentials(api: Any, enrolled: Any, tmp_p
     await api(f"provider:{provider_id}", "DELETE", f"/v1/providers/{provider_id}/drones/{drone_id}")
 
     assert await whose(api, enrolled["key"]) is None
-    assert drone_id not in read_password_file(tmp_path / "passwords")
+    assert drone_id not in accounts_in(tmp_path)
 
 
 async def test_a_drone_sees_only_itself(api: Any, enrolled: Any) -> None:

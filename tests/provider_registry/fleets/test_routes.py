@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from skyway_provider_registry.verify import RULES
 
-from skyway.broker_setup.passwords import read_password_file
 from tests.broken_rules import broken_rules
+from tests.provider_registry.broker_accounts import accounts_in
 
 
 @pytest.fixture
@@ -171,13 +171,13 @@ async def test_a_duplicate_registration_is_refused(api: Any, mine: str) -> None:
 async def test_a_removed_drone_cannot_log_in(api: Any, mine: str, tmp_path: Path, db: Any) -> None:
     drone_id = (await api.drone(mine))["drone_id"]
     path = f"/v1/providers/{mine}/drones/{drone_id}"
-    before = read_password_file(tmp_path / "passwords")
+    before = accounts_in(tmp_path)
 
     answer = await api(f"provider:{mine}", "DELETE", path)
 
     assert answer.status_code == 204
     assert drone_id in before
-    assert drone_id not in read_password_file(tmp_path / "passwords")
+    assert drone_id not in accounts_in(tmp_path)
     assert (await api("operator:op", "GET", path)).status_code == 404
     assert await broken_rules(db, RULES) == []
 
