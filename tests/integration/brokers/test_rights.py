@@ -194,13 +194,13 @@ async def test_nobody_writes_in_the_name_of_a_namesake(
     broker, connect, make, receive, all_connected, account, topic
 ):
     operator = await connect(broker.service_port, "operator")
-    stranger = await connect(broker.port, account)
+    namesake = await connect(broker.port, account)
     drone = await connect(broker.port, "p/drone-2")
     arrived = operator.batches(ACKS, STATE, STATION_STATE)
-    await all_connected(operator, stranger, drone)
+    await all_connected(operator, namesake, drone)
 
     with suppress(MqttUnavailable):
-        await stranger.publish_raw(topic.name, b"{}", mqtt_qos=1, retained=True)
+        await namesake.publish_raw(topic.name, b"{}", mqtt_qos=1, retained=True)
     await drone.publish(ACKS("p", "drone-2"), make.ack(7))
 
     [received] = await receive(arrived, 1)
