@@ -1,17 +1,11 @@
 """One run: a whole Skyway started, populated, broken again and again, left in peace, and judged."""
 
 import asyncio
-import os
-import shutil
-import subprocess
-import sys
-import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Final
 
 from benchmarks.chaos.cast import Cast, cast_for
@@ -20,19 +14,18 @@ from benchmarks.chaos.judgement import Flaw, flaws_in
 from benchmarks.chaos.outcome import Outcome
 from benchmarks.chaos.recovery import Healed, recoveries
 from benchmarks.chaos.schedule import LEAST_CALM_S, faults_for, schedule
-from benchmarks.chaos.settling import evidence_of, not_ended, settled
+from benchmarks.chaos.settling import evidence_of, settled, warmed_up
 from benchmarks.chaos.small_disk import SmallDisk, small_disk
 from benchmarks.chaos.system import chaos_system
+from benchmarks.chaos.traces import keep_databases, keep_traces, run_folder
 from benchmarks.chaos.trial import Trial
+from benchmarks.chaos.verdict import answer_flaws, verify_flaws
 from benchmarks.chaos.webhooks import WebhookServer
 from benchmarks.load.storage_pair import storage_pair
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.system.databases import database_urls
-from skyway.errors import SkywayError
 from skyway.ids import DeliveryId
 
-#: Wall seconds within which a request must be dispatched before the first fault.
-_WARM_WITHIN_S: Final = 90.0
 #: Wall seconds after which the next fault comes though the system has not recovered.
 _RECOVERS_WITHIN_S: Final = 60.0
 
@@ -40,7 +33,7 @@ _RECOVERS_WITHIN_S: Final = 60.0
 async def run(trial: Trial) -> Outcome:
     """The run from its first process to its last; of one with flaws the traces are kept."""
     with (
-        _folder() as folder,
+        run_folder() as folder,
         storage_pair(trial.storage, folder) as servers,
         _disk(trial, folder) as disk,
     ):
@@ -51,22 +44,10 @@ async def run(trial: Trial) -> Outcome:
         ):
             outcome = await _played(cast)
         if outcome.flaws:
-            kept = _keep_traces(folder)
+            kept = keep_traces(folder)
             if trial.storage == "production":
-                await asyncio.to_thread(_keep_databases, kept, await database_urls(folder))
+                await asyncio.to_thread(keep_databases, kept, await database_urls(folder))
         return outcome
-
-
-@contextmanager
-def _folder() -> Iterator[DataFolder]:
-    with tempfile.TemporaryDirectory(prefix="skyway-chaos-") as name:
-        folder = DataFolder(Path(name))
-        folder.make()
-        try:
-            yield folder
-        except Exception:
-            _keep_traces(folder)
-            raise
 
 
 @contextmanager
@@ -78,27 +59,9 @@ def _disk(trial: Trial, folder: DataFolder) -> Iterator[SmallDisk | None]:
         yield None
 
 
-def _keep_traces(folder: DataFolder) -> Path:
-    kept = Path(tempfile.mkdtemp(prefix="skyway-chaos-traces-"))
-    for part in (folder.logs, folder.journals):
-        shutil.copytree(part, kept / part.name, ignore=shutil.ignore_patterns("*.lock"))
-    for database in folder.path.glob("*.db"):
-        for file in database.resolve().parent.glob(f"{database.name}*"):
-            shutil.copy(file, kept)
-    print(f"logs, journals and databases are in {kept}", file=sys.stderr, flush=True)
-    return kept
-
-
-def _keep_databases(kept: Path, urls: Mapping[str, str]) -> None:
-    """Dump the services' PostgreSQL databases as SQL."""
-    for service, url in urls.items():
-        command = ["pg_dump", "--inserts", f"--dbname={url}", f"--file={kept / service}.sql"]
-        subprocess.run(command, check=False)
-
-
 async def _played(cast: Cast) -> Outcome:
     gave_up = asyncio.create_task(cast.running.system.supervisor.failed())
-    await _warm_up(cast)
+    await warmed_up(cast)
     requests = cast.city.requests(
         rate_per_s=cast.trial.rate_per_s, seconds=cast.trial.seconds, seed=cast.trial.seed
     )
@@ -116,14 +79,11 @@ async def _played(cast: Cast) -> Outcome:
         _say("no more faults")
         quiet_s = await settled(cast)
     evidence = await evidence_of(cast)
-    flaws = [*flaws_in(evidence), *_other_flaws(cast)]
+    flaws = [*flaws_in(evidence), *answer_flaws(cast.customers.requests)]
     if gave_up.done():
         flaws.append(Flaw("gave up", None, str(gave_up.exception())))
     gave_up.cancel()
-    flaws += [
-        Flaw("verify", None, line)
-        for line in await asyncio.to_thread(_violations, cast.running.system.folder)
-    ]
+    flaws += await asyncio.to_thread(verify_flaws, cast.running.system.folder)
     return Outcome(
         trial=cast.trial,
         flaws=tuple(flaws),
@@ -139,19 +99,6 @@ async def _ended(*tasks: "asyncio.Task[None]") -> None:
         task.cancel()
         with suppress(asyncio.CancelledError):
             await task
-
-
-async def _warm_up(cast: Cast) -> None:
-    """The first requests compile and fill caches: wait until all of them have ended."""
-    first = cast.city.requests(rate_per_s=3.0, seconds=2.0, seed=cast.trial.seed + 1)
-    await cast.customers.request_all(cast.client, first)
-    try:
-        async with asyncio.timeout(_WARM_WITHIN_S):
-            await cast.customers.all_answered(within_s=_WARM_WITHIN_S)
-            while not_ended(cast):  # noqa: ASYNC110 - other processes end them
-                await asyncio.sleep(0.1)
-    except TimeoutError as error:
-        raise SkywayError("the system was not warm in time") from error
 
 
 async def _break_again_and_again(cast: Cast, healed: list[Healed]) -> None:
@@ -203,28 +150,6 @@ def _accepted_at(cast: Cast) -> dict[DeliveryId, float]:
     return {
         delivery_id: each.at_s for delivery_id, each in cast.customers.requests.accepted.items()
     }
-
-
-def _other_flaws(cast: Cast) -> Iterator[Flaw]:
-    """Answers that no customer should get."""
-    requests = cast.customers.requests
-    for (answer, fault), count in sorted(requests.answers.items()):
-        # A process without memory cannot even know what it lacks.
-        if answer == "500" and not fault.startswith("no memory"):
-            yield Flaw("answer 500", None, f"{count} POSTs were answered 500; {fault}")
-    for seen in requests.unanswered:
-        yield Flaw("unanswered", None, seen)
-
-
-def _violations(folder: DataFolder) -> list[str]:
-    """What `skyway verify` finds in the databases as they stand; nothing when all is well."""
-    command = [sys.executable, "-m", "skyway.cli", "verify", "--data", str(folder.path)]
-    checked = subprocess.run(
-        command, capture_output=True, text=True, check=False, env=dict(os.environ)
-    )
-    if checked.returncode == 0:
-        return []
-    return (checked.stdout + checked.stderr).strip().splitlines()
 
 
 def _say(words: str) -> None:

@@ -1,4 +1,4 @@
-"""After the last fault: waits until every delivery has ended, and collects the evidence."""
+"""Before the first fault and after the last: waits until all ends, and collects the evidence."""
 
 import asyncio
 import time
@@ -7,10 +7,26 @@ from typing import Final
 from benchmarks.chaos.cast import Cast
 from benchmarks.chaos.evidence import Evidence
 from benchmarks.chaos.final_answers import OUT_OF_CONTACT, FinalQuestions
+from skyway.errors import SkywayError
 from skyway.ids import DeliveryId
 
 #: A drone shows its state every 30 s: if nothing is learned from it for longer, people must look.
 _ASKED_FOR_S: Final = 45.0
+#: Wall seconds within which the first requests must have ended.
+_WARM_WITHIN_S: Final = 90.0
+
+
+async def warmed_up(cast: Cast) -> None:
+    """The first requests compile and fill caches: wait until all of them have ended."""
+    first = cast.city.requests(rate_per_s=3.0, seconds=2.0, seed=cast.trial.seed + 1)
+    await cast.customers.request_all(cast.client, first)
+    try:
+        async with asyncio.timeout(_WARM_WITHIN_S):
+            await cast.customers.all_answered(within_s=_WARM_WITHIN_S)
+            while not_ended(cast):  # noqa: ASYNC110 - other processes end them
+                await asyncio.sleep(0.1)
+    except TimeoutError as error:
+        raise SkywayError("the system was not warm in time") from error
 
 
 async def settled(cast: Cast) -> float:

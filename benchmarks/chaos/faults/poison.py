@@ -11,6 +11,7 @@ from skyway_drone_agent.enrolment.enrolled_drone import EnrolledDrone
 
 from benchmarks.chaos.faults.stage import Stage
 from benchmarks.chaos.schedule import PlannedFault
+from benchmarks.hostile.extremes import UNREADABLE, extreme_like
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, TELEMETRY, Topic
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.client import MqttClient
@@ -20,25 +21,6 @@ _TOPICS: Final[tuple[Topic[Any], ...]] = (ACKS, EVENTS, STATE, TELEMETRY, CONNEC
 _DRONES, _MESSAGES_EACH = 4, 40
 _CONNECTS_WITHIN_S: Final = 2.0
 _BETWEEN_S: Final = 0.02
-
-#: Not readable: no JSON, no object, not this schema, too large, too deep.
-UNREADABLE: Final = (
-    b"{",
-    b"null",
-    b"[]",
-    b"\x00",
-    b"\xff\xfe\xfa",
-    b'{"schema_version": 2}',
-    b'{"seq": 1e999}',
-    b'{"seq": ' + b"9" * 6_000 + b"}",
-    b"[" * 20_000,
-    b'{"detail": "\\ud800"}',
-    b'{"detail": "' + b"x" * 200_000 + b'"}',
-)
-
-_MOMENTS: Final = ("0001-01-01T00:00:00Z", "9999-12-31T23:59:59Z", "2026-03-02T08:00:00+14:00")
-_NUMBERS: Final = (0, 1, -1, 2**53 - 1, 2**53, 2**63, -(2**63), 1e308, -1e308, 5e-324)
-_TEXTS: Final = ("", "\u0000", "x" * 10_000, "\u202e", "'; DROP TABLE missions; --", "😀")
 
 
 @asynccontextmanager
@@ -99,25 +81,8 @@ def extreme_payloads(
             document["mission_id"] = chance.choice(missions)
         for name in chance.sample(sorted(document), chance.randint(0, 3)):
             if name != "schema_version":
-                document[name] = _extreme(document[name], chance)
+                document[name] = extreme_like(document[name], chance)
         yield json.dumps(document).encode()
-
-
-def _extreme(value: object, chance: random.Random) -> object:
-    """Another value that looks like this one."""
-    match value:
-        case bool():
-            return not value
-        case int() | float():
-            return chance.choice(_NUMBERS)
-        case str() if value[:2] == "20":
-            return chance.choice(_MOMENTS)
-        case str():
-            return chance.choice(_TEXTS)
-        case list():
-            return [chance.choice(_NUMBERS) for _ in value]
-        case _:
-            return {chance.choice(_TEXTS): chance.choice((*_NUMBERS, *_TEXTS))}
 
 
 def _forms(drone: EnrolledDrone) -> list[Mapping[str, Any]]:  # any JSON value

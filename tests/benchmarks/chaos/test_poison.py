@@ -6,7 +6,8 @@ from itertools import islice
 import pytest
 from pydantic import ValidationError
 
-from benchmarks.chaos.faults.poison import UNREADABLE, extreme_payloads
+from benchmarks.chaos.faults.poison import extreme_payloads
+from benchmarks.hostile.extremes import UNREADABLE
 from benchmarks.fleet.crew import crew_of
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, TELEMETRY
 

@@ -1,0 +1,214 @@
+"""The rogues: a customer, a provider, a drone and a stranger, and all that they send."""
+
+import asyncio
+import random
+from collections import Counter
+from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from dataclasses import dataclass, field
+from typing import Final
+
+import aiohttp
+from yarl import URL
+
+from benchmarks.chaos.cast import Cast
+from benchmarks.chaos.faults.poison import extreme_payloads
+from benchmarks.hostile.calls import Forged, all_calls, forged_calls
+from benchmarks.hostile.extremes import UNREADABLE, extreme_text
+from benchmarks.load.world import Customer
+from skyway.cli.gateway import GatewayApi
+from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, TELEMETRY
+from skyway.runtime.errors import MqttUnavailable
+from skyway.runtime.mqtt.client import MqttClient
+
+#: Wall seconds: how long a rogue waits for an answer, and between two messages on the broker.
+_ANSWER_WITHIN_S: Final = 15.0
+_BETWEEN_MESSAGES_S: Final = 0.02
+_CONNECTS_WITHIN_S: Final = 2.0
+#: Calls of each rogue that are under way together.
+_TOGETHER: Final = 4
+
+
+@dataclass(slots=True)
+class Answers:
+    """How rogues were answered: counts by status or error, and the calls that broke a server."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    broken: list[str] = field(default_factory=list)
+    messages: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Rogue:
+    """Who sends calls: a name for people, and the headers that say who it is."""
+
+    name: str
+    headers: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Rogues:
+    """All rogues of a run; their drone is the one of `Stage.rogue`."""
+
+    callers: tuple[Rogue, ...]
+    customer: Customer
+    #: Ids that exist by the names of the parameters that want them, own and foreign.
+    known: Mapping[str, Sequence[str]]
+
+
+async def register_rogues(cast: Cast) -> Rogues:
+    """A customer, a key for the rogue provider, which may fly now, and what they know."""
+    drone = cast.stage.rogue
+    async with GatewayApi(cast.running.system.urls["gateway"]) as api:
+        key = cast.operator_key
+        await api.call(
+            "PATCH", f"/v1/providers/{drone.provider_id}", key=key, body={"state": "ACTIVE"}
+        )
+        subject = {"role": "provider", "subject_id": drone.provider_id}
+        provider = await api.call("POST", "/v1/keys", key=key, body=subject)
+        issued = await api.call(
+            "POST", "/v1/keys", key=key, body={"role": "customer", "subject_id": "rogue"}
+        )
+    customer = Customer(
+        issued["subject_id"],
+        issued["key"],
+        issued["mqtt"]["user_name"],
+        issued["mqtt"]["password"],
+    )
+    callers = (
+        Rogue("customer", _authorized(customer.key)),
+        Rogue("provider", _authorized(provider["key"])),
+        Rogue("stranger", {}),
+        Rogue("stranger with a key", _authorized("sk_" + "x" * 5_000)),
+    )
+    return Rogues(callers, customer, _known(cast))
+
+
+def _authorized(key: str) -> dict[str, str]:
+    return {"Authorization": f"Bearer {key}"}
+
+
+def _known(cast: Cast) -> dict[str, tuple[str, ...]]:
+    stations = tuple(cast.city.network.columns.station_ids)
+    flying = cast.stage.drones
+    return {
+        "delivery_id": tuple(cast.customers.requests.accepted),
+        "mission_id": tuple(cast.stage.journals.mission_ids()),
+        "drone_id": (cast.stage.rogue.drone_id, *(each.drone_id for each in flying)),
+        "provider_id": (cast.stage.rogue.provider_id, flying[0].provider_id),
+        "network_id": ("city",),
+        "webhook_id": tuple(cast.webhook_ids.values()),
+        **dict.fromkeys(("station_id", "from_id", "to_id", "home_station_id"), stations),
+        "pad": ("1", "2"),
+        "model_id": ("dji-matrice-300-rtk",),
+    }
+
+
+@asynccontextmanager
+async def attacking(cast: Cast, rogues: Rogues, *, seed: int) -> AsyncIterator[Answers]:
+    """Let all rogues call and publish while the block lasts."""
+    answers = Answers()
+    attacks = [
+        asyncio.create_task(_call_without_end(cast, rogue, rogues, answers, f"{seed} {number}"))
+        for rogue in rogues.callers
+        for number in range(_TOGETHER)
+    ]
+    attacks.append(asyncio.create_task(_publish_without_end(cast, rogues, answers, seed)))
+    try:
+        yield answers
+    finally:
+        for attack in attacks:
+            attack.cancel()
+        ends = await asyncio.gather(*attacks, return_exceptions=True)
+    for end in ends:
+        if isinstance(end, Exception):
+            raise end
+
+
+async def _call_without_end(
+    cast: Cast, rogue: Rogue, rogues: Rogues, answers: Answers, seed: str
+) -> None:
+    chance = random.Random(f"{rogue.name} {seed}")
+    timeout = aiohttp.ClientTimeout(total=_ANSWER_WITHIN_S)
+    async with aiohttp.ClientSession(timeout=timeout, headers=rogue.headers) as client:
+        for forged in forged_calls(all_calls(), rogues.known, chance):
+            await _send(client, cast.running.customers_url, rogue, forged, answers)
+
+
+async def _send(
+    client: aiohttp.ClientSession, url: str, rogue: Rogue, forged: Forged, answers: Answers
+) -> None:
+    headers = {"Content-Type": "application/json"} if forged.body is not None else {}
+    target = URL(url + forged.target, encoded=True)
+    seen, text = "no answer", b""
+    try:
+        async with client.request(
+            forged.call.method, target, data=forged.body, headers=headers
+        ) as answer:
+            seen = str(answer.status)
+            # A stream of events has no end.
+            text = await answer.content.read(2_000)
+    except (aiohttp.ClientError, TimeoutError) as error:
+        if not isinstance(error, TimeoutError):
+            seen = type(error).__name__
+    answers.counts[seen] += 1
+    if seen.startswith("5") or seen == "no answer":
+        answers.broken.append(
+            f"{rogue.name}: {forged.call.name}: {seen} {text!r:.200}; "
+            f"{forged.target!r:.300} {forged.body!r:.500}"
+        )
+
+
+async def _publish_without_end(cast: Cast, rogues: Rogues, answers: Answers, seed: int) -> None:
+    """Publish as the drone and as the customer, in turns, on topics of their own and of others."""
+    chance = random.Random(f"broker {seed}")
+    drone, customer = cast.stage.rogue, rogues.customer
+    logins = (
+        (drone.mqtt.user_name, drone.mqtt.password),
+        (customer.mqtt_user_name, customer.mqtt_password),
+    )
+    payloads = extreme_payloads(drone, chance, missions=cast.stage.journals.mission_ids())
+    names = _topic_names(cast, chance)
+    while True:
+        for user_name, password in logins:
+            async with AsyncExitStack() as opened:
+                with suppress(TimeoutError, MqttUnavailable):
+                    client = await opened.enter_async_context(
+                        MqttClient(
+                            cast.running.system.mqtt_url,
+                            client_id=user_name,
+                            user_name=user_name,
+                            password=password,
+                        )
+                    )
+                    async with asyncio.timeout(_CONNECTS_WITHIN_S):
+                        await client.wait_connected()
+                    await _publish(client, names, payloads, answers, chance)
+
+
+async def _publish(
+    client: MqttClient,
+    names: Iterator[str],
+    payloads: Iterator[bytes],
+    answers: Answers,
+    chance: random.Random,
+) -> None:
+    for _ in range(50):
+        payload = next(payloads) if chance.random() < 0.8 else chance.choice(UNREADABLE)
+        with suppress(ValueError):  # the client itself refuses some names
+            await client.publish_raw(
+                next(names), payload, mqtt_qos=chance.choice((0, 1)), retained=chance.random() < 0.2
+            )
+        answers.messages += 1
+        await asyncio.sleep(_BETWEEN_MESSAGES_S)
+
+
+def _topic_names(cast: Cast, chance: random.Random) -> Iterator[str]:
+    """Mostly the drone's own topics, some of others, and some that nobody has."""
+    topics = (ACKS, EVENTS, STATE, TELEMETRY, CONNECTION)
+    while True:
+        kind = chance.random()
+        drone = cast.stage.rogue if kind < 0.8 else chance.choice(cast.stage.drones)
+        provider_id = cast.stage.rogue.provider_id if kind < 0.9 else drone.provider_id
+        name = chance.choice(topics)(provider_id, drone.drone_id).name
+        yield name if kind < 0.95 else f"skyway/{extreme_text(chance)[:200]}"
