@@ -2,6 +2,7 @@
 
 import asyncio
 import random
+import re
 from collections import Counter
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
@@ -18,6 +19,7 @@ from benchmarks.hostile.extremes import UNREADABLE, extreme_text
 from benchmarks.load.world import Customer
 from skyway.cli.gateway import GatewayApi
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, TELEMETRY
+from skyway.ids import DeliveryId
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.client import MqttClient
 
@@ -25,6 +27,9 @@ from skyway.runtime.mqtt.client import MqttClient
 _ANSWER_WITHIN_S: Final = 15.0
 _BETWEEN_MESSAGES_S: Final = 0.02
 _CONNECTS_WITHIN_S: Final = 2.0
+#: The address from which rogues call.
+_ADDRESS: Final = "127.0.0.2"
+_DELIVERY: Final = re.compile(rb"dlv_\w+")
 #: Calls of each rogue that are under way together.
 _TOGETHER: Final = 4
 
@@ -35,6 +40,8 @@ class Answers:
 
     counts: Counter[str] = field(default_factory=Counter)
     broken: list[str] = field(default_factory=list)
+    #: Deliveries that rogues requested themselves, without a fault.
+    deliveries: set[DeliveryId] = field(default_factory=set)
     messages: int = 0
 
 
@@ -130,9 +137,13 @@ async def _call_without_end(
 ) -> None:
     chance = random.Random(f"{rogue.name} {seed}")
     timeout = aiohttp.ClientTimeout(total=_ANSWER_WITHIN_S)
-    async with aiohttp.ClientSession(timeout=timeout, headers=rogue.headers) as client:
+    url = cast.running.system.urls["gateway"]
+    connector = aiohttp.TCPConnector(local_addr=(_ADDRESS, 0))
+    async with aiohttp.ClientSession(
+        connector=connector, timeout=timeout, headers=rogue.headers
+    ) as client:
         for forged in forged_calls(all_calls(), rogues.known, chance):
-            await _send(client, cast.running.customers_url, rogue, forged, answers)
+            await _send(client, url, rogue, forged, answers)
 
 
 async def _send(
@@ -152,6 +163,8 @@ async def _send(
         if not isinstance(error, TimeoutError):
             seen = type(error).__name__
     answers.counts[seen] += 1
+    if seen == "202" and (named := _DELIVERY.search(text)):
+        answers.deliveries.add(DeliveryId(named[0].decode()))
     if seen.startswith("5") or seen == "no answer":
         answers.broken.append(
             f"{rogue.name}: {forged.call.name}: {seen} {text!r:.200}; "

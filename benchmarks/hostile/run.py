@@ -107,7 +107,11 @@ async def _played(trial: Trial, cast: Cast) -> Outcome:
     growth_mib = {name: after[name] - before[name] for name in before}
     flaws = [
         *flaws_of(answers, calm=calm, attacked=attacked, growth_mib=growth_mib),
-        *flaws_in(await evidence_of(cast)),
+        *(
+            each
+            for each in flaws_in(await evidence_of(cast))
+            if each.delivery_id not in answers.deliveries
+        ),
         *answer_flaws(cast.customers.requests),
         *await asyncio.to_thread(verify_flaws, cast.running.system.folder),
     ]

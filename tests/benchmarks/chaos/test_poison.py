@@ -7,8 +7,8 @@ import pytest
 from pydantic import ValidationError
 
 from benchmarks.chaos.faults.poison import extreme_payloads
-from benchmarks.hostile.extremes import UNREADABLE
 from benchmarks.fleet.crew import crew_of
+from benchmarks.hostile.extremes import UNREADABLE
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, TELEMETRY
 
 TOPICS = (ACKS, EVENTS, STATE, TELEMETRY, CONNECTION)
