@@ -1,4 +1,4 @@
-"""The rogues: a customer, a provider, a drone and a stranger, and all that they send."""
+"""The rogues: a customer, a provider, a drone and callers without a key, and all that they send."""
 
 import asyncio
 import random
@@ -85,8 +85,8 @@ async def register_rogues(cast: Cast) -> Rogues:
     callers = (
         Rogue("customer", _authorized(customer.key)),
         Rogue("provider", _authorized(provider["key"])),
-        Rogue("stranger", {}),
-        Rogue("stranger with a key", _authorized("sk_" + "x" * 5_000)),
+        Rogue("no key", {}),
+        Rogue("wrong key", _authorized("sk_" + "x" * 5_000)),
     )
     return Rogues(callers, customer, _known(cast))
 

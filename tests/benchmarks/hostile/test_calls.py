@@ -28,7 +28,7 @@ def test_known_ids_stand_in_paths_and_bodies() -> None:
     assert any(b'"station_id": "sta_1"' in (each.body or b"") for each in forged)
 
 
-def test_a_path_keeps_its_segments_whatever_stands_in_them() -> None:
+def test_no_extreme_value_adds_a_segment_to_a_path() -> None:
     for each in itertools.islice(forged_calls([READ], KNOWN, _chance()), 300):
         assert urlsplit(each.target).path.count("/") == 3
 
