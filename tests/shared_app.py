@@ -7,7 +7,7 @@ request says whose parts it is for, and a stand-in forwards to the part with its
 import inspect
 from collections.abc import Awaitable, Callable
 from contextvars import ContextVar
-from functools import cache, partial
+from functools import cache
 from typing import Any, get_type_hints
 
 from fastapi import FastAPI
@@ -59,7 +59,9 @@ class _StandIns:
         self._hints = get_type_hints(parts)
 
     def __getattr__(self, name: str) -> Any:
-        find = partial(_part, name)
+        def find() -> Any:
+            return _part(name)
+
         check = inspect.getattr_static(self._hints.get(name), "__call__", None)
         return _gate(check, find) if inspect.iscoroutinefunction(check) else StandIn(find)
 

@@ -28,6 +28,7 @@ from skyway.runtime.outbox.senders import MqttSender, ReportSender
 from skyway.runtime.outbox.stream_sender import unhurried_pace
 from skyway.runtime.sql.migrations import migrate
 from skyway_gateway.access.audit_trail import AuditTrail
+from skyway_gateway.access.limit_routes import limit_routes
 from skyway_gateway.access.routes import audit_routes, key_routes
 from skyway_gateway.deliveries.booking.queue_store import free_claims
 from skyway_gateway.deliveries.reading.routes import (
@@ -39,7 +40,7 @@ from skyway_gateway.deliveries.report_routes import report_routes
 from skyway_gateway.deliveries.requests.routes import cancelling_routes, delivery_routes
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
-from skyway_gateway.forward.table import larger_bodies
+from skyway_gateway.forward.table import own_body_limits
 from skyway_gateway.notifications.delivery_events import EventStream
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
 from skyway_gateway.notifications.routes import (
@@ -105,11 +106,15 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             ),
             statistics_routes(db=db, gate=gate, clock=clock),
             audit_routes(db=db, gate=gate),
-            forward_routes(gate=gate, clients=parts.clients, changes=parts.waker),
+            limit_routes(gate=gate, meters=parts.meters),
+            forward_routes(
+                gate=gate, clients=parts.clients, changes=parts.waker, meters=parts.meters
+            ),
         ],
         lifespan=lifespan,
         readiness=readiness,
-        body_limit=body_limits(larger_bodies()),
+        body_limit=body_limits(own_body_limits()),
+        entrance=parts.entrance,
         middleware=[Middleware(AuditTrail, db=db, clock=clock, mint=mint)],
         webhooks=webhook_calls(),
         publish=lambda own: whole_document(with_event_examples(own), stored_document()),

@@ -9,11 +9,13 @@ from typing import Final
 from skyway.announced_networks import NetworkLearner, stations_from
 from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.entrance import KeyEntrance, Meters
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.loops import Wake
+from skyway.runtime.meter import Budget, Meter
 from skyway.runtime.minting import mint
 from skyway.runtime.sql.database import Database
-from skyway_gateway.access.keys import CachedKeys, DroneKeys, Keys
+from skyway_gateway.access.keys import AllKeys, CachedKeys, DroneKeys, Keys
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
 from skyway_gateway.deliveries.apply_reports import OverdueNotifier, ReportApplier
@@ -24,6 +26,7 @@ from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
+from skyway_gateway.forward.table import open_calls
 from skyway_gateway.notifications.delivery_events import EventListeners, EventRecorder
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
 from skyway_gateway.notifications.send_webhooks import WebhookSender
@@ -50,6 +53,8 @@ class Parts:
     networks: NetworkLearner
     cached_keys: CachedKeys
     gate: KeyGate
+    entrance: KeyEntrance
+    meters: Meters
     services: ServiceGate
     keys: Keys
     listeners: EventListeners
@@ -148,6 +153,9 @@ def build_parts(
     post = WebhookPost(targets)
     events = EventRecorder(clock=clock, mint=mint, listeners=listeners, webhooks=notifications)
     cached_keys, queued = CachedKeys(db, clock), Wake()
+    services = ServiceGate(settings.secrets_dir, allowed=("composition",))
+    meters = _meters(settings)
+    all_keys = AllKeys(cached_keys, DroneKeys(registry))
     networks = NetworkLearner(stations_from(clients["composition"]), keep=partial(keep_network, db))
     return Parts(
         db=db,
@@ -158,8 +166,10 @@ def build_parts(
         composition=composition,
         networks=networks,
         cached_keys=cached_keys,
-        gate=KeyGate(cached_keys, DroneKeys(registry)),
-        services=ServiceGate(settings.secrets_dir, allowed=("composition",)),
+        gate=KeyGate(),
+        entrance=KeyEntrance(all_keys, services, meters, open_calls()),
+        meters=meters,
+        services=services,
         keys=Keys(
             db,
             cached=cached_keys,
@@ -178,6 +188,14 @@ def build_parts(
         hold_limits=HoldLimits(settings.hold_s, settings.held_quotes_per_customer),
         waker=Waker(db, clock, networks.cached, queued),
     )
+
+
+def _meters(settings: GatewaySettings) -> Meters:
+    tenants = Budget("TENANT_REQUESTS", settings.requests_per_s, settings.requests_burst)
+    addresses = Budget(
+        "ADDRESS_REQUESTS", settings.address_requests_per_s, settings.address_requests_burst
+    )
+    return Meters(Meter(tenants), Meter(addresses))
 
 
 def running_parts(settings: GatewaySettings) -> Parts:

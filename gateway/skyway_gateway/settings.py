@@ -50,6 +50,33 @@ class GatewaySettings(ServiceSettings):
         description="Quotes with `hold` that one customer may hold at the same time. 0 holds none.",
     )
 
+    requests_per_s: float = Field(
+        default=100.0,
+        ge=1.0,
+        le=100_000.0,
+        description="Requests a second that each tenant (customer, provider, operator or drone) "
+        "may send for ever.",
+    )
+    requests_burst: int = Field(
+        default=500,
+        ge=10,
+        le=1_000_000,
+        description="Requests that a tenant may send together after a pause.",
+    )
+    address_requests_per_s: float = Field(
+        default=100.0,
+        ge=1.0,
+        le=100_000.0,
+        description="Requests a second without a known key from one address (IPv6: one /64). A "
+        "refused one, and one for a page of documentation, counts as ten.",
+    )
+    address_requests_burst: int = Field(
+        default=1_000,
+        ge=10,
+        le=1_000_000,
+        description="Requests without a known key that one address may send together.",
+    )
+
     @field_validator("webhook_allow_networks", mode="before")
     @classmethod
     def _read_networks(cls, value: object) -> object:

@@ -17,6 +17,7 @@ from skyway.runtime.http.app import (
     nothing_to_wait_for,
 )
 from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.entrance import ServiceEntrance
 from skyway.runtime.http.identity import ServiceIdentity, read_secret
 from skyway.runtime.loops import Loops
 from skyway.runtime.mqtt.client import MqttClient
@@ -89,6 +90,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             area_routes(gate=gate, closings=parts.closings),
             alarm_routes(db=db, gate=gate, clock=clock),
         ],
+        entrance=ServiceEntrance(gate),
         lifespan=lifespan,
         readiness=readiness,
         body_limit=body_limits(

@@ -18,6 +18,7 @@ from skyway.runtime.http.app import (
     nothing_to_open,
     nothing_to_wait_for,
 )
+from skyway.runtime.http.entrance import ServiceEntrance
 from skyway.runtime.http.identity import read_secret
 from skyway.runtime.idempotency_store import sweep
 from skyway.runtime.loops import Loops, repeat
@@ -87,6 +88,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             enrolment_routes(db=db, gate=gate, password_file=password_file),
             telemetry_routes(db=db, gate=gate),
         ],
+        entrance=ServiceEntrance(gate),
         lifespan=lifespan,
         readiness=readiness,
         body_limit=body_limits(

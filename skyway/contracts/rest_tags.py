@@ -19,6 +19,7 @@ TAGS: Final[Mapping[str, str]] = {
     "alarms": "What needs the eyes of a person, and who has seen it.",
     "statistics": "Sums over deliveries, drones, pads and missions.",
     "keys": "API keys of customers, providers and operators.",
+    "limits": "What the caller may use, and what is left of it.",
     "audit": "What operators and providers did.",
     "clock": "Fleet time, which can run faster than wall time.",
     "service": "Whether a process is alive and ready, and what it counts.",

@@ -7,6 +7,7 @@ SkywayError
 ├── Conflict                the present state forbids it; `code` names the reason
 ├── PreconditionFailed      If-Match named another version
 ├── TooLarge                a body above its limit
+├── BudgetSpent             the caller used more than its budget; `code` names the budget
 ├── IdempotencyKeyReused    the same key came with another body
 ├── RowRefused              a unique, exclusion or trigger rule of the database refused a row
 ├── ServiceUnavailable      another service or the database does not answer now
@@ -93,6 +94,28 @@ class TooLarge(SkywayError):
     def __init__(self, limit_bytes: int) -> None:
         super().__init__(f"the body is larger than the limit of {limit_bytes} bytes")
         self.limit_bytes = limit_bytes
+
+
+class BudgetSpent(SkywayError):
+    """The caller has used its budget, and may try again later.
+
+    Parameters
+    ----------
+    code
+        The name of the budget, UPPER_SNAKE and stable.
+    retry_after_s
+        Seconds until the same call is within the budget.
+    headers
+        Fields for the HTTP answer that say what is left.
+    """
+
+    def __init__(
+        self, code: str, retry_after_s: float, *, headers: Mapping[str, str] | None = None
+    ) -> None:
+        super().__init__(f"the budget {code} is spent; try again in {retry_after_s:.1f} s")
+        self.code = code
+        self.retry_after_s = retry_after_s
+        self.headers = dict(headers or {})
 
 
 class IdempotencyKeyReused(SkywayError):

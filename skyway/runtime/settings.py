@@ -64,6 +64,11 @@ class ServiceSettings(DatabaseSettings):
         default=None,
         description="A pipe to the parent process. The service ends when it closes.",
     )
+    trusted_proxies: str = Field(
+        default="",
+        description="Addresses and networks, separated by commas, whose `X-Forwarded-For` is "
+        "believed.",
+    )
     log_level: str = Field(default="INFO", description="DEBUG, INFO, WARNING or ERROR.")
     gateway_url: str = Field(
         default="http://127.0.0.1:8000", description="Where the other services find the gateway."

@@ -11,6 +11,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Final, Protocol
 
+from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId, KeyId, SubjectId
 from skyway.runtime.answer_cache import AnswerCache
@@ -91,6 +92,19 @@ class DroneKeys:
         """The drone that calls; None when the key is unknown or no longer valid."""
         drone_id = await self._registry.drone_of(secret_hash(secret))
         return None if drone_id is None else Caller("drone", drone_id)
+
+
+class AllKeys:
+    """The keys of all callers; how a key begins says whose it is."""
+
+    def __init__(self, people: CachedKeys, drones: DroneKeys) -> None:
+        self._people = people
+        self._drones = drones
+
+    async def caller_of(self, secret: str) -> Caller | None:
+        """The caller with this key; None when the key is unknown or no longer valid."""
+        is_drones = secret.startswith(DRONE_KEY_PREFIX)
+        return await (self._drones if is_drones else self._people).caller_of(secret)
 
 
 class BrokerAccounts(Protocol):

@@ -1,4 +1,4 @@
-"""API keys and the audit log over HTTP: the gate that recognises callers, and operators' routes."""
+"""API keys and the audit log over HTTP: the gate that gives the caller, and operators' routes."""
 
 from typing import Annotated
 
@@ -6,7 +6,6 @@ from fastapi import Depends, Query, Request, Response
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from pydantic import Field
 
-from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.ids import KeyId, SubjectId
 from skyway.runtime.errors import Unauthenticated
 from skyway.runtime.http.answers import IdempotencyKey, response_of
@@ -16,33 +15,24 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import audit_store, store
 from skyway_gateway.access.audit_store import LONGEST_PATH, AuditEntry, AuditFilter
-from skyway_gateway.access.keys import CachedKeys, DroneKeys, Keys
+from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.store import ApiKey, IssuedKey, KeyFilter, KeyRole, NewKey
 
 _bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a drone's: dk_...")
 
 
 class KeyGate:
-    """A dependency that lets only known keys in, and gives whose they are."""
-
-    def __init__(self, known: CachedKeys, drones: DroneKeys) -> None:
-        self._known = known
-        self._drones = drones
+    """A dependency that gives the caller whom the entrance has recognised."""
 
     async def __call__(
         self,
         request: Request,
-        shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
+        _shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
     ) -> Caller:
         """The caller whose key is shown."""
-        if shown is None:
-            raise Unauthenticated("an API key is needed: Authorization: Bearer sk_...")
-        is_drones = shown.credentials.startswith(DRONE_KEY_PREFIX)
-        caller = await (self._drones if is_drones else self._known).caller_of(shown.credentials)
-        if caller is None:
-            raise Unauthenticated("this API key is not known, or was withdrawn")
-        # The audit trail, which sees the request from outside, asks who it was.
-        request.state.caller = caller
+        caller = getattr(request.state, "caller", None)
+        if not isinstance(caller, Caller):
+            raise Unauthenticated
         return caller
 
 

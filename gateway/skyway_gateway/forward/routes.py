@@ -14,6 +14,7 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.http.answers import IdempotencyKey, response_of
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.client_disconnect import cancel_on_disconnect
+from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency import Answer, once
@@ -34,7 +35,7 @@ class Changes(Protocol):
 
 
 def forward_routes(
-    *, gate: KeyGate, clients: Mapping[str, ServiceClient], changes: Changes
+    *, gate: KeyGate, clients: Mapping[str, ServiceClient], changes: Changes, meters: Meters
 ) -> ServiceRouter:
     """Every row of the table; `changes` notes each call that may have changed something.
 
@@ -44,7 +45,7 @@ def forward_routes(
     for row in FORWARDED:
         router.add_api_route(
             row.path,
-            _handler(row, gate, clients[row.service], changes),
+            _handler(row, gate, clients[row.service], changes, meters),
             methods=[row.method],
             response_class=StreamingResponse,
             # The whole document takes its operation from the service's own.
@@ -54,7 +55,7 @@ def forward_routes(
 
 
 def _handler(
-    row: Forwarded, gate: KeyGate, client: ServiceClient, changes: Changes
+    row: Forwarded, gate: KeyGate, client: ServiceClient, changes: Changes, meters: Meters
 ) -> Callable[..., Awaitable[Response]]:
     async def pass_on(request: Request, caller: Caller | None) -> Response:
         path = request.scope["path"]
@@ -71,7 +72,10 @@ def _handler(
         return await pass_on(request, caller)
 
     async def for_anybody(request: Request) -> Response:
-        return await pass_on(request, None)
+        answer = await pass_on(request, None)
+        if answer.status_code >= HTTPStatus.BAD_REQUEST:
+            meters.charge_refused(request)
+        return answer
 
     return for_caller if row.roles else for_anybody
 

@@ -19,6 +19,8 @@ _OPERATOR: Final[tuple[CallerRole, ...]] = ("operator",)
 _NETWORK_BYTES: Final = 256 * 1024 * 1024
 _FLEET_BYTES: Final = 8 * 1024 * 1024
 _HEAVY_S: Final = 180.0
+#: Bytes of a body that comes without a key: a token and a certificate request.
+_KEYLESS_BYTES: Final = 16 * 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +84,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded(
         "DELETE", "/v1/providers/{provider_id}/drones/{drone_id}/credentials", "registry", _FLEETS
     ),
-    Forwarded("POST", "/v1/enrolments", "registry", ()),
+    Forwarded("POST", "/v1/enrolments", "registry", (), limit_bytes=_KEYLESS_BYTES),
     Forwarded("POST", "/v1/enrolments/rotations", "registry", _DRONE),
     Forwarded("GET", "/v1/networks", "composition", _ANY),
     Forwarded(
@@ -129,10 +131,15 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
 )
 
 
-def larger_bodies() -> dict[str, int]:
-    """The calls whose bodies may be larger than usual, as ``PUT /v1/networks/{network_id}``."""
+def own_body_limits() -> dict[str, int]:
+    """The calls whose bodies have a limit of their own, as ``PUT /v1/networks/{network_id}``."""
     return {
         f"{row.method} {row.path}": row.limit_bytes
         for row in FORWARDED
         if row.limit_bytes is not None
     }
+
+
+def open_calls() -> frozenset[str]:
+    """The calls that need no key, as ``POST /v1/enrolments``."""
+    return frozenset(f"{row.method} {row.path}" for row in FORWARDED if not row.roles)

@@ -14,6 +14,8 @@ from skyway.errors import InvalidInput, SkywayError
 _TIMEOUT_S: Final = 10.0
 _LARGEST_ANSWER_BYTES: Final = 1 << 20
 _SERVER_ERROR: Final = 500
+#: The same call succeeds later.
+_TOO_MANY_REQUESTS: Final = 429
 
 
 class CloudRefused(SkywayError):
@@ -103,6 +105,6 @@ def _refusal(error: urllib.error.HTTPError) -> SkywayError:
         code, detail = str(problem.get("code", "")), str(problem.get("detail", error.reason))
     except (OSError, http.client.HTTPException, ValueError, AttributeError):
         code, detail = "", str(error.reason)
-    if error.code >= _SERVER_ERROR:
+    if error.code >= _SERVER_ERROR or error.code == _TOO_MANY_REQUESTS:
         return CloudUnreachable(f"the cloud fails now ({error.code}): {detail}")
     return CloudRefused(error.code, code, detail)

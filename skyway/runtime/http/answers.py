@@ -40,6 +40,7 @@ _SHARED: Final[Mapping[str, tuple[str, tuple[str, ...]]]] = {
     "UnsupportedMediaType": ("415", ("unsupported-media-type",)),
     "InvalidInput": ("422", ("invalid-input",)),
     "InvalidInputOrReusedKey": ("422", ("invalid-input", "idempotency-key-reused")),
+    "TooManyRequests": ("429", ("too-many-requests",)),
     "ServiceUnavailable": ("503", ("service-unavailable",)),
     "OtherProblem": ("default", ("internal-error",)),
 }
@@ -53,9 +54,12 @@ _DETAILS: Final[Mapping[str, str]] = {
     "unsupported-media-type": "the Content-Type must be application/json; it is text/plain",
     "invalid-input": f"{_FIELD.field}: {_FIELD.detail}",
     "idempotency-key-reused": "this Idempotency-Key was used before with another body",
+    "too-many-requests": "the budget TENANT_REQUESTS is spent; try again in 0.7 s",
     "service-unavailable": "composition is unavailable: it cannot be reached",
     "internal-error": "the request was not carried out; the logs tell why by its trace_id",
 }
+
+_NEVER_METERED: Final = ("/healthz", "/readyz")
 
 #: For the `responses` of a route that may name something in its body that is not there.
 NOT_FOUND: Final[dict[int | str, Part]] = {HTTPStatus.NOT_FOUND.value: {}}
@@ -95,6 +99,8 @@ def _names(path: str, operation: Part) -> Iterator[str]:
         yield from ("BrokenJson", "TooLarge", "UnsupportedMediaType")
     if operation.get("security"):
         yield from ("Unauthenticated", "AccessDenied")
+    if path not in _NEVER_METERED:
+        yield "TooManyRequests"
     if "{" in path or "provider_id" in parameters or "404" in operation["responses"]:
         yield "NotFound"
     if "if-match" in parameters:

@@ -20,7 +20,13 @@ from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound, ServiceUnavailable
 from skyway.runtime.http.openapi_document import Document, complete_document
 from skyway.runtime.http.problems import install_problems
-from skyway.runtime.http.request_boundary import BodyLimit, RequestBoundary, body_limits
+from skyway.runtime.http.request_boundary import (
+    Admission,
+    BodyLimit,
+    RequestBoundary,
+    admit_everybody,
+    body_limits,
+)
 from skyway.runtime.http.service_router import ServiceRouter, internal_body, read_json
 from skyway.runtime.metrics import exposition
 
@@ -84,6 +90,7 @@ def create_app(
     lifespan: Lifespan,
     readiness: Readiness,
     body_limit: BodyLimit | None = None,
+    entrance: Admission = admit_everybody,
     middleware: Sequence[Middleware] = (),
     models: Sequence[type[BaseModel]] = (),
     webhooks: APIRouter | None = None,
@@ -92,11 +99,13 @@ def create_app(
     """An app with these routers, and with the routes that all services have.
 
     Nothing is opened before the lifespan begins. Without `body_limit`, every body ends at 256 KiB.
+    `entrance` looks at each request before its body is read.
     `middleware` runs inside the request boundary, so each request has its trace and its limit.
     For the OpenAPI document: `models` are the models to which routes refer, `webhooks` are the
     calls that the service makes, `publish` changes the document before it is shown.
     """
-    boundary = Middleware(RequestBoundary, body_limit=body_limit or body_limits({}))
+    limit = body_limit or body_limits({})
+    boundary = Middleware(RequestBoundary, body_limit=limit, entrance=entrance)
     app = ServiceApp(
         title=title,
         description=description,

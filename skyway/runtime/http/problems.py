@@ -1,6 +1,7 @@
 """The single table from an error to its HTTP answer, an RFC 9457 problem document."""
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -21,6 +22,7 @@ from skyway.contracts.problem_details import (
 from skyway.errors import InvalidInput, SkywayError
 from skyway.runtime.errors import (
     AccessDenied,
+    BudgetSpent,
     Conflict,
     IdempotencyKeyReused,
     MqttUnavailable,
@@ -60,6 +62,7 @@ _TABLE: Final[Mapping[type[SkywayError], _Kind]] = {
     RowRefused: _Kind(409, "taken", "Somebody else holds this"),
     PreconditionFailed: _Kind(412, "precondition-failed", "It changed since it was read"),
     TooLarge: _Kind(413, "too-large", "The body exceeds the limit"),
+    BudgetSpent: _Kind(429, "too-many-requests", "A budget of the caller is spent"),
     IdempotencyKeyReused: _Kind(
         422, "idempotency-key-reused", "The Idempotency-Key was used for another request"
     ),
@@ -86,7 +89,16 @@ def problem_of(error: SkywayError) -> ProblemDetails:
     if isinstance(error, Conflict):
         problem = _problem(kind, error.detail, code=error.code)
         return ProblemDetails.model_validate({**error.members, **problem.model_dump()})
+    if isinstance(error, BudgetSpent):
+        return _problem(kind, str(error), code=error.code)
     return _problem(kind, str(error))
+
+
+def problem_headers(error: SkywayError) -> dict[str, str]:
+    """The headers of an error's answer that depend on more than its status."""
+    if not isinstance(error, BudgetSpent):
+        return {}
+    return {**error.headers, "Retry-After": str(max(1, math.ceil(error.retry_after_s)))}
 
 
 def our_failure() -> ProblemDetails:
@@ -132,7 +144,8 @@ async def _on_skyway_error(_request: Request, error: Exception) -> Response:
     problem = problem_of(error) if isinstance(error, SkywayError) else our_failure()
     if problem.status == _FAILED.status and not isinstance(error, RemoteProblem):
         raise error  # the boundary logs it and answers
-    return problem_response(problem)
+    headers = problem_headers(error) if isinstance(error, SkywayError) else {}
+    return problem_response(problem, headers)
 
 
 async def _on_invalid_request(_request: Request, error: Exception) -> Response:

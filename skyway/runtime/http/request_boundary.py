@@ -1,10 +1,14 @@
-"""The outermost frame of every request: its trace, its size, and its uncaught errors."""
+"""The outermost frame of every request: its trace, its caller, its size, its uncaught errors.
+
+An entrance looks at the caller before any of the body is read, so that a body of an unknown caller
+costs nothing.
+"""
 
 import asyncio
 import logging
 import time
 from collections.abc import Callable, Mapping
-from typing import Final
+from typing import Final, Protocol
 
 from fastapi import Request
 from starlette.datastructures import Headers
@@ -13,8 +17,15 @@ from starlette.routing import compile_path
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from skyway.contracts.problem_details import ProblemDetails
+from skyway.errors import SkywayError
 from skyway.runtime.errors import TooLarge
-from skyway.runtime.http.problems import our_failure, problem_of, problem_response, status_problem
+from skyway.runtime.http.problems import (
+    our_failure,
+    problem_headers,
+    problem_of,
+    problem_response,
+    status_problem,
+)
 from skyway.runtime.metrics import count
 from skyway.runtime.tracing import tracing
 
@@ -30,6 +41,18 @@ _DRAIN_S: Final = 2.0
 _METHODS: Final = frozenset({"GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"})
 
 BodyLimit = Callable[[Request], int]
+
+
+class Admission(Protocol):
+    """Looks at each request before its body is read."""
+
+    async def __call__(self, request: Request) -> Mapping[str, str]:
+        """Headers for the answer; it refuses the request by a `SkywayError`."""
+        ...
+
+
+#: A service behind must not find another path than the one that was looked at here.
+_ENCODED_SLASHES: Final = (b"%2f", b"%5c")
 
 
 def body_limits(larger: Mapping[str, int]) -> BodyLimit:
@@ -50,12 +73,21 @@ def body_limits(larger: Mapping[str, int]) -> BodyLimit:
     return limit_of
 
 
-class RequestBoundary:
-    """ASGI middleware: continues the trace, limits the body, answers uncaught errors."""
+async def admit_everybody(request: Request) -> Mapping[str, str]:
+    """The entrance of an app without keys."""
+    del request
+    return {}
 
-    def __init__(self, app: ASGIApp, body_limit: BodyLimit) -> None:
+
+class RequestBoundary:
+    """ASGI middleware: the trace, the entrance, the limit of the body, uncaught errors."""
+
+    def __init__(
+        self, app: ASGIApp, body_limit: BodyLimit, entrance: Admission = admit_everybody
+    ) -> None:
         self._app = app
         self._body_limit = body_limit
+        self._entrance = entrance
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request."""
@@ -70,18 +102,23 @@ class RequestBoundary:
         _count_request(request, exchange.status, time.monotonic() - started_at)
 
     async def _serve(self, request: Request, exchange: "_Exchange") -> None:
-        if "\0" in request.scope["path"] or b"%00" in request.scope["query_string"]:
-            problem = status_problem(400, "the path and the query may not hold U+0000")
-            await exchange.answer(problem)
-        elif _announced_bytes(request) > exchange.limit_bytes:
+        if (fault := _fault_of_url(request.scope)) is not None:
+            await exchange.answer(status_problem(400, fault))
+            return
+        try:
+            exchange.headers = await self._entrance(request=request)
+        except SkywayError as refusal:
+            await exchange.answer(problem_of(refusal), problem_headers(refusal))
+            return
+        if _announced_bytes(request) > exchange.limit_bytes:
             await exchange.refuse_body()
-        else:
-            try:
-                await self._app(request.scope, exchange.receive, exchange.send)
-            except ClientDisconnect:
-                log.info("client left", extra={"path": request.scope["path"]})
-            except Exception:  # noqa: BLE001 - the outermost frame of a request: log and answer
-                await _answer_uncaught(request, exchange)
+            return
+        try:
+            await self._app(request.scope, exchange.receive, exchange.send)
+        except ClientDisconnect:
+            log.info("client left", extra={"path": request.scope["path"]})
+        except Exception:  # noqa: BLE001 - the outermost frame of a request: log and answer
+            await _answer_uncaught(request, exchange)
 
 
 class _Exchange:
@@ -90,6 +127,8 @@ class _Exchange:
     def __init__(self, limit_bytes: int, scope: Scope, receive: Receive, send: Send) -> None:
         self.limit_bytes = limit_bytes
         self.status = 0
+        #: Added to every answer.
+        self.headers: Mapping[str, str] = {}
         self._scope = scope
         self._receive = receive
         self._send = send
@@ -111,7 +150,10 @@ class _Exchange:
         if self.status == 0 and self._received_bytes > self.limit_bytes:
             await self.refuse_body()
         elif self._received_bytes <= self.limit_bytes:
-            self.status = self.status or message["status"]
+            if self.status == 0:
+                self.status = message["status"]
+                message.setdefault("headers", [])
+                message["headers"] = [*message["headers"], *_encoded(self.headers)]
             await self._send(message)
 
     async def refuse_body(self) -> None:
@@ -121,10 +163,13 @@ class _Exchange:
             await self._drain()
         await self.answer(problem_of(TooLarge(self.limit_bytes)))
 
-    async def answer(self, problem: ProblemDetails) -> None:
+    async def answer(
+        self, problem: ProblemDetails, headers: Mapping[str, str] | None = None
+    ) -> None:
         """Answer with a problem document."""
         self.status = problem.status
-        await problem_response(problem)(self._scope, self._receive, self._send)
+        response = problem_response(problem, {**self.headers, **(headers or {})})
+        await response(self._scope, self._receive, self._send)
 
     async def _drain(self) -> None:
         drained_bytes = 0
@@ -143,6 +188,20 @@ async def _answer_uncaught(request: Request, exchange: _Exchange) -> None:
     log.exception("request failed", extra=place)
     if exchange.status == 0:
         await exchange.answer(our_failure())
+
+
+def _fault_of_url(scope: Scope) -> str | None:
+    """Why a path or query is refused before anybody looks at it; None if it is not."""
+    if "\0" in scope["path"] or b"%00" in scope["query_string"]:
+        return "the path and the query may not hold U+0000"
+    raw_path = scope.get("raw_path", b"").lower()
+    if any(slash in raw_path for slash in _ENCODED_SLASHES):
+        return "the path may not hold an encoded slash"
+    return None
+
+
+def _encoded(headers: Mapping[str, str]) -> list[tuple[bytes, bytes]]:
+    return [(name.lower().encode(), value.encode()) for name, value in headers.items()]
 
 
 def _announced_bytes(request: Request) -> int:

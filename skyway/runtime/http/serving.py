@@ -61,6 +61,11 @@ class ServingSettings(Protocol):
         """The reading end of a pipe that the parent holds open while it lives."""
         ...
 
+    @property
+    def trusted_proxies(self) -> str:
+        """Addresses and networks, separated by commas, whose `X-Forwarded-For` is believed."""
+        ...
+
 
 def serve(app: Starlette, settings: ServingSettings) -> int:
     """The exit code of the process, after serving until a signal comes or the parent leaves.
@@ -78,6 +83,9 @@ def serve(app: Starlette, settings: ServingSettings) -> int:
         log_config=None,
         access_log=False,
         server_header=False,
+        # uvicorn's own default would believe every process of this machine.
+        proxy_headers=bool(settings.trusted_proxies),
+        forwarded_allow_ips=settings.trusted_proxies,
         lifespan="on",
         ws="none",  # an Upgrade is ignored, and the request is answered
         timeout_graceful_shutdown=_GRACE_S,

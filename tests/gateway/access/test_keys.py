@@ -204,6 +204,7 @@ async def test_a_key_that_is_deleted_during_its_lookup_is_not_cached(gateway: Ga
 #: All calls that a drone may make; the services check what is its own.
 ALLOWED = {
     ("GET", "/v1/clock"),
+    ("GET", "/v1/limits"),
     ("GET", "/v1/missions"),
     ("GET", "/v1/missions/{mission_id}"),
     ("GET", "/v1/networks/{network_id}/stations"),

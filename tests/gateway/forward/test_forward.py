@@ -119,7 +119,7 @@ async def test_a_provider_reaches_only_its_own_resources(gateway: Gateway) -> No
 async def test_other_calls_are_not_forwarded(gateway: Gateway, path: str) -> None:
     for method in ("GET", "POST", "PUT", "DELETE"):
         answer = await gateway.http.request(method, path, headers=gateway.operator)
-        assert answer.status_code in (404, 405), (method, path, answer.text)
+        assert answer.status_code in (400, 401, 404, 405), (method, path, answer.text)
     assert gateway.forwarded == []
 
 

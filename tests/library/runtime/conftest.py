@@ -13,6 +13,7 @@ from skyway.errors import InvalidInput
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import (
     AccessDenied,
+    BudgetSpent,
     Conflict,
     IdempotencyKeyReused,
     MqttUnavailable,
@@ -97,6 +98,7 @@ ERRORS: dict[str, Exception] = {
     "taken": RowRefused("one_mission_per_drone"),
     "changed": PreconditionFailed(expected="1", present="2"),
     "large": TooLarge(7),
+    "spent": BudgetSpent("CALLS", 0.4),
     "reused": IdempotencyKeyReused(),
     "away": ServiceUnavailable("composition", "no answer"),
     "broker": MqttUnavailable("not connected"),

@@ -282,7 +282,7 @@ async def test_a_secret_refused_between_services_is_not_the_callers_fault(
 async def test_a_path_cannot_climb_out_of_its_place(
     gateway: httpx.AsyncClient, seen: list[dict[str, Any]]
 ) -> None:
-    for path in ("/v1/%2e%2e/internal/x", "/v1/..%2Finternal"):
-        assert (await gateway.get(path)).status_code == 404
+    assert (await gateway.get("/v1/%2e%2e/internal/x")).status_code == 404
+    assert (await gateway.get("/v1/..%2Finternal")).status_code == 400
 
     assert seen == []

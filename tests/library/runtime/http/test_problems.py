@@ -19,6 +19,7 @@ TRACE_ID = "4bf92f3577b34da6a3ce929d0e0e4736"
         ("taken", 409, "taken"),
         ("changed", 412, "precondition-failed"),
         ("large", 413, "too-large"),
+        ("spent", 429, "too-many-requests"),
         ("reused", 422, "idempotency-key-reused"),
         ("away", 503, "service-unavailable"),
         ("broker", 503, "service-unavailable"),

@@ -41,7 +41,8 @@ async def answer(request):
 
 socket_fd, parent_fd = (int(text) if text != "-" else None for text in sys.argv[1:3])
 app = Starlette(routes=[Route("/{path:path}", answer)])
-settings = SimpleNamespace(host="127.0.0.1", port=0, socket_fd=socket_fd, parent_fd=parent_fd)
+settings = SimpleNamespace(host="127.0.0.1", port=0, socket_fd=socket_fd, parent_fd=parent_fd,
+    trusted_proxies="")
 sys.exit(serve(app, settings))
 """
 

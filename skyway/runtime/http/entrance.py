@@ -1,0 +1,163 @@
+"""Who may come in: the key and the budget of each request, before any of its body is read.
+
+A request without a known key is paid by its address, any other by its tenant: the customer,
+provider, operator or drone. A key that was good before is looked up again even if the address has
+spent its budget, so an unknown caller cannot shut out a customer of the same address.
+"""
+
+import hashlib
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from ipaddress import IPv6Address, ip_address, ip_network
+from typing import Final, Protocol
+
+from fastapi import Request
+from fastapi.security.utils import get_authorization_scheme_param
+
+from skyway.runtime.errors import Unauthenticated
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.meter import Meter
+
+#: What a request without a key costs its address, and what it costs if it is refused.
+KEYLESS_COST: Final = 1.0
+REFUSED_COST: Final = 10.0
+
+#: The most keys of which it is remembered that they were good.
+_MOST_RECOGNISED: Final = 20_000
+
+#: What watches over the process asks here, and must always get an answer.
+_NEVER_METERED: Final = frozenset({"/healthz", "/readyz"})
+_PUBLIC, _INTERNAL = "/v1/", "/internal/"
+
+_NO_KEY: Final = "an API key is needed: Authorization: Bearer sk_..."
+_UNKNOWN_KEY: Final = "this API key is not known, or was withdrawn"
+
+
+class KnownKeys(Protocol):
+    """All keys that are in use."""
+
+    async def caller_of(self, secret: str) -> Caller | None:
+        """The caller with this key; None when the key is unknown or deleted."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Meters:
+    """The budget of requests of each tenant, and of each address without a known key."""
+
+    tenants: Meter
+    addresses: Meter
+
+    def charge_refused(self, request: Request) -> None:
+        """Have the address pay for a request without a key that was refused after all."""
+        self.addresses.charge(address_of(request), REFUSED_COST)
+
+
+@dataclass(frozen=True, slots=True)
+class KeyEntrance:
+    """Recognises the caller of each request, and takes the request from the right budget.
+
+    `open_calls` need no key, like ``POST /v1/enrolments``.
+    """
+
+    keys: KnownKeys
+    services: ServiceGate
+    meters: Meters
+    open_calls: Collection[str]
+    #: Hashes of keys that were good when they were last shown; the last shown is last.
+    _recognised: dict[bytes, None] = field(default_factory=dict)
+
+    async def __call__(self, request: Request) -> Mapping[str, str]:
+        """The headers that say what is left of the budget; `request.state.caller` is set.
+
+        Raises
+        ------
+        BudgetSpent
+            The tenant or the address has spent its budget.
+        Unauthenticated
+            No key is shown where one is needed, or an unknown key.
+        """
+        path: str = request.scope["path"]
+        addresses = self.meters.addresses
+        if path in _NEVER_METERED:
+            return {}
+        if path.startswith(_INTERNAL):
+            await self._admit_service(request)
+            return {}
+        if not path.startswith(_PUBLIC):
+            return addresses.take(address_of(request), REFUSED_COST).headers
+        if f"{request.method} {path}" in self.open_calls:
+            return addresses.take(address_of(request), KEYLESS_COST).headers
+        caller = await self._caller_of(request)
+        request.state.caller = caller
+        return self.meters.tenants.take(str(caller)).headers
+
+    async def _admit_service(self, request: Request) -> None:
+        try:
+            await self.services(request=request)
+        except Unauthenticated:
+            self.meters.addresses.take(address_of(request), REFUSED_COST)
+            raise
+
+    async def _caller_of(self, request: Request) -> Caller:
+        scheme, key = get_authorization_scheme_param(request.headers.get("Authorization"))
+        address = address_of(request)
+        if scheme.lower() != "bearer" or not key:
+            self.meters.addresses.take(address, REFUSED_COST)
+            raise Unauthenticated(_NO_KEY)
+        key_hash = hashlib.sha256(key.encode()).digest()
+        is_new = key_hash not in self._recognised
+        if is_new:
+            self.meters.addresses.take(address, REFUSED_COST)
+        caller = await self.keys.caller_of(key)
+        if caller is None:
+            self._recognised.pop(key_hash, None)
+            raise Unauthenticated(_UNKNOWN_KEY)
+        if is_new:
+            self.meters.addresses.charge(address, KEYLESS_COST - REFUSED_COST)
+        self._remember(key_hash)
+        return caller
+
+    def _remember(self, key_hash: bytes) -> None:
+        self._recognised.pop(key_hash, None)
+        self._recognised[key_hash] = None
+        if len(self._recognised) > _MOST_RECOGNISED:
+            del self._recognised[next(iter(self._recognised))]
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceEntrance:
+    """Lets only other services in, to all but what every process shows of itself."""
+
+    gate: ServiceGate
+
+    async def __call__(self, request: Request) -> Mapping[str, str]:
+        """Nothing for the answer.
+
+        Raises
+        ------
+        Unauthenticated
+            The secret of a service is not shown.
+        """
+        path: str = request.scope["path"]
+        if path.startswith((_PUBLIC, _INTERNAL)):
+            await self.gate(request=request)
+        return {}
+
+
+def address_of(request: Request) -> str:
+    """The address that pays for a request without a key: IPv4, or the /64 of IPv6."""
+    return "" if request.client is None else network_of(request.client.host)
+
+
+@lru_cache(maxsize=4096)
+def network_of(host: str) -> str:
+    """The IPv4 address, or the /64 of an IPv6 address; empty when the text is no address."""
+    try:
+        address = ip_address(host[:64])
+    except ValueError:
+        return ""  # a proxy that is trusted named no address
+    if isinstance(address, IPv6Address):
+        return str(address.ipv4_mapped or ip_network((address, 64), strict=False))
+    return str(address)
