@@ -5,20 +5,25 @@ The journals lie in one folder, where a lock lets only one process serve a drone
 
 import contextlib
 import fcntl
+import logging
 import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
+from itertools import count
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from skyway.errors import SkywayError
 from skyway.ids import DroneId
+from skyway_drone_agent.journal.checksum import has_checksum, with_checksum, without_checksum
 from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import Record, RecordLine
+
+log = logging.getLogger(__name__)
 
 _LINE: TypeAdapter[Record] = TypeAdapter(RecordLine)
 
@@ -42,13 +47,12 @@ class Journal(Protocol):
         ...
 
 
-class DamagedJournal(SkywayError):
-    """A line before the last cannot be read. This is no torn write, so it is an error."""
+class DamagedLine(SkywayError):
+    """A whole line of a journal is not as it was written; `before` is the sum of those before."""
 
-    def __init__(self, path: Path, line: int) -> None:
-        super().__init__(f"{path}: line {line} is damaged")
-        self.path = path
-        self.line = line
+    def __init__(self, number: int, before: Logbook) -> None:
+        super().__init__(f"line {number} is damaged")
+        self.before = before
 
 
 class JournalUnwritable(SkywayError):
@@ -60,7 +64,11 @@ class JournalUnwritable(SkywayError):
 
 
 class FileJournal:
-    """JSON lines: the logbook at the last start, then one record a line.
+    """JSON lines with checksums: the logbook at the last start, then one record a line.
+
+    A damaged journal is set aside for people, and counts as lost: nobody knows which of its records
+    the cloud has read. Then the drone begins a new one where the whole lines before the damage say
+    that it stands.
 
     Writing blocks the event loop on purpose: a decision and its record cannot drift apart, and the
     drone must not act before the record is written.
@@ -79,22 +87,33 @@ class FileJournal:
         """The sum of the kept records, without a torn last line, which never took effect."""
         if not self._path.exists():
             return at_first
-        *whole_lines, _torn = self._path.read_bytes().split(b"\n")
-        logbook = at_first
-        for number, line in enumerate(whole_lines, start=1):
-            try:
-                if number == 1:
-                    logbook = Logbook.read(line)
-                else:
-                    logbook = logbook_after(logbook, _LINE.validate_json(line))
-            except ValidationError as error:
-                raise DamagedJournal(self._path, number) from error
-        return logbook
+        try:
+            return _sum_of(self._path.read_bytes(), at_first=at_first)
+        except DamagedLine as damage:
+            return self._begun_anew(damage, at_first=at_first)
+
+    def _begun_anew(self, damage: DamagedLine, *, at_first: Logbook) -> Logbook:
+        kept = self._set_aside()
+        log.error("journal lost: %s; it is kept as %s", damage, kept)
+        return damage.before.begun_anew(at_first=at_first)
+
+    def _set_aside(self) -> Path:
+        """Rename the file to the first free name; returns that."""
+        for number in count(1):
+            aside = self._path.with_suffix(f".damaged-{number}")
+            if not aside.exists():
+                break
+        try:
+            self._path.rename(aside)
+            self._sync_folder()
+        except OSError as error:
+            raise JournalUnwritable(self._path, error) from error
+        return aside
 
     def append(self, records: Sequence[Record]) -> None:
         """Write the records after the others and wait for the disk."""
         try:
-            self._write(self._path, os.O_APPEND, [record.model_dump_json() for record in records])
+            self._write(self._path, os.O_APPEND, records)
         except OSError as error:
             raise JournalUnwritable(self._path, error) from error
 
@@ -102,7 +121,7 @@ class FileJournal:
         """Replace the whole file, so that a crash leaves either the old or the new file."""
         beside = self._path.with_suffix(".new")
         try:
-            self._write(beside, os.O_TRUNC, [logbook.model_dump_json()])
+            self._write(beside, os.O_TRUNC, [logbook])
             beside.replace(self._path)
             self._sync_folder()
         except OSError as error:
@@ -118,13 +137,14 @@ class FileJournal:
         finally:
             os.close(folder)
 
-    def _write(self, path: Path, flag: int, lines: Sequence[str]) -> None:
+    def _write(self, path: Path, flag: int, entries: Sequence[Record | Logbook]) -> None:
         # Opened for each write: a fleet of thousands must not hold a file open for each drone.
         file = os.open(path, os.O_WRONLY | os.O_CREAT | flag, 0o600)
         try:
             length = os.fstat(file).st_size
             try:
-                self._write_all(file, b"".join(line.encode() + b"\n" for line in lines))
+                lines = (with_checksum(each.model_dump_json()) + b"\n" for each in entries)
+                self._write_all(file, b"".join(lines))
             except OSError:
                 # A torn line in the middle would make the lines after it unreadable.
                 os.ftruncate(file, length)
@@ -136,6 +156,33 @@ class FileJournal:
         while text:
             text = text[os.write(file, text) :]
         self._sync(file)
+
+
+def _sum_of(content: bytes, *, at_first: Logbook) -> Logbook:
+    """The sum of the whole lines of a journal.
+
+    Raises
+    ------
+    DamagedLine
+        A line cannot be read, or is not as it was written.
+    """
+    *lines, rest = content.split(b"\n")
+    for last in (rest, rest[:-1]):  # only its end of line is missing, or has changed
+        if has_checksum(last):
+            lines.append(last)
+            break
+    logbook = at_first
+    are_checked = bool(lines) and has_checksum(lines[0])
+    for number, line in enumerate(lines, start=1):
+        try:
+            text = without_checksum(line) if are_checked or has_checksum(line) else line
+            if number == 1:
+                logbook = Logbook.read(text)
+            else:
+                logbook = logbook_after(logbook, _LINE.validate_json(text))
+        except ValueError as error:
+            raise DamagedLine(number, before=logbook) from error
+    return logbook
 
 
 class MemoryJournal:

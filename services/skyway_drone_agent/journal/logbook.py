@@ -156,6 +156,18 @@ class Logbook(WireModel):
         """The mass of all packages on board."""
         return sum(package.mass_kg for package in self.packages)
 
+    def begun_anew(self, *, at_first: Self) -> Self:
+        """The logbook of a drone that has lost its journal after this one.
+
+        It knows where it stands, and with what charge; in the air it does not even know that, and
+        is as `at_first`.
+        """
+        known = {"session": self.session}
+        if self.station_id is None:
+            return at_first.model_copy(update=known)
+        place = {name: getattr(self, name) for name in ("station_id", "position", "soc")}
+        return at_first.model_copy(update=known | place)
+
     def without_mission(self) -> Self:
         """The logbook after its mission, if it has one.
 
