@@ -94,8 +94,8 @@ def test_the_acceptance_in_a_journal_of_an_earlier_version_is_read(tmp_path: Pat
     )
     path = tmp_path / "drn_1.jsonl"
     earlier = HOME.model_copy(update={"mission": mission}).model_dump_json()
-    told = '{"kind":"TOLD","told_at":"2026-03-01T12:00:01Z"}'
-    path.write_text(f"{earlier.replace('acceptance_sent_at', 'told_at')}\n{told}\n")
+    sent = '{"kind":"TOLD","told_at":"2026-03-01T12:00:01Z"}'
+    path.write_text(f"{earlier.replace('acceptance_sent_at', 'told_at')}\n{sent}\n")
 
     read = FileJournal(path).read(at_first=HOME).mission
 
