@@ -1,5 +1,6 @@
 """What the gateway asks of registry and composition: two protocols and their REST clients."""
 
+from http import HTTPStatus
 from typing import Annotated, Final, Protocol
 
 from pydantic import Field
@@ -17,9 +18,11 @@ from skyway.contracts.quote import KeepOffer, KeptOffer, QuoteAnswer, QuoteQuery
 from skyway.contracts.shortlist import Candidates
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
-from skyway.ids import DeliveryId, DroneId, HoldId, SubjectId
+from skyway.ids import DeliveryId, DroneId, HoldId, ProviderId, SubjectId
 from skyway.json_model import WireModel
+from skyway.runtime.errors import RemoteProblem
 from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.identity import Caller
 
 #: How long composing may take, wall seconds. A repeated PUT gets the same answer.
 _COMPOSING_S: Final = 20.0
@@ -97,6 +100,16 @@ class RestRegistry:
         return await self._client.call(
             "POST", "/internal/payload-limit", body=query, answer=PayloadLimit
         )
+
+    async def has_provider(self, provider_id: ProviderId, *, caller: Caller) -> bool:
+        """Whether this provider is registered, as far as the caller may know."""
+        try:
+            await self._client.call("GET", f"/v1/providers/{provider_id}", caller=caller)
+        except RemoteProblem as problem:
+            if problem.status == HTTPStatus.NOT_FOUND:
+                return False
+            raise
+        return True
 
     async def open_account(self, user_name: SubjectId, *, password: str) -> None:
         """Open a broker account, or give it another password."""

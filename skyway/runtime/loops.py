@@ -34,12 +34,14 @@ class Wake:
         """Let the loop go on, now or as soon as it waits."""
         self._event.set()
 
-    async def wait(self, timeout_s: float) -> None:
-        """Return when set, at the latest after `timeout_s` seconds of wall time."""
+    async def wait(self, timeout_s: float) -> bool:
+        """Return when set, at the latest after `timeout_s` seconds of wall time; whether it was."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
                 await self._event.wait()
+        was_set = self._event.is_set()
         self._event.clear()
+        return was_set
 
 
 class MissingParts:

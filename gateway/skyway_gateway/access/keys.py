@@ -1,7 +1,7 @@
 """API keys: issued and deleted with the broker accounts that belong to them, and recognised.
 
-A busy caller shows its key with each request, so a key is looked up once a second at most. A key
-that this process deletes stops immediately; a key that another replica deletes stops within the
+A busy caller shows its key with each request, so a key is looked up twice a second at most. A key
+that this process deletes stops immediately; a key that another replica deletes stops within half a
 second.
 """
 
@@ -13,7 +13,7 @@ from typing import Final, Protocol
 
 from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.errors import InvalidInput
-from skyway.ids import DroneId, KeyId, SubjectId
+from skyway.ids import DroneId, KeyId, ProviderId, SubjectId
 from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller, read_secret
@@ -25,7 +25,7 @@ from skyway_gateway.access import store
 from skyway_gateway.access.store import ApiKey, BrokerLogin, IssuedKey, KeyRole, NewKey
 
 #: How long a caller is cached, wall time.
-_KEPT: Final = timedelta(seconds=1)
+_KEPT: Final = timedelta(seconds=0.5)
 _MOST_CACHED: Final = 10_000
 
 _PREFIX: Final = "sk_"
@@ -107,8 +107,12 @@ class AllKeys:
         return await (self._drones if is_drones else self._people).caller_of(secret)
 
 
-class BrokerAccounts(Protocol):
-    """The registry, which opens and closes the broker accounts of customers."""
+class Accounts(Protocol):
+    """The registry, which knows providers, and opens and closes broker accounts of customers."""
+
+    async def has_provider(self, provider_id: ProviderId, *, caller: Caller) -> bool:
+        """Whether this provider is registered."""
+        ...
 
     async def open_account(self, user_name: SubjectId, *, password: str) -> None:
         """Open an account, or give it another password."""
@@ -127,7 +131,7 @@ class Keys:
         db: Database,
         *,
         cached: CachedKeys,
-        accounts: BrokerAccounts,
+        accounts: Accounts,
         secrets_dir: Path,
         clock: FleetClock,
         mint: Mint,
@@ -161,13 +165,15 @@ class Keys:
         Raises
         ------
         InvalidInput
-            The customer's name is reserved for Skyway's own processes or for drones.
+            The customer's name is reserved for Skyway's own processes or for drones, or no such
+            provider is registered.
         ServiceUnavailable
             The registry could not open the account: repeat the call.
         """
         if requested.role == "customer" and _is_reserved(requested.subject_id):
             detail = f"{requested.subject_id!r} is reserved for Skyway's own processes"
             raise InvalidInput("subject_id", detail)
+        await self._must_be_registered(requested, caller)
 
         async def write(tx: Tx) -> Answer:
             issued = await self.add(tx, requested.role, requested.subject_id)
@@ -185,6 +191,13 @@ class Keys:
         )
         await self._open_account(IssuedKey.read(answer.body))
         return answer
+
+    async def _must_be_registered(self, requested: NewKey, caller: Caller) -> None:
+        if requested.role != "provider":
+            return
+        provider_id = ProviderId(requested.subject_id)
+        if not await self._accounts.has_provider(provider_id, caller=caller):
+            raise InvalidInput("subject_id", f"no provider {provider_id!r} is registered")
 
     async def add(self, tx: Tx, role: KeyRole, subject_id: SubjectId) -> IssuedKey:
         """A new key, added in this transaction."""

@@ -6,7 +6,7 @@ written in the transaction of the fact that they report, so that none of them ca
 
 import asyncio
 from collections import defaultdict
-from collections.abc import AsyncGenerator, Iterator, Sequence
+from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -143,14 +143,21 @@ class EventStream:
     listeners: EventListeners
     #: Events of other replicas do not wake the listeners here, so the table is read again.
     poll_s: float = 1.0
+    #: How often a silent stream asks whether the caller may still read it.
+    check_s: float = 0.4
     heartbeat_s: float = 15.0
 
-    async def frames(self, delivery_id: DeliveryId, *, after: int) -> AsyncGenerator[str]:
-        """The events after this sequence number as they come, up to the final event."""
+    async def frames(
+        self, delivery_id: DeliveryId, *, after: int, may_read: Callable[[], Awaitable[bool]]
+    ) -> AsyncGenerator[str]:
+        """The events after this sequence number as they come, up to the final event.
+
+        They also end when the caller may no longer read them.
+        """
         loop = asyncio.get_running_loop()
         spoken_at = loop.time()
         with self.listeners.listen(delivery_id) as wake:
-            while True:
+            while await may_read():
                 async with self.db.read() as connection:
                     found = await event_store.events_after(connection, delivery_id, after=after)
                 for event in found:
@@ -161,7 +168,10 @@ class EventStream:
                 if loop.time() - spoken_at >= self.heartbeat_s:
                     yield _HEARTBEAT
                     spoken_at = loop.time()
-                await wake.wait(self.poll_s)
+                poll_at = loop.time() + self.poll_s
+                while not await wake.wait(min(self.check_s, self.poll_s)):
+                    if loop.time() >= poll_at or not await may_read():
+                        break
 
     async def is_over(self, delivery_id: DeliveryId, *, after: int) -> bool:
         """Whether no event will ever follow this sequence number."""

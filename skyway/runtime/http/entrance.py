@@ -8,7 +8,7 @@ spent its budget, so an unknown caller cannot shut out a customer of the same ad
 import hashlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from ipaddress import IPv6Address, ip_address, ip_network
 from typing import Final, Protocol
 
@@ -69,7 +69,10 @@ class KeyEntrance:
     _recognised: dict[bytes, None] = field(default_factory=dict)
 
     async def __call__(self, request: Request) -> Mapping[str, str]:
-        """The headers that say what is left of the budget; `request.state.caller` is set.
+        """The headers that say what is left of the budget.
+
+        It sets `request.state.caller`, and `request.state.is_still_known` for answers that take
+        long: whether the key is still in use.
 
         Raises
         ------
@@ -117,7 +120,11 @@ class KeyEntrance:
         if is_new:
             self.meters.addresses.charge(address, KEYLESS_COST - REFUSED_COST)
         self._remember(key_hash)
+        request.state.is_still_known = partial(self._is_still_known, key)
         return caller
+
+    async def _is_still_known(self, key: str) -> bool:
+        return await self.keys.caller_of(key) is not None
 
     def _remember(self, key_hash: bytes) -> None:
         self._recognised.pop(key_hash, None)

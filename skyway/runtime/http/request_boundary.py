@@ -51,6 +51,13 @@ class Admission(Protocol):
         ...
 
 
+#: Answers belong to one caller, and some hold secrets: nobody keeps them, and no browser guesses
+#: what they are.
+_DEFAULT_HEADERS: Final = (
+    (b"cache-control", b"no-store"),
+    (b"x-content-type-options", b"nosniff"),
+)
+
 #: A service behind must not find another path than the one that was looked at here.
 _ENCODED_SLASHES: Final = (b"%2f", b"%5c")
 
@@ -152,8 +159,10 @@ class _Exchange:
         elif self._received_bytes <= self.limit_bytes:
             if self.status == 0:
                 self.status = message["status"]
-                message.setdefault("headers", [])
-                message["headers"] = [*message["headers"], *_encoded(self.headers)]
+                given = message.get("headers", [])
+                names = {name.lower() for name, _ in given}
+                defaults = [each for each in _DEFAULT_HEADERS if each[0] not in names]
+                message["headers"] = [*given, *defaults, *_encoded(self.headers)]
             await self._send(message)
 
     async def refuse_body(self) -> None:
@@ -169,6 +178,7 @@ class _Exchange:
         """Answer with a problem document."""
         self.status = problem.status
         response = problem_response(problem, {**self.headers, **(headers or {})})
+        response.headers.update({name.decode(): value.decode() for name, value in _DEFAULT_HEADERS})
         await response(self._scope, self._receive, self._send)
 
     async def _drain(self) -> None:

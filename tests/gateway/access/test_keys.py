@@ -5,6 +5,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
+from skyway_gateway.clients import RestRegistry
 
 from skyway.runtime.errors import ServiceUnavailable
 from tests.gateway.whole_gateway import Gateway
@@ -40,6 +41,23 @@ async def test_operators_share_an_account_and_providers_have_none(gateway: Gatew
     assert operator["mqtt"]["password"] == "mqtt_operator-0123456789abcdef"
     assert (await _issue(gateway, "provider", "prv_1")).json()["mqtt"] is None
     assert gateway.registry.accounts == {}
+
+
+async def test_a_provider_must_be_registered_before_it_gets_a_key(
+    gateway: Gateway, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def has_provider(self: object, provider_id: str, *, caller: object) -> bool:
+        return provider_id != "prv_unknown"
+
+    monkeypatch.setattr(RestRegistry, "has_provider", has_provider)
+
+    answer = await _issue(gateway, "provider", "prv_unknown")
+
+    assert answer.status_code == 422
+    assert answer.json()["errors"] == [
+        {"field": "subject_id", "detail": "no provider 'prv_unknown' is registered"}
+    ]
+    assert (await _issue(gateway, "provider", "prv_1")).status_code == 201
 
 
 @pytest.mark.parametrize("name", ["operator", "gateway", "registry", "composition", "drn_01"])

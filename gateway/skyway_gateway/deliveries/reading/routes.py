@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import Depends, Header, Query, Response
+from fastapi import Depends, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import Field
 
@@ -178,11 +178,14 @@ def _add_events(router: ServiceRouter, db: Database, gate: KeyGate, stream: Even
         },
     )
     async def stream_delivery_events(
+        request: Request,
         delivery_id: DeliveryId,
         caller: Annotated[Caller, Depends(gate)],
         last_event_id: Annotated[int | None, Header(ge=0, le=2**31 - 1)] = None,
     ) -> Response:
         """Follow a delivery by server-sent events, from its first event to its last.
+
+        The stream ends within a second when the key is deleted.
 
         The `data` of each event is one of the forms of the `delivery-event` webhook.
 
@@ -196,7 +199,7 @@ def _add_events(router: ServiceRouter, db: Database, gate: KeyGate, stream: Even
             # 204 stops an EventSource from connecting again.
             return Response(status_code=204)
         return StreamingResponse(
-            stream.frames(delivery_id, after=after),
+            stream.frames(delivery_id, after=after, may_read=request.state.is_still_known),
             media_type="text/event-stream",
             headers=_SSE_HEADERS,
         )

@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable
 
 import httpx
+import pytest
 from fastapi import FastAPI
 from starlette.routing import Route
 
@@ -60,13 +61,24 @@ async def test_requests_are_counted(client: httpx.AsyncClient) -> None:
     assert 'skyway_http_requests_total{method="GET",route="/loads",status="200"}' in text
 
 
+@pytest.mark.parametrize("path", ["/healthz", "/loads", "/nowhere", "/openapi.json"])
+async def test_nobody_keeps_an_answer_or_guesses_its_type(
+    client: httpx.AsyncClient, path: str
+) -> None:
+    answer = await client.get(path)
+
+    assert answer.headers["cache-control"] == "no-store"
+    assert answer.headers["x-content-type-options"] == "nosniff"
+
+
 async def test_the_docs_page_asks_no_other_host(
     client: httpx.AsyncClient, assert_is_problem: Callable[..., None]
 ) -> None:
     page = await client.get("/docs")
     links = re.findall(r'(?:src|href)="([^"]+)"', page.text)
 
-    assert len(links) == 3
+    assert len(links) == 4
+    assert "unsafe-inline" not in page.headers["content-security-policy"]
     assert "://" not in page.text
     for link in links:
         assert (await client.get(link)).status_code == 200
