@@ -42,6 +42,9 @@ OfferId = NewType("OfferId", Annotated[str, _FORM, Field(description="Id of an o
 HoldId = NewType("HoldId", Annotated[str, _FORM, Field(description="Id of held offers.")])
 ClosureId = NewType("ClosureId", Annotated[str, _FORM, Field(description="Id of a closure.")])
 AlarmId = NewType("AlarmId", Annotated[str, _FORM, Field(description="Id of an alarm.")])
+QuarantineId = NewType(
+    "QuarantineId", Annotated[str, _FORM, Field(description="Id of a set-aside message.")]
+)
 
 _CROCKFORD = "0123456789abcdefghjkmnpqrstvwxyz"
 

@@ -104,6 +104,14 @@ async def add(
     return alarm_id
 
 
+async def is_open(connection: AsyncConnection, drone_id: DroneId, *, code: str) -> bool:
+    """Whether an alarm with this code about this drone is not acknowledged yet."""
+    query = select(alarms.c.alarm_id).where(
+        alarms.c.acknowledged_ms.is_(None), alarms.c.drone_id == drone_id, alarms.c.code == code
+    )
+    return (await connection.execute(query.limit(1))).first() is not None
+
+
 async def acknowledge(
     tx: Tx, alarm_id: AlarmId, *, by: str, at_ms: int, note: str | None
 ) -> Alarm | None:

@@ -25,6 +25,8 @@ from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarm_routes import alarm_routes
 from skyway_composition.closures.routes import area_routes, place_routes
 from skyway_composition.missions.booking.routes import booking_routes
+from skyway_composition.missions.following.quarantine_routes import quarantine_routes
+from skyway_composition.missions.following.replay import Replays
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Commands
@@ -89,6 +91,9 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             place_routes(gate=gate, closings=parts.closings),
             area_routes(gate=gate, closings=parts.closings),
             alarm_routes(db=db, gate=gate, clock=clock),
+            quarantine_routes(
+                db=db, gate=gate, replays=Replays(db, clock=clock, handler=parts.handler)
+            ),
         ],
         entrance=ServiceEntrance(gate),
         lifespan=lifespan,

@@ -9,14 +9,17 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint, mint
 from skyway.runtime.sql.database import Database
 from skyway_composition.closures.close import Closings
+from skyway_composition.links.listening import Listening
 from skyway_composition.missions.booking.book import Bookings
 from skyway_composition.missions.booking.hold_quote import HeldQuotes
 from skyway_composition.missions.booking.keep_offer import OfferKeeper
 from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.closure_impact.impact import MissionImpact
+from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.plan_offers import Quotes
 from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.quarantine.set_aside import Quarantine
 from skyway_composition.settings import CompositionSettings
 from skyway_composition.tables import outbox
 
@@ -42,7 +45,21 @@ class Parts:
     published: Wake
     stuck: Wake
     calendars: Wake
+    listening: Listening
+    quarantine: Quarantine
     turns: Turns = field(default_factory=Turns)
+
+    @property
+    def handler(self) -> ReportHandler:
+        """Handles the messages of drones."""
+        return ReportHandler(
+            self.db,
+            clock=self.clock,
+            mint=self.mint,
+            stuck=self.stuck,
+            calendars=self.calendars,
+            quarantine=self.quarantine,
+        )
 
     @property
     def bookings(self) -> Bookings:
@@ -83,10 +100,12 @@ class Parts:
 def parts_of(settings: CompositionSettings) -> Parts:
     """The parts for these settings."""
     db = Database(settings.database_url, outbox=outbox)
+    clock = load_clock(settings.clock_file)
+    listening = Listening(clock)
     return Parts(
         db=db,
         gate=ServiceGate(settings.secrets_dir, allowed=("gateway", "registry")),
-        clock=load_clock(settings.clock_file),
+        clock=clock,
         mint=mint,
         networks=PreparedNetworks(db),
         solver=_pool(settings, inline_labels=_INLINE_LABELS),
@@ -94,6 +113,8 @@ def parts_of(settings: CompositionSettings) -> Parts:
         published=Wake(),
         stuck=Wake(),
         calendars=Wake(),
+        listening=listening,
+        quarantine=Quarantine(db, clock=clock, mint=mint, listening=listening),
     )
 
 

@@ -9,7 +9,6 @@ from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.senders import MqttSender, ReportSender
 from skyway.runtime.outbox.stream_sender import hint_pace
-from skyway_composition.links.listening import Listening
 from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer
 from skyway_composition.missions.following.follow import Follower
@@ -45,14 +44,13 @@ class Work:
             # To the registry a report is only a hint: our own index says which drones are busy.
             paces={"registry": hint_pace()},
         )
-        self._listening = Listening(clock)
+        self._listening = parts.listening
+        self._handler = parts.handler
         self._follower = Follower(
-            db,
+            self._handler,
             mqtt,
             clock=clock,
-            mint=mint,
-            stuck=parts.stuck,
-            calendars=parts.calendars,
+            quarantine=parts.quarantine,
             listening=self._listening,
         )
         self._overdue = OverdueMissions(db, clock, mint, self._listening)
@@ -73,7 +71,7 @@ class Work:
         self._station_states.forget()
         self._network_versions.forget()
         self._parts.published.set()
-        await self._follower.ask_live_drones()
+        await self._handler.ask_live_drones()
 
     async def _notice_lost_connections(self) -> Never:
         """End the listening whenever the connection to the broker is lost; `greet` begins it."""
@@ -98,5 +96,6 @@ class Work:
             ("ground stops", self._ground_stops.step, Wake()),
             ("station states", self._station_states.step, Wake()),
             ("network versions", self._network_versions.step, self._parts.published),
+            ("quarantine", self._parts.quarantine.step, self._parts.quarantine.wake),
         ):
             loops.start(name, repeat(name, step, every_s=_STEP_EVERY_S, wake=wake))

@@ -23,6 +23,7 @@ _COMMANDS: Final = {
     "fleet": "skyway.cli.drones.fleet:fleet_command",
     "top": "skyway.cli.top:top_command",
     "schedule": "skyway.cli.schedule:schedule_command",
+    "quarantine": "skyway.cli.quarantine:quarantine_command",
     "secrets": "skyway.cli.system.secrets:secrets_command",
     "verify": "skyway.cli.verify.command:verify_command",
     "doctor": "skyway.cli.doctor:doctor_command",

@@ -17,6 +17,7 @@ TAGS: Final[Mapping[str, str]] = {
     "missions": "Plans in flight: their progress, their loading, and an operator's commands.",
     "closures": "Operators close stations, pads, segments and areas, or stop all take-offs.",
     "alarms": "What needs the eyes of a person, and who has seen it.",
+    "quarantine": "Messages of drones that could not be taken, for operators to look at.",
     "statistics": "Sums over deliveries, drones, pads and missions.",
     "keys": "API keys of customers, providers and operators.",
     "limits": "What the caller may use, and what is left of it.",

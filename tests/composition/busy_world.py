@@ -13,7 +13,7 @@ from skyway_composition.links.listening import Listening
 from skyway_composition.missions.booking.book import Bookings
 from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer, MissionImpact
-from skyway_composition.missions.following.follow import Follower
+from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Command, Commands
@@ -32,6 +32,7 @@ from skyway_composition.missions.timeouts import (
 )
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.quarantine.set_aside import Quarantine
 from skyway_composition.tables import metadata, missions, outbox, pad_reservations
 from skyway_composition.verify.rules import RULES
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
@@ -61,7 +62,7 @@ from skyway.units import moment_to_ms
 from tests.broken_rules import broken_rules
 from tests.composition.busy_network import MODEL, NETWORK_ID, PLACES, add_network
 from tests.composition.drone_journals import ended_missions, handed_over, shared_pads
-from tests.composition.flown_drone import FlownDrone, SilentSubscriber
+from tests.composition.flown_drone import FlownDrone
 
 #: Fleet seconds per second of wall time.
 _RATE = 60.0
@@ -130,14 +131,13 @@ class BusyWorld:
         self.cancellations, self.commands = Cancellations(*parts), Commands(*parts)
         self.loadings = Loadings(*parts)
         listening = Listening(clock)
-        self.follower = Follower(
+        self.handler = ReportHandler(
             db,
-            SilentSubscriber(),
             clock=clock,
             mint=mint,
             stuck=stuck,
             calendars=Wake(),
-            listening=listening,
+            quarantine=Quarantine(db, clock=clock, mint=mint, listening=listening),
         )
         occupied = OccupiedPads(self.closings)
         self.replanner = Replanner(db, networks, self.solver, clock, mint, "hot", occupied)
@@ -225,11 +225,11 @@ class BusyWorld:
                 drone.unsent = []
         if batch:
             self.handled = (self.handled + batch)[-50:]
-            await self.follower.handle(batch)
+            await self.handler.handle(batch)
         return bool(batch)
 
     async def receive(self, batch: list[Received[Any]]) -> None:
-        await self.follower.handle(batch)
+        await self.handler.handle(batch)
         await self.converse()
 
     async def _instruct(self, delivered: set[int]) -> bool:

@@ -14,11 +14,13 @@ from skyway_composition.app import composition_app
 from skyway_composition.links.listening import Listening
 from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.following.follow import Follower
+from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
 from skyway_composition.missions.timeouts import LateMissions, OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.parts import Parts
 from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.quarantine.set_aside import Quarantine
 from skyway_composition.tables import outbox
 from skyway_composition.verify.rules import RULES
 from sqlalchemy import select, text
@@ -129,7 +131,7 @@ def make_request(
 class SilentSubscriber:
     """`Subscriber` on which nothing arrives: tests pass batches to the follower."""
 
-    async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
+    async def batches(self, *_: Topic[Any], **__: Any) -> AsyncIterator[list[Received[Any]]]:
         await asyncio.Event().wait()
         yield []
 
@@ -147,6 +149,7 @@ class Composition:
     replanner: Replanner
     listening: Listening
     calendars: Calendars
+    handler: ReportHandler
     deliveries: int = field(default=0)
 
     @property
@@ -182,7 +185,7 @@ class Composition:
         return Booking.model_validate_json(answer.content)
 
     async def receive(self, *batch: Received[Any]) -> None:
-        await self.follower.handle(batch)
+        await self.handler.handle(batch)
 
     async def sent(self, drone_id: str = "drn_1") -> list[Any]:
         """The instructions that the outbox still sends to a drone, in order."""
@@ -261,6 +264,8 @@ async def unpublished(
 ) -> AsyncIterator[Composition]:
     """Composition without any network."""
     mint = CountingMint()
+    listening = Listening(clock)
+    listening.begin()
     async with (
         SolverPool(threads=2, time_limit_s=5.0) as solver,
         SolverPool(threads=2, time_limit_s=600.0) as inquiries,
@@ -276,21 +281,20 @@ async def unpublished(
             published=Wake(),
             stuck=Wake(),
             calendars=Wake(),
+            listening=listening,
+            quarantine=Quarantine(db, clock=clock, mint=mint, listening=listening),
         )
+        handler = parts.handler
         async with httpx.AsyncClient(
             transport=httpx.ASGITransport(shared_app(composition_app, parts)),
             base_url="http://composition",
             headers={"Authorization": "Bearer secret of gateway"},
         ) as client:
-            listening = Listening(clock)
-            listening.begin()
             follower = Follower(
-                db,
+                handler,
                 SilentSubscriber(),
                 clock=clock,
-                mint=mint,
-                stuck=parts.stuck,
-                calendars=parts.calendars,
+                quarantine=parts.quarantine,
                 listening=listening,
             )
             overdue = OverdueMissions(db, clock, mint, listening)
@@ -299,7 +303,16 @@ async def unpublished(
             replanner = Replanner(db, parts.networks, solver, clock, mint, "test", occupied)
             calendars = Calendars(db, parts.networks, solver, clock, mint)
             whole = Composition(
-                client, parts, clock, follower, overdue, late, replanner, listening, calendars
+                client,
+                parts,
+                clock,
+                follower,
+                overdue,
+                late,
+                replanner,
+                listening,
+                calendars,
+                handler,
             )
             yield whole
 

@@ -130,7 +130,8 @@ class DroneMessages:
         }
 
     def _received(self, topic: Topic[Any], message: Any) -> Received[Any]:
-        return Received(topic, (self.provider_id, self.drone_id), message, retained=False)
+        ids, payload = (self.provider_id, self.drone_id), message.model_dump_json().encode()
+        return Received(topic, ids, message, retained=False, payload=payload)
 
 
 def _soc_after(step: FlightStep, soc: float) -> float:

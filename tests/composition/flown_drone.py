@@ -324,6 +324,6 @@ class FlownDrone:
 class SilentSubscriber:
     """`Subscriber` on which nothing arrives."""
 
-    async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
+    async def batches(self, *_: Topic[Any], **__: Any) -> AsyncIterator[list[Received[Any]]]:
         await asyncio.Event().wait()
         yield []

@@ -273,4 +273,13 @@ _LINKS: Final = (
     ),
 )
 
-COMPOSITION_CORRUPTIONS: Final = (*_STORAGE, *_PADS, *_NETWORKS, *_LINKS)
+_QUARANTINE: Final = (
+    Corruption(
+        "a set-aside message that lacks a part",
+        "a set-aside message is shown as it arrived",
+        composition="INSERT INTO quarantine VALUES ('qua_1', 'skyway/v1/prv_1/drn_1/acks', 'prv_1',"
+        " 'drn_1', 'UNREADABLE', 'x', x'7b', 'of another payload', 2, 1, 0, 0, 0)",
+    ),
+)
+
+COMPOSITION_CORRUPTIONS: Final = (*_STORAGE, *_PADS, *_NETWORKS, *_LINKS, *_QUARANTINE)

@@ -7,7 +7,11 @@ was started later, lost its connection, was frozen or dropped messages may have 
 from datetime import datetime, timedelta
 from typing import Final
 
+from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
+
+#: The most drones of which a missed message is remembered; then it counts for all drones.
+_MOST_MISSED: Final = 10_000
 
 #: A longer pause between two looks at the clock means that this process was frozen. Wall time.
 _LONGEST_PAUSE: Final = timedelta(seconds=5)
@@ -21,10 +25,18 @@ class Listening:
         self._since_at: datetime | None = None
         self._busy_since_at: datetime | None = None
         self._looked_wall_at: datetime | None = None
+        self._missed_at: dict[DroneId, datetime] = {}
 
     def begin(self) -> None:
         """Everything before this moment may have been missed; from now on nothing is."""
         self._since_at = self._clock.now()
+        self._missed_at.clear()
+
+    def miss(self, drone_id: DroneId) -> None:
+        """A message of this drone was not taken; it may have been the answer to an instruction."""
+        self._missed_at[drone_id] = self._clock.now()
+        if len(self._missed_at) > _MOST_MISSED and self._since_at is not None:
+            self.begin()
 
     def end(self) -> None:
         """Messages are missed from now on, until `begin`."""
@@ -46,8 +58,11 @@ class Listening:
             self.begin()
         self._looked_wall_at = wall_at
 
-    def covers(self, from_at: datetime, until_at: datetime) -> bool:
-        """Whether every message between these moments was received here and is handled."""
+    def covers(self, drone_id: DroneId, from_at: datetime, until_at: datetime) -> bool:
+        """Whether every message of a drone between these moments was received and handled here."""
         if self._since_at is None or self._since_at > from_at:
+            return False
+        missed_at = self._missed_at.get(drone_id)
+        if missed_at is not None and missed_at >= from_at:
             return False
         return self._busy_since_at is None or self._busy_since_at > until_at

@@ -102,7 +102,7 @@ class OverdueMissions:
             return
         ack_due_at = now - self._margin(wall_s=_ACK_ON_ITS_WAY_S)
         sent_at = expired_at - work.courier.lifetime
-        has_listened = self.listening.covers(sent_at, ack_due_at)
+        has_listened = self.listening.covers(record.drone_id, sent_at, ack_due_at)
         detail = f"the drone did not answer until {expired_at.isoformat()}"
         if _says_not_flown(record, link) or _silence_proves_not_flown(
             record, link, ack_due_at=ack_due_at, has_listened=has_listened

@@ -25,6 +25,7 @@ from skyway_composition.tables.networks import (
     pad_reservations,
     stations,
 )
+from skyway_composition.tables.quarantine import quarantine
 
 __all__ = [
     "alarms",
@@ -48,6 +49,7 @@ __all__ = [
     "offer_holds",
     "outbox",
     "pad_reservations",
+    "quarantine",
     "stations",
 ]
 

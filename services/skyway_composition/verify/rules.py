@@ -56,6 +56,7 @@ from skyway_composition.verify.links import LINKS
 from skyway_composition.verify.missions import MISSIONS, REPORTS
 from skyway_composition.verify.networks import CLOSURES, NETWORKS
 from skyway_composition.verify.pads import HOLDS, PADS
+from skyway_composition.verify.quarantine import QUARANTINE
 from skyway_composition.verify.steps import STEPS
 from skyway_composition.verify.windows import WINDOWS
 
@@ -106,6 +107,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *CLOSURES,
     *NETWORKS,
     *LINKS,
+    *QUARANTINE,
     *REPORTS,
 )
 

@@ -17,7 +17,7 @@ from skyway.runtime.errors import MqttUnavailable, ServiceUnavailable
 from skyway.runtime.loops import MissingParts, pause_s
 from skyway.runtime.mqtt.address import BrokerAddress
 from skyway.runtime.mqtt.connection import Login, MqttConnection, RawMessage
-from skyway.runtime.mqtt.inbox import Inbox, Received, Subscription
+from skyway.runtime.mqtt.inbox import Doorkeeper, Inbox, Received, Subscription
 
 __all__ = ["MqttClient", "Received"]
 
@@ -148,14 +148,18 @@ class MqttClient:
     def batches(self, only: Topic[M] | Address[M], /) -> AsyncIterator[list[Received[M]]]: ...
 
     @overload
-    def batches(self, *subscriptions: Subscription) -> AsyncIterator[list[Received[Any]]]: ...
+    def batches(
+        self, *subscriptions: Subscription, doorkeeper: Doorkeeper | None = None
+    ) -> AsyncIterator[list[Received[Any]]]: ...
 
-    def batches(self, *subscriptions: Subscription) -> AsyncIterator[list[Received[Any]]]:
+    def batches(
+        self, *subscriptions: Subscription, doorkeeper: Doorkeeper | None = None
+    ) -> AsyncIterator[list[Received[Any]]]:
         """Everything that has arrived, in order, at most 500 messages at a time.
 
         Subscribes at the call, not at the first step of the iteration, and for the client's life.
         """
-        inbox = Inbox(subscriptions)
+        inbox = Inbox(subscriptions, doorkeeper)
         self._inboxes.append(inbox)
         self._connected.clear()
         self._has_new_inbox.set()

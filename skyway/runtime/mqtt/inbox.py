@@ -5,7 +5,7 @@ import logging
 from collections import deque
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 from pydantic import ValidationError
 
@@ -27,12 +27,28 @@ R = TypeVar("R")  # what is received: one message class, or Any of several
 
 @dataclass(frozen=True, slots=True)
 class Received(Generic[R]):
-    """A message that has arrived; `ids` are the topic's placeholders in order."""
+    """A message that has arrived; `ids` are the topic's placeholders in order.
+
+    `payload` is what `message` was read from.
+    """
 
     topic: Topic[Any]
     ids: tuple[str, ...]
     message: R
     retained: bool
+    payload: bytes = b""
+
+
+class Doorkeeper(Protocol):
+    """Decides whose messages are read, and gets the messages that cannot be read."""
+
+    def is_shut_out(self, ids: tuple[str, ...]) -> bool:
+        """Whether to drop the messages with these ids in their topic, unread."""
+
+    def unreadable(
+        self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, error: ValidationError
+    ) -> None:
+        """Take a message that cannot be read; this must return without waiting."""
 
 
 class Inbox:
@@ -42,7 +58,10 @@ class Inbox:
     wait, the older half of them is dropped.
     """
 
-    def __init__(self, subscriptions: tuple[Subscription, ...]) -> None:
+    def __init__(
+        self, subscriptions: tuple[Subscription, ...], doorkeeper: Doorkeeper | None = None
+    ) -> None:
+        self._doorkeeper = doorkeeper
         self._wanted = tuple(
             (wanted.topic, wanted.name, ())
             if isinstance(wanted, Address)
@@ -101,10 +120,14 @@ class Inbox:
     def _read(
         self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, retained: bool
     ) -> Received[Any] | None:
+        if self._doorkeeper is not None and self._doorkeeper.is_shut_out(ids):
+            return None
         try:
-            return Received(topic, ids, topic.read(payload), retained)
+            return Received(topic, ids, topic.read(payload), retained, payload)
         except ValidationError as error:
             count("skyway_mqtt_unreadable", "messages dropped unread", topic=topic.template)
+            if self._doorkeeper is not None:
+                self._doorkeeper.unreadable(topic, ids, payload, error)
             if topic.template not in self._unreadable:
                 self._unreadable.add(topic.template)
                 log.warning(

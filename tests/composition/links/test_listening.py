@@ -5,9 +5,11 @@ from datetime import timedelta
 import pytest
 from skyway_composition.links.listening import Listening
 
+from skyway.ids import DroneId
 from skyway.runtime.clock import ManualClock
 
 MINUTE = timedelta(minutes=1)
+DRONE, OTHER = DroneId("drn_1"), DroneId("drn_2")
 
 
 @pytest.fixture
@@ -18,7 +20,7 @@ def listening(clock: ManualClock) -> Listening:
 def test_a_process_that_was_never_connected_has_received_nothing(
     listening: Listening, clock: ManualClock
 ) -> None:
-    assert not listening.covers(clock.now(), clock.now())
+    assert not listening.covers(DRONE, clock.now(), clock.now())
 
 
 def test_everything_since_the_connection_is_received(
@@ -28,8 +30,8 @@ def test_everything_since_the_connection_is_received(
     begun_at = clock.now()
     clock.advance(MINUTE)
 
-    assert listening.covers(begun_at, clock.now())
-    assert not listening.covers(begun_at - MINUTE, clock.now())
+    assert listening.covers(DRONE, begun_at, clock.now())
+    assert not listening.covers(DRONE, begun_at - MINUTE, clock.now())
 
 
 def test_nothing_is_received_after_a_lost_connection(
@@ -39,7 +41,7 @@ def test_nothing_is_received_after_a_lost_connection(
     begun_at = clock.now()
     listening.end()
 
-    assert not listening.covers(begun_at, begun_at)
+    assert not listening.covers(DRONE, begun_at, begun_at)
 
 
 def test_messages_that_are_not_handled_yet_do_not_count(
@@ -52,10 +54,10 @@ def test_messages_that_are_not_handled_yet_do_not_count(
     clock.advance(MINUTE)
     listening.begin_batch()  # a second try
 
-    assert listening.covers(begun_at, begun_at)
-    assert not listening.covers(begun_at, begun_at + MINUTE)
+    assert listening.covers(DRONE, begun_at, begun_at)
+    assert not listening.covers(DRONE, begun_at, begun_at + MINUTE)
     listening.end_batch()
-    assert listening.covers(begun_at, clock.now())
+    assert listening.covers(DRONE, begun_at, clock.now())
 
 
 def test_a_frozen_process_has_missed_messages(listening: Listening, clock: ManualClock) -> None:
@@ -64,9 +66,24 @@ def test_a_frozen_process_has_missed_messages(listening: Listening, clock: Manua
     listening.look()
     clock.advance(timedelta(seconds=1))
     listening.look()
-    assert listening.covers(begun_at, clock.now())
+    assert listening.covers(DRONE, begun_at, clock.now())
 
     clock.advance(timedelta(seconds=30))
     listening.look()
 
-    assert not listening.covers(begun_at, clock.now())
+    assert not listening.covers(DRONE, begun_at, clock.now())
+
+
+def test_a_message_that_was_not_taken_is_missed_of_its_drone_only(
+    listening: Listening, clock: ManualClock
+) -> None:
+    listening.begin()
+    begun_at = clock.now()
+    clock.advance(MINUTE)
+    listening.miss(DRONE)
+    missed_at = clock.now()
+    clock.advance(MINUTE)
+
+    assert not listening.covers(DRONE, begun_at, clock.now())
+    assert listening.covers(DRONE, missed_at + MINUTE / 2, clock.now())
+    assert listening.covers(OTHER, begun_at, clock.now())

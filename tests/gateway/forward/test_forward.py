@@ -19,6 +19,7 @@ IDS = {
     "to_id": "mcqueeney",
     "closure_id": "cls_1",
     "alarm_id": "alm_1",
+    "quarantine_id": "qua_1",
 }
 CALLERS = ("customer", "provider", "operator", "drone")
 SUBJECTS = {"customer": "alice", "provider": "prv_1", "operator": "op", "drone": "drn_1"}

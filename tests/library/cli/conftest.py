@@ -46,6 +46,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     do_POST = do_GET  # noqa: N815 - the standard library names it
     do_PATCH = do_GET  # noqa: N815 - the standard library names it
+    do_DELETE = do_GET  # noqa: N815 - the standard library names it
 
     def log_request(self, *_: Any) -> None:
         """Keep the test's output free of requests."""

@@ -11,17 +11,26 @@ from typing import Final
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
 from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, ReturnStep
 from skyway.drone.model import DroneModel
+from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_composition.missions.mission.step_store import StepRecord
 
 #: The strongest tailwind with which a drone is believed to fly, metres per second. Our own choice:
 #: no drone of a delivery service takes off in a storm of force 10.
 _TAILWIND_MPS: Final = 25.0
 
+#: How far a message may be ahead of our clock, fleet and wall seconds. Our own choice.
+_AHEAD_S: Final = (30.0, 5.0)
+
 #: The messages of drones that composition reads.
 DroneReport = Ack | DroneEvent | DroneState | Connection
 
 #: The steps that change who has a package.
 HandOver = PickUpStep | DeliverStep | ReturnStep
+
+
+def latest_believed(clock: FleetClock) -> datetime:
+    """The latest moment, fleet time, of which a message may speak now."""
+    return clock.now() + fleet_margin(clock, fleet_s=_AHEAD_S[0], wall_s=_AHEAD_S[1])
 
 
 def is_ahead(message: DroneReport, *, latest_at: datetime) -> bool:

@@ -1,18 +1,16 @@
 """Following drones whose messages come late, twice, out of order or not at all."""
 
 from collections.abc import AsyncIterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.links.listening import Listening
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.tables import outbox
 
 from skyway.contracts.topics import Topic
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.loops import Wake
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
 
@@ -25,7 +23,7 @@ class OneBatch:
 
     batch: list[Received[Any]]
 
-    async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
+    async def batches(self, *_: Topic[Any], **__: Any) -> AsyncIterator[list[Received[Any]]]:
         yield self.batch
 
 
@@ -58,14 +56,13 @@ async def test_nothing_is_dropped_while_the_database_is_away(
 ) -> None:
     instruction = await booked(composition)
     away = Database(migrated_url, outbox=outbox)
+    parts = replace(composition.parts, db=away)
     follower = Follower(
-        away,
+        parts.handler,
         OneBatch([drone.ack(instruction)]),
         clock=composition.clock,
-        mint=composition.parts.mint,
-        stuck=Wake(),
-        calendars=Wake(),
-        listening=Listening(composition.clock),
+        quarantine=parts.quarantine,
+        listening=parts.listening,
     )
 
     for _ in range(10):
@@ -232,7 +229,7 @@ async def test_after_a_connect_events_of_drones_on_missions_are_requested(
     instruction = await booked(composition)
     await composition.receive(drone.ack(instruction))
 
-    await composition.follower.ask_live_drones()
+    await composition.handler.ask_live_drones()
 
     assert [sent.kind for sent in await composition.sent()] == ["REPORT"]
 

@@ -14,13 +14,15 @@ from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 from skyway.contracts.drone_report import DroneState
 from skyway.contracts.topics import Topic
-from skyway.runtime.loops import Wake
+from skyway.ids import DroneId
 from skyway.runtime.mqtt.client import Received
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
+DRONE = DroneId("drn_1")
+
 #: The function that handles states, as the follower calls it.
-HANDLE_STATE = "skyway_composition.missions.following.follow.handle_state"
+HANDLE_STATE = "skyway_composition.missions.following.handle_batch.handle_state"
 
 
 @dataclass
@@ -29,7 +31,7 @@ class OneBatch:
 
     batch: list[Received[Any]]
 
-    async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
+    async def batches(self, *_: Topic[Any], **__: Any) -> AsyncIterator[list[Received[Any]]]:
         yield self.batch
 
 
@@ -52,12 +54,10 @@ def failing(times: int) -> Callable[..., Awaitable[None]]:
 def following(composition: Any, *batch: Received[Any]) -> Follower:
     """A follower to which one batch has arrived."""
     return Follower(
-        composition.db,
+        composition.handler,
         OneBatch([*batch]),
         clock=composition.clock,
-        mint=composition.parts.mint,
-        stuck=Wake(),
-        calendars=Wake(),
+        quarantine=composition.parts.quarantine,
         listening=composition.listening,
     )
 
@@ -101,7 +101,7 @@ async def test_a_dropped_message_may_have_been_the_answer_to_an_earlier_booking(
 ) -> None:
     booked_at = composition.clock.now()
     composition.clock.advance(timedelta(seconds=1))
-    assert composition.listening.covers(booked_at, composition.clock.now())
+    assert composition.listening.covers(DRONE, booked_at, composition.clock.now())
     monkeypatch.setattr(HANDLE_STATE, fail)
     follower = following(composition, drone.state(activity="FLYING"))
 
@@ -110,7 +110,7 @@ async def test_a_dropped_message_may_have_been_the_answer_to_an_earlier_booking(
             await follower.step()
     await follower.step()
 
-    assert not composition.listening.covers(booked_at, composition.clock.now())
+    assert not composition.listening.covers(DRONE, booked_at, composition.clock.now())
 
 
 @pytest.mark.parametrize("times", [1, 2, 3])

@@ -2,20 +2,17 @@
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.links.listening import Listening
 from skyway_composition.links.store import link_to
-from skyway_composition.missions.following.follow import Follower
 from skyway_composition.tables import outbox
 
 from skyway.contracts.drone_report import DroneState
-from skyway.contracts.topics import Topic
 from skyway.ids import DroneId
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.loops import Wake
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database, Tx
 
@@ -35,13 +32,6 @@ class FarDatabase(Database):
             yield tx
         if self.goes_away:
             raise ServiceUnavailable("database", "the connection was lost")
-
-
-class NothingArrives:
-    """`Subscriber` on which nothing arrives: tests pass batches to the follower."""
-
-    async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
-        yield []
 
 
 async def kept_state(composition: Any) -> DroneState:
@@ -177,22 +167,13 @@ async def test_after_a_lost_commit_answer_an_earlier_state_is_saved_again(
     composition: Any, idle: Any, migrated_url: str
 ) -> None:
     async with FarDatabase(migrated_url, outbox=outbox) as far:
-        clock, mint = composition.clock, composition.parts.mint
-        follower = Follower(
-            far,
-            NothingArrives(),
-            clock=clock,
-            mint=mint,
-            stuck=Wake(),
-            calendars=Wake(),
-            listening=Listening(clock),
-        )
-        await follower.handle([idle.state(station_id="a")])
+        handler = replace(composition.parts, db=far).handler
+        await handler.handle([idle.state(station_id="a")])
         far.goes_away = True
         with pytest.raises(ServiceUnavailable):
-            await follower.handle([idle.state(station_id="b")])
+            await handler.handle([idle.state(station_id="b")])
         far.goes_away = False
 
-        await follower.handle([idle.state(station_id="a")])
+        await handler.handle([idle.state(station_id="a")])
 
     assert (await kept_state(composition)).station_id == "a"

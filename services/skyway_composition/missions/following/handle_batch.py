@@ -1,0 +1,144 @@
+"""Handles batches of messages of drones: one transaction for each batch.
+
+Messages come late, twice, out of order or not at all. Each kind has its own defence. An ack answers
+an instruction once. Events are handled in the order of their `seq`, and requested again when one is
+missing. States and connections only replace older ones. So a batch may be handled again, and every
+replica may read all messages.
+
+An idle drone that repeats its state causes no transaction (`links.cached_links`).
+"""
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
+from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, Topic
+from skyway.ids import DroneId, ProviderId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.loops import Wake
+from skyway.runtime.metrics import count
+from skyway.runtime.minting import Mint
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
+from skyway_composition.links.link import CachedLinks, DroneLink
+from skyway_composition.links.store import lock_link
+from skyway_composition.missions.following.handle_ack import handle_ack
+from skyway_composition.missions.following.handle_report import handle_event, handle_state
+from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.quarantine.set_aside import Quarantine
+
+#: The topics of drones that composition reads; the ids of each are provider and drone.
+FOLLOWED_TOPICS: Final[tuple[Topic[Any], ...]] = (ACKS, EVENTS, STATE, CONNECTION)
+
+
+class ReportHandler:
+    """Handles messages of drones.
+
+    Wakes `stuck` when a mission needs a new revision, and `calendars` when a drone is free.
+    """
+
+    def __init__(
+        self,
+        db: Database,
+        *,
+        clock: FleetClock,
+        mint: Mint,
+        stuck: Wake,
+        calendars: Wake,
+        quarantine: Quarantine,
+    ) -> None:
+        self._db = db
+        self._clock = clock
+        self._mint = mint
+        self._stuck = stuck
+        self._calendars = calendars
+        self._quarantine = quarantine
+        self._cached_links = CachedLinks(clock)
+
+    async def handle(self, batch: Sequence[Received[Any]]) -> None:
+        """Handle messages of any kind, in the order of their arrival."""
+        batch = await self._without_repeated(batch)
+        if not batch:
+            return
+        writers = {DroneId(each.ids[1]): ProviderId(each.ids[0]) for each in reversed(batch)}
+        self._cached_links.forget(writers)
+        async with self._db.write() as tx:
+            work = await MissionUnitOfWork.lock(writers, tx=tx, clock=self._clock, mint=self._mint)
+            # In sorted order, as every transaction locks links.
+            for drone_id in sorted(writers.keys() - work.links.keys()):
+                work.links[drone_id] = await lock_link(tx, drone_id, writers[drone_id])
+            for received in _without_superseded(batch):
+                await self._handle_one(work, received)
+            await work.save_staged()
+            if any(record.needs_plan for record in work.missions.values()):
+                tx.after_commit(self._stuck.set)
+            if writers.keys() - work.missions.keys():
+                tx.after_commit(self._calendars.set)
+        self._cached_links.keep(work.links.values())
+
+    async def _without_repeated(self, batch: Sequence[Received[Any]]) -> Sequence[Received[Any]]:
+        """The batch without the drones that only repeat their last messages."""
+        said: dict[DroneId, list[Received[Any]]] = defaultdict(list)
+        for received in batch:
+            said[DroneId(received.ids[1])].append(received)
+        again = {each for each in said if self._cached_links.changes_nothing(each, said[each])}
+        if not again:
+            return batch
+        async with self._db.read() as connection:
+            # For a drone on a mission the time of its last message matters: it must be saved.
+            again -= await store.live_among(connection, again)
+        for drone_id in again:
+            self._cached_links.note(drone_id, said[drone_id])
+        return [each for each in batch if DroneId(each.ids[1]) not in again]
+
+    async def ask_live_drones(self) -> None:
+        """Ask every drone on a mission for its missing events, after a connection was lost."""
+        async with self._db.read() as connection:
+            drone_ids = await store.live_drones(connection)
+        for drone_id in drone_ids:
+            async with self._db.write() as tx:
+                work = await MissionUnitOfWork.lock(
+                    [drone_id], tx=tx, clock=self._clock, mint=self._mint
+                )
+                if drone_id in work.missions:
+                    await work.courier.ask_for_events(tx, work.links[drone_id])
+
+    async def _handle_one(self, work: MissionUnitOfWork, received: Received[Any]) -> None:
+        provider_id, drone_id = ProviderId(received.ids[0]), DroneId(received.ids[1])
+        link = work.links[drone_id]
+        if link.provider_id != provider_id:
+            # The broker lets a drone write under its own provider only: this one has changed.
+            count("skyway_foreign_provider", "messages under another provider's name")
+            detail = f"the drone belongs to {link.provider_id}"
+            self._quarantine.add(received, "FOREIGN_PROVIDER", detail)
+            return
+        match received.message:
+            case Ack() as ack:
+                await handle_ack(work, link, ack)
+            case DroneEvent() as event:
+                await handle_event(work, link, event)
+            case DroneState() as state:
+                await handle_state(work, link, state)
+            case Connection() as connection:
+                _handle_connection(work, link, connection)
+
+
+def _without_superseded(batch: Sequence[Received[Any]]) -> Iterator[Received[Any]]:
+    """The batch without each RECEIVED that is followed by the answer to the same instruction."""
+    answered = {
+        (*each.ids, each.message.instruction_id)
+        for each in batch
+        if isinstance(each.message, Ack) and each.message.status != "RECEIVED"
+    }
+    for each in batch:
+        is_news = isinstance(each.message, Ack) and each.message.status == "RECEIVED"
+        if not is_news or (*each.ids, each.message.instruction_id) not in answered:
+            yield each
+
+
+def _handle_connection(work: MissionUnitOfWork, link: DroneLink, connection: Connection) -> None:
+    if link.is_newer_connection(connection):
+        work.stage_link(replace(link, connection=connection))

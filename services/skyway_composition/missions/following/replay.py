@@ -1,0 +1,81 @@
+"""Handles a message of the quarantine again, as if it had just arrived."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+
+from skyway.contracts.topics import Topic
+from skyway.ids import DroneId, ProviderId, QuarantineId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import Conflict, NotFound, ServiceUnavailable
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
+from skyway_composition.links.store import link_to
+from skyway_composition.missions.following.handle_batch import FOLLOWED_TOPICS, ReportHandler
+from skyway_composition.missions.following.plausibility import is_ahead, latest_believed
+from skyway_composition.quarantine import store
+
+
+@dataclass(frozen=True, slots=True)
+class Replays:
+    """Hands set-aside messages to the handler of drones' messages."""
+
+    db: Database
+    clock: FleetClock
+    handler: ReportHandler
+
+    async def replay(self, quarantine_id: QuarantineId) -> None:
+        """Handle the message; it leaves the quarantine when it was taken.
+
+        Raises
+        ------
+        NotFound
+            It is not kept.
+        Conflict
+            It still cannot be taken; it stays where it is.
+        """
+        async with self.db.read() as connection:
+            kept = await store.payload_of(connection, quarantine_id)
+        if kept is None:
+            raise NotFound("quarantined message", quarantine_id)
+        if not kept.is_whole:
+            raise Conflict("PAYLOAD_CUT", "only the begin of this message was kept")
+        await self._handle(_read(kept.topic, kept.payload))
+        async with self.db.write() as tx:
+            await store.remove(tx, quarantine_id)
+
+    async def _handle(self, received: Received[Any]) -> None:
+        if is_ahead(received.message, latest_at=latest_believed(self.clock)):
+            raise _refusal("it speaks of the future")
+        drone_id, provider_id = DroneId(received.ids[1]), ProviderId(received.ids[0])
+        async with self.db.read() as connection:
+            link = await link_to(connection, drone_id)
+        if link is not None and link.provider_id != provider_id:
+            raise _refusal(f"{drone_id} does not belong to {provider_id}")
+        try:
+            await self.handler.handle([received])
+        except ServiceUnavailable:
+            raise
+        except Exception as error:
+            raise _refusal(f"handling it failed: {type(error).__name__}") from error
+
+
+def _read(name: str, payload: bytes) -> Received[Any]:
+    topic, ids = _topic_of(name)
+    try:
+        return Received(topic, ids, topic.read(payload), retained=False, payload=payload)
+    except ValidationError as error:
+        raise _refusal(f"it has {error.error_count()} values that cannot be read") from error
+
+
+def _topic_of(name: str) -> tuple[Topic[Any], tuple[str, ...]]:
+    for topic in FOLLOWED_TOPICS:
+        ids = topic.ids_in(name)
+        if ids is not None:
+            return topic, ids
+    raise _refusal(f"nobody reads {name}")
+
+
+def _refusal(detail: str) -> Conflict:
+    return Conflict("STILL_NOT_TAKEN", detail)

@@ -1,0 +1,162 @@
+"""Sets messages aside: they are judged and counted now, and kept by a loop of their own.
+
+So no message waits until another one is kept, and a sender that floods the quarantine slows nobody.
+"""
+
+import logging
+from collections import defaultdict
+from datetime import timedelta
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from skyway.contracts.topics import Topic
+from skyway.ids import DroneId, ProviderId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.loops import Wake
+from skyway.runtime.metrics import count
+from skyway.runtime.minting import Mint
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
+from skyway.units import moment_to_ms
+from skyway_composition import alarm_store
+from skyway_composition.links.listening import Listening
+from skyway_composition.quarantine import store
+from skyway_composition.quarantine.offenders import PUT_OUT_FOR, Offenders, Sender
+from skyway_composition.quarantine.quarantined import QuarantineReason, SetAsideMessage
+
+log = logging.getLogger(__name__)
+
+#: How much a message adds to its sender's level. A drone whose clock is ahead does no harm; a
+#: message that fails in our own code delays others while it is tried again.
+_WEIGHTS: Final[dict[QuarantineReason, float]] = {
+    "UNREADABLE": 1.0,
+    "AHEAD": 0.1,
+    "FOREIGN_PROVIDER": 1.0,
+    "FAILED": 10.0,
+}
+
+#: The most messages of one provider that wait to be kept.
+_MOST_WAITING: Final = 50
+#: Wall time for which a message is kept after it came last, and between two looks for older ones.
+_KEPT_FOR: Final = timedelta(days=7)
+_SWEEP_EVERY: Final = timedelta(minutes=10)
+#: The most reasons that pydantic's errors are described with.
+_MOST_ERRORS: Final = 3
+
+_PUT_OUT: Final = "SENDER_PUT_OUT"
+
+
+class Quarantine:
+    """The door for the messages of drones; `Doorkeeper` of their inbox."""
+
+    def __init__(
+        self, db: Database, *, clock: FleetClock, mint: Mint, listening: Listening
+    ) -> None:
+        self._db = db
+        self._clock = clock
+        self._mint = mint
+        self._listening = listening
+        self._offenders = Offenders()
+        self._waiting: dict[ProviderId, list[SetAsideMessage]] = defaultdict(list)
+        self._newly_put_out: list[Sender] = []
+        self._swept_at = clock.wall_now()
+        self.wake = Wake()
+
+    def is_shut_out(self, ids: tuple[str, ...]) -> bool:
+        """Whether the messages of this sender are not read at present."""
+        if not self._offenders.is_put_out((ids[0], ids[1]), now=self._clock.wall_now()):
+            return False
+        count("skyway_unread_messages", "messages of drones that are put out")
+        self._listening.miss(DroneId(ids[1]))
+        return True
+
+    def unreadable(
+        self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, error: ValidationError
+    ) -> None:
+        """Set aside a message that does not have the form of its topic."""
+        found = error.errors(include_url=False, include_context=False, include_input=False)
+        places = (".".join(map(str, each["loc"])) + f": {each['msg']}" for each in found)
+        detail = "; ".join([*places][:_MOST_ERRORS])
+        self._add(SetAsideMessage.of(topic(*ids).name, ids, payload, "UNREADABLE", detail))
+
+    def add(self, received: Received[Any], reason: QuarantineReason, detail: str) -> None:
+        """Set aside a message that was read. Any: each topic has messages of its own type."""
+        name = received.topic(*received.ids).name
+        self._add(SetAsideMessage.of(name, received.ids, received.payload, reason, detail))
+
+    def _add(self, message: SetAsideMessage) -> None:
+        # The message may have been an answer: the drone's silence proves nothing from here on.
+        self._listening.miss(message.drone_id)
+        count("skyway_set_aside_messages", "drone messages not taken", reason=message.reason)
+        sender = (message.provider_id, message.drone_id)
+        standing = self._offenders.note(
+            sender, _WEIGHTS[message.reason], now=self._clock.wall_now()
+        )
+        waiting = self._waiting[message.provider_id]
+        if standing == "PUT_OUT":
+            log.warning("sender put out", extra={"drone_id": message.drone_id})
+            count("skyway_senders_put_out", "drones of which no message is read for a while")
+            self._newly_put_out.append(sender)
+        if standing == "NORMAL" and len(waiting) < _MOST_WAITING:
+            waiting.append(message)
+            self.wake.set()
+        else:
+            _count_left_out(1)
+
+    async def step(self) -> bool:
+        """Step of a loop: keep what waits, and raise alarms. A failed step is done again."""
+        await self._keep()
+        await self._raise_alarms()
+        await self._sweep()
+        return False
+
+    async def _keep(self) -> None:
+        messages = [each for waiting in self._waiting.values() for each in waiting]
+        if not messages:
+            return
+        arrival = store.Arrival(
+            at_ms=moment_to_ms(self._clock.now()), wall_ms=moment_to_ms(self._clock.wall_now())
+        )
+        async with self._db.write() as tx:
+            left_out = await store.add_all(tx, messages, arrival=arrival, mint=self._mint)
+        _count_left_out(left_out)
+        kept = set(messages)
+        for provider_id, waiting in [*self._waiting.items()]:
+            # Others may have come while these were written.
+            waiting[:] = [each for each in waiting if each not in kept]
+            if not waiting:
+                del self._waiting[provider_id]
+
+    async def _raise_alarms(self) -> None:
+        while self._newly_put_out:
+            provider_id, drone_id = self._newly_put_out[0]
+            until_at = self._clock.wall_now() + PUT_OUT_FOR
+            async with self._db.write() as tx:
+                # One open alarm is enough, however often the drone is put out.
+                if not await alarm_store.is_open(tx.connection, DroneId(drone_id), code=_PUT_OUT):
+                    await alarm_store.add(
+                        tx,
+                        level="URGENT",
+                        code=_PUT_OUT,
+                        detail="too many messages of the drone could not be taken: none of its "
+                        f"messages is read until {until_at:%Y-%m-%d %H:%M:%S} UTC, wall time",
+                        at_ms=moment_to_ms(self._clock.now()),
+                        mint=self._mint,
+                        provider_id=ProviderId(provider_id),
+                        drone_id=DroneId(drone_id),
+                    )
+            del self._newly_put_out[0]
+
+    async def _sweep(self) -> None:
+        now = self._clock.wall_now()
+        if now - self._swept_at < _SWEEP_EVERY:
+            return
+        async with self._db.write() as tx:
+            await store.remove_old(tx, before_wall_ms=moment_to_ms(now - _KEPT_FOR))
+        self._swept_at = now
+
+
+def _count_left_out(messages: int) -> None:
+    if messages:
+        count("skyway_set_aside_not_kept", "set-aside messages that were only counted", messages)
