@@ -2,6 +2,6 @@
 
 `follow` reads the messages in batches, and sets aside those that cannot be taken; `handle_batch`
 handles a batch in one transaction. `handle_ack`, `handle_report` and `handle_failure` handle one
-message each. `advance` moves a mission on and passes its packages on, `recover_packages` brings back
-packages of missions that were given up. `replay` handles a message that was set aside.
+message each. `advance` moves a mission on and passes its packages on, `recover_packages` brings
+back packages of missions that were given up. `replay` handles a message that was set aside.
 """
