@@ -69,6 +69,41 @@ class ServiceSettings(DatabaseSettings):
         description="Addresses and networks, separated by commas, whose `X-Forwarded-For` is "
         "believed.",
     )
+    http_connections: int = Field(
+        default=4_000,
+        ge=64,
+        le=1_000_000,
+        description="Open HTTP connections of the process. Its limit of open files may allow "
+        "fewer. If there are more, the one that waits longest for its caller is closed.",
+    )
+    http_connections_per_address: int = Field(
+        default=1_000,
+        ge=8,
+        le=1_000_000,
+        description="Open HTTP connections of one address (IPv6: one /64), at most half of all.",
+    )
+    http_url_bytes: int = Field(
+        default=8_192, ge=1_024, le=65_536, description="Bytes of a path with its query."
+    )
+    http_head_bytes: int = Field(
+        default=32_768,
+        ge=4_096,
+        le=1_048_576,
+        description="Bytes of all header lines of a request.",
+    )
+    http_head_s: float = Field(
+        default=10.0,
+        ge=0.1,
+        le=600.0,
+        description="Seconds of wall time within which a request's header lines must have come.",
+    )
+    http_body_s: float = Field(
+        default=30.0,
+        ge=0.1,
+        le=600.0,
+        description="Seconds of wall time within which a request's body must have come, and one "
+        "more for each 64 KiB of it.",
+    )
     log_level: str = Field(default="INFO", description="DEBUG, INFO, WARNING or ERROR.")
     gateway_url: str = Field(
         default="http://127.0.0.1:8000", description="Where the other services find the gateway."

@@ -5,8 +5,10 @@ The page /docs is Swagger UI from a package on this machine, so that no other ho
 
 import asyncio
 import html
+import json
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from functools import cached_property
 from importlib.metadata import version
 from importlib.resources import as_file, files
 from typing import Annotated, Final
@@ -102,6 +104,11 @@ class ServiceApp(FastAPI):
             self.openapi_schema = own if self.publish is None else self.publish(own)
         return self.openapi_schema
 
+    @cached_property
+    def document(self) -> bytes:
+        """The OpenAPI document as JSON."""
+        return json.dumps(self.openapi(), ensure_ascii=False, separators=(",", ":")).encode()
+
 
 def create_app(
     *,
@@ -134,6 +141,7 @@ def create_app(
         version=version("skyway"),
         license_info={"name": "MIT", "url": "https://opensource.org/license/mit"},
         lifespan=lifespan,
+        openapi_url=None,  # a route of our own: FastAPI would encode the document each time
         docs_url=None,
         redoc_url=None,
         redirect_slashes=False,
@@ -203,6 +211,12 @@ async def show_docs(request: Request) -> Response:
 async def show_docs_script() -> Response:
     """What draws the page."""
     return Response(_START, media_type="text/javascript")
+
+
+@_docs_page.get("/openapi.json")
+async def show_document(request: Request) -> Response:
+    """The OpenAPI document."""
+    return Response(request.app.document, media_type="application/json")
 
 
 @_docs_page.get("/docs/assets/{name}")

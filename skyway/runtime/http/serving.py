@@ -13,6 +13,7 @@ import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Final, Protocol
 
 import uvicorn
@@ -22,6 +23,9 @@ from starlette.types import Receive, Scope, Send
 
 from skyway.runtime.errors import DamagedDatabase, ExitCode, ServiceUnavailable
 from skyway.runtime.garbage import keep_what_is_loaded
+from skyway.runtime.http.front.connection_table import ConnectionTable
+from skyway.runtime.http.front.front_limits import FrontLimits, FrontSettings
+from skyway.runtime.http.front.front_protocol import FrontProtocol
 from skyway.runtime.http.problems import problem_of, problem_response
 from skyway.runtime.loops import MissingParts, missing_part, pause_s
 
@@ -38,7 +42,7 @@ _REQUESTS_WAIT_S: Final = 3.0
 _ALWAYS_ANSWERED: Final = ("/healthz", "/metrics")
 
 
-class ServingSettings(Protocol):
+class ServingSettings(FrontSettings, Protocol):
     """Where to listen, and which parent process to end with; `ServiceSettings` has it all."""
 
     @property
@@ -76,8 +80,12 @@ def serve(app: Starlette, settings: ServingSettings) -> int:
         The app can never be opened.
     """
     opening = Opening(app)
+    limits = FrontLimits.of(settings)
+    table = ConnectionTable(limits, trusted_proxies=settings.trusted_proxies)
     config = uvicorn.Config(
         opening,
+        # uvicorn wants a class, and calls it.
+        http=partial(FrontProtocol, limits=limits, table=table),  # type: ignore[arg-type]
         host=settings.host,
         port=settings.port,
         log_config=None,

@@ -42,7 +42,8 @@ async def answer(request):
 socket_fd, parent_fd = (int(text) if text != "-" else None for text in sys.argv[1:3])
 app = Starlette(routes=[Route("/{path:path}", answer)])
 settings = SimpleNamespace(host="127.0.0.1", port=0, socket_fd=socket_fd, parent_fd=parent_fd,
-    trusted_proxies="")
+    trusted_proxies="", http_connections=100, http_connections_per_address=50,
+    http_url_bytes=8192, http_head_bytes=32768, http_head_s=10.0, http_body_s=30.0)
 sys.exit(serve(app, settings))
 """
 

@@ -1,0 +1,108 @@
+"""The open connections of a process, and which of them goes when there are too many.
+
+A connection is in use from the moment at which its request has come as a whole until the answer is
+sent. Any other connection waits, and the one that waits longest goes first. So connections that
+send nothing, or half a request, cannot keep others out.
+"""
+
+from collections.abc import Collection
+from ipaddress import IPv4Network, IPv6Network, ip_address, ip_network
+from typing import Protocol
+
+from skyway.runtime.http.entrance import network_of
+from skyway.runtime.http.front.front_limits import FrontLimits
+from skyway.runtime.metrics import count
+
+
+class Closable(Protocol):
+    """A connection."""
+
+    def close_waiting(self) -> None:
+        """Close the connection, which waits."""
+        ...
+
+
+class _Address:
+    """The connections of one address; those that wait, the longest waiting first."""
+
+    __slots__ = ("open", "waiting")
+
+    def __init__(self) -> None:
+        self.open = 0
+        self.waiting: dict[Closable, None] = {}
+
+
+class ConnectionTable:
+    """Counts connections, of all and of each address.
+
+    The addresses in `trusted_proxies`, separated by commas, may have all connections.
+    """
+
+    def __init__(self, limits: FrontLimits, *, trusted_proxies: str = "") -> None:
+        self._limits = limits
+        self._proxies = _networks(trusted_proxies)
+        self._addresses: dict[str, _Address] = {}
+        self._waiting: dict[Closable, _Address] = {}
+        self.open = 0
+
+    def enter(self, connection: Closable, host: str) -> str | None:
+        """Note a new connection, which waits; None if there is no room for it.
+
+        The answer is the name under which `leave` finds it.
+        """
+        name = network_of(host)
+        address = self._addresses.setdefault(name, _Address())
+        is_crowd = address.open >= self._limits.per_address and not self._is_proxy(host)
+        is_full = self.open >= self._limits.connections
+        if (is_crowd and not self._close_one(address.waiting)) or (
+            is_full and not is_crowd and not self._close_one(self._waiting)
+        ):
+            self._count_refused(name)
+            return None
+        # The connection that was closed may have been the last one of its address.
+        address = self._addresses.setdefault(name, address)
+        address.open += 1
+        self.open += 1
+        address.waiting[connection] = None
+        self._waiting[connection] = address
+        return name
+
+    def wait(self, connection: Closable, name: str) -> None:
+        """Note that a connection waits from now on."""
+        address = self._addresses[name]
+        address.waiting[connection] = None
+        self._waiting[connection] = address
+
+    def use(self, connection: Closable, name: str) -> None:
+        """Note that a connection is in use from now on."""
+        self._addresses[name].waiting.pop(connection, None)
+        self._waiting.pop(connection, None)
+
+    def leave(self, connection: Closable, name: str) -> None:
+        """Forget a connection that is closed."""
+        self.use(connection, name)
+        address = self._addresses[name]
+        address.open -= 1
+        self.open -= 1
+        if address.open == 0:
+            del self._addresses[name]
+
+    def _close_one(self, waiting: Collection[Closable]) -> bool:
+        longest = next(iter(waiting), None)
+        if longest is None:
+            return False
+        count("skyway_http_connections_closed", "connections closed to make room", reason="waiting")
+        longest.close_waiting()
+        return True
+
+    def _count_refused(self, name: str) -> None:
+        if self._addresses[name].open == 0:
+            del self._addresses[name]
+        count("skyway_http_connections_closed", "connections closed to make room", reason="full")
+
+    def _is_proxy(self, host: str) -> bool:
+        return bool(self._proxies) and any(ip_address(host) in each for each in self._proxies)
+
+
+def _networks(text: str) -> tuple[IPv4Network | IPv6Network, ...]:
+    return tuple(ip_network(part.strip()) for part in text.split(",") if part.strip())
