@@ -26,6 +26,7 @@ from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.migrations import migrate
 from skyway_provider_registry.candidates.routes import candidate_routes
 from skyway_provider_registry.enrolment.routes import drone_key_routes, enrolment_routes
+from skyway_provider_registry.fleets.announce_renewals import CompositionNotice, RenewalAnnouncer
 from skyway_provider_registry.fleets.credential_routes import credential_routes
 from skyway_provider_registry.fleets.drone_model_routes import drone_model_routes
 from skyway_provider_registry.fleets.routes import (
@@ -84,7 +85,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             credential_routes(
                 db=db, gate=gate, clock=clock, password_file=password_file, issuer=parts.issuer
             ),
-            drone_key_routes(db=db, gate=gate, password_file=password_file),
+            drone_key_routes(db=db, gate=gate, clock=clock, password_file=password_file),
             enrolment_routes(db=db, gate=gate, password_file=password_file),
             telemetry_routes(db=db, gate=gate),
         ],
@@ -134,6 +135,8 @@ def build_app(settings: RegistrySettings) -> FastAPI:
                 "password file",
                 repeat("password file", parts.password_file.step, every_s=_PASSWORDS_EVERY_S),
             )
+            renewals = RenewalAnnouncer(parts.db, parts.clock, CompositionNotice(composition))
+            loops.start("renewals", repeat("renewals", renewals.step, every_s=1.0))
             loops.start(
                 "idempotency",
                 repeat("idempotency", partial(_sweep, parts), every_s=_SWEEP_EVERY_S),

@@ -13,6 +13,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    text,
 )
 
 from skyway.runtime.idempotency_store import idempotency_table
@@ -103,6 +104,22 @@ presence = Table(
     # The number of the last change that affects selection.
     Column("changed", BigInteger, nullable=False, server_default="0"),
     Index("presence_by_change", "changed"),
+)
+
+#: When the credentials of a drone were renewed last, if ever.
+renewals = Table(
+    "renewals",
+    metadata,
+    Column("drone_id", Text, ForeignKey("drones.drone_id", ondelete="CASCADE"), primary_key=True),
+    Column("renewed_ms", BigInteger, nullable=False),
+    Column("renewed_wall_ms", BigInteger, nullable=False),
+    Column("is_announced", Boolean, nullable=False),  # whether composition knows
+    Index(
+        "renewals_to_announce",
+        "renewed_wall_ms",
+        sqlite_where=text("is_announced = 0"),
+        postgresql_where=text("NOT is_announced"),
+    ),
 )
 
 #: Samples of telemetry, each stored once; `at_ms` is fleet time. There is no foreign key, because a

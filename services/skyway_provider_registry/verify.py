@@ -10,6 +10,7 @@ from typing import Final
 
 from sqlalchemy import Column, ColumnElement, and_, func, literal, or_, select
 
+from skyway.bounds import LATEST
 from skyway.broker_setup.passwords import read_hash
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.service_facts import AnyFacts, DroneFacts, HintFacts, ProviderFacts
@@ -20,6 +21,7 @@ from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import storage_rules
 from skyway.runtime.verification.stored_forms import form_rule, read_fernet_token, read_sha256
+from skyway.units import moment_to_ms
 from skyway_provider_registry.change_store import ONLY_ROW
 from skyway_provider_registry.presence.drone_presence import Condition
 from skyway_provider_registry.tables import (
@@ -34,8 +36,11 @@ from skyway_provider_registry.tables import (
     mission_hints,
     presence,
     providers,
+    renewals,
     telemetry_samples,
 )
+
+_LATEST_MS: Final = moment_to_ms(LATEST)
 
 _is_drone_account = broker_accounts.c.kind == "DRONE"
 
@@ -185,6 +190,16 @@ _DRONES: Final = (
             )
         ),
         "Set the home to the place of the station `home_station_id`: see GET /v1/networks.",
+    ),
+    Rule(
+        "credentials were renewed at a possible moment",
+        select(renewals.c.drone_id).where(
+            or_(
+                ~renewals.c.renewed_ms.between(0, _LATEST_MS),
+                ~renewals.c.renewed_wall_ms.between(0, _LATEST_MS),
+            )
+        ),
+        "Set both moments to now and `is_announced` to false: composition is notified again.",
     ),
     Rule(
         "a sample of telemetry is possible",

@@ -275,6 +275,11 @@ _LINKS: Final = (
 
 _QUARANTINE: Final = (
     Corruption(
+        "a link that was renewed before there were drones",
+        "a link was renewed at a possible moment",
+        composition="UPDATE drone_links SET renewed_ms = -1 WHERE drone_id = :flying_drone",
+    ),
+    Corruption(
         "a set-aside message that lacks a part",
         "a set-aside message is shown as it arrived",
         composition="INSERT INTO quarantine VALUES ('qua_1', 'skyway/v1/prv_1/drn_1/acks', 'prv_1',"

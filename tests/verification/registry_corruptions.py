@@ -249,4 +249,12 @@ _ACROSS: Final = (
     ),
 )
 
-REGISTRY_CORRUPTIONS: Final = (*_REGISTRY, *_ACROSS)
+_RENEWALS: Final = (
+    Corruption(
+        "credentials renewed in the year 300,000",
+        "credentials were renewed at a possible moment",
+        registry="INSERT OR REPLACE INTO renewals VALUES (:flying_drone, 9405000000000000, 0, 1)",
+    ),
+)
+
+REGISTRY_CORRUPTIONS: Final = (*_REGISTRY, *_RENEWALS, *_ACROSS)

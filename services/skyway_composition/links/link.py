@@ -1,29 +1,20 @@
-"""A drone's link, what follows from the drone's messages, and a cache of links.
+"""A drone's link, and what follows from the drone's messages."""
 
-The cache lets this process skip messages that change nothing without locking or writing a row. Most
-messages come from idle drones, which send their state every half minute. A cached link may be older
-than the stored link. That does no harm: links only move forward, so a message that changes nothing
-in an older link changes nothing in the current link.
-"""
-
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.contracts.message import is_newer
 from skyway.ids import DroneId, ProviderId
-from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway.runtime.mqtt.client import Received
 
 #: Two states of charge that differ by less count as the same. Our own choice.
 _SAME_SOC: Final = 0.01
 
-#: The most links in the cache, about 5 KiB each.
-_MOST_CACHED: Final = 10_000
+#: Sessions count from 1.
+_NO_SESSION: Final = 0
 
-#: An unchanged state is stored after this much wall time at the latest. Our own choice.
-_STORED_EVERY_S: Final = 300.0
+#: The most streams of one drone that a restored database may lack. Our own choice.
+_MOST_LOST_STREAMS: Final = 1_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +34,8 @@ class DroneLink:
 
     `last_seq` numbers our last instruction in `stream`, 0 before the first. `last_event_seq`
     numbers the last drone event that we have. `acked_stream` is the last stream that the drone
-    has confirmed, in its session `acked_session`.
+    has confirmed, in its session `acked_session`. `renewed_ms` is when the drone's credentials were
+    renewed last, fleet time.
     """
 
     drone_id: DroneId
@@ -56,6 +48,7 @@ class DroneLink:
     report_asked_wall_ms: int = 0
     state: DroneState | None = None
     connection: Connection | None = None
+    renewed_ms: int | None = None
 
     @property
     def is_occupied(self) -> bool:
@@ -160,6 +153,32 @@ class DroneLink:
             last_event_seq=state.last_event_seq,
         )
 
+    def renewed(self, *, at_ms: int) -> "DroneLink":
+        """The link after the drone's credentials were renewed.
+
+        Somebody else may have sent the messages so far, with the largest numbers. The last state
+        still says whether the drone is occupied, but every next message is newer.
+        """
+        known = None
+        if self.state is not None:
+            unnumbered = {"session": _NO_SESSION, "seq": 0, "journal_session": 0}
+            known = self.state.model_copy(update=unnumbered)
+        return replace(self, state=known, connection=None, acked_session=0, renewed_ms=at_ms)
+
+    def without_foreign_events(self, state: DroneState) -> "DroneLink":
+        """The link without events that the drone never sent, by its first state after a renewal."""
+        is_first = self.state is not None and self.state.session == _NO_SESSION
+        if not is_first or state.stream != self.stream:
+            return self
+        return replace(self, last_event_seq=min(self.last_event_seq, state.last_event_seq))
+
+    def shows_unlikely_stream(self, state: DroneState) -> bool:
+        """Whether the drone follows a stream far after ours.
+
+        A restored backup of our database may lack some streams, but never so many.
+        """
+        return state.stream > self.stream + _MOST_LOST_STREAMS
+
     @property
     def is_gone(self) -> bool:
         """Whether the drone has disconnected, or its connection was lost."""
@@ -182,67 +201,3 @@ def _standing(state: DroneState) -> tuple[object, ...] | None:
         state.failsafe,
         None if state.health is None else state.health.consumption_factor,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _CachedLink:
-    """A link as this process last read or wrote it; `newest` is the newest state since then."""
-
-    link: DroneLink
-    newest: tuple[int, int] | None
-
-
-class CachedLinks:
-    """The links that this process read or wrote last; any of them may be dropped at any time."""
-
-    def __init__(self, clock: FleetClock) -> None:
-        self._clock = clock
-        self._cached: dict[DroneId, _CachedLink] = {}
-
-    def changes_nothing(self, drone_id: DroneId, messages: Iterable[Received[Any]]) -> bool:
-        """Whether none of these messages has an effect, for a drone without a mission.
-
-        Any: each topic has messages of its own type.
-        """
-        cached = self._cached.get(drone_id)
-        return cached is not None and all(self._is_repeated(cached, each) for each in messages)
-
-    def note(self, drone_id: DroneId, messages: Sequence[Received[Any]]) -> None:
-        """Remember the newest state among skipped messages, to recognise older states later."""
-        cached = self._cached[drone_id]
-        states = (each.message for each in messages if isinstance(each.message, DroneState))
-        pairs = [cached.newest, *((state.session, state.seq) for state in states)]
-        newest = max((each for each in pairs if each is not None), default=None)
-        self._cached[drone_id] = replace(cached, newest=newest)
-
-    def keep(self, links: Iterable[DroneLink]) -> None:
-        """Cache links as they are stored now; when there are too many, the oldest are dropped."""
-        for link in links:
-            state = link.state
-            newest = None if state is None else (state.session, state.seq)
-            self._cached[link.drone_id] = _CachedLink(link, newest)
-        while len(self._cached) > _MOST_CACHED:
-            del self._cached[next(iter(self._cached))]
-
-    def forget(self, drone_ids: Iterable[DroneId]) -> None:
-        """Drop the links of drones whose messages are being handled, as the commit may fail."""
-        for drone_id in drone_ids:
-            self._cached.pop(drone_id, None)
-
-    def _is_repeated(self, cached: _CachedLink, received: Received[Any]) -> bool:
-        link, message = cached.link, received.message
-        if ProviderId(received.ids[0]) != link.provider_id:
-            return False
-        match message:
-            case Connection():
-                return not link.is_newer_connection(message)
-            case DroneState() if cached.newest is not None:
-                is_old = (message.session, message.seq) <= cached.newest
-                return is_old or (self._is_recent(link, message) and link.is_still_idle(message))
-            case _:
-                return False
-
-    def _is_recent(self, link: DroneLink, state: DroneState) -> bool:
-        """Whether the stored state is not much older than this state."""
-        longest = fleet_margin(self._clock, fleet_s=0, wall_s=_STORED_EVERY_S)
-        return link.state is not None and abs(state.at - link.state.at) < longest

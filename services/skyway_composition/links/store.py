@@ -94,6 +94,16 @@ async def link_to(connection: AsyncConnection, drone_id: DroneId) -> DroneLink |
     return None if row is None else _link(row)
 
 
+async def renewals_of(
+    connection: AsyncConnection, drone_ids: Collection[DroneId]
+) -> dict[DroneId, int]:
+    """When the credentials of these drones were renewed last, if ever: fleet ms."""
+    query = select(drone_links.c.drone_id, drone_links.c.renewed_ms).where(
+        drone_links.c.drone_id.in_(sorted(drone_ids)), drone_links.c.renewed_ms.is_not(None)
+    )
+    return {row.drone_id: row.renewed_ms for row in await connection.execute(query)}
+
+
 async def save_links(tx: Tx, links: Iterable[DroneLink]) -> None:
     """Store links that this transaction has locked."""
     rows = [_values(link) for link in links]
@@ -114,6 +124,7 @@ def _values(link: DroneLink) -> dict[str, Any]:  # parameters of `_SAVE_LINK` of
         "state": None if link.state is None else link.state.model_dump_json(),
         "is_occupied": link.is_occupied,
         "connection": None if link.connection is None else link.connection.model_dump_json(),
+        "renewed_ms": link.renewed_ms,
     }
 
 
@@ -144,4 +155,5 @@ def _link(row: Row[Any]) -> DroneLink:  # a row of drone_links
         report_asked_wall_ms=row.report_asked_wall_ms,
         state=None if row.state is None else DroneState.read(row.state),
         connection=None if row.connection is None else Connection.read(row.connection),
+        renewed_ms=row.renewed_ms,
     )

@@ -65,10 +65,9 @@ class Offenders:
         del self._put_out[sender]
         return False
 
-    @property
-    def put_out(self) -> dict[Sender, datetime]:
-        """The senders that are put out, and since when."""
-        return dict(self._put_out)
+    def put_out(self, *, now: datetime) -> list[Sender]:
+        """The senders of which no message is read now."""
+        return [each for each in [*self._put_out] if self.is_put_out(each, now=now)]
 
     def pardon(self, sender: Sender) -> None:
         """Read the messages of a sender again, as if nothing of it had been set aside."""

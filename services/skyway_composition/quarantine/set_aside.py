@@ -21,8 +21,9 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition import alarm_store
 from skyway_composition.links.listening import Listening
+from skyway_composition.links.store import renewals_of
 from skyway_composition.quarantine import store
-from skyway_composition.quarantine.offenders import PUT_OUT_FOR, Offenders, Sender
+from skyway_composition.quarantine.offenders import PUT_OUT_FOR, Offenders, Sender, Standing
 from skyway_composition.quarantine.quarantined import QuarantineReason, SetAsideMessage
 
 log = logging.getLogger(__name__)
@@ -33,8 +34,11 @@ _WEIGHTS: Final[dict[QuarantineReason, float]] = {
     "UNREADABLE": 1.0,
     "AHEAD": 0.1,
     "FOREIGN_PROVIDER": 1.0,
+    "IMPLAUSIBLE": 5.0,
     "FAILED": 10.0,
 }
+#: How much a message adds that is taken, though a drone seldom has a reason for it.
+_SUSPICION: Final = 5.0
 
 #: The most messages of one provider that wait to be kept.
 _MOST_WAITING: Final = 50
@@ -60,6 +64,7 @@ class Quarantine:
         self._offenders = Offenders()
         self._waiting: dict[ProviderId, list[SetAsideMessage]] = defaultdict(list)
         self._newly_put_out: list[Sender] = []
+        self._put_out_ms: dict[Sender, int] = {}
         self._swept_at = clock.wall_now()
         self.wake = Wake()
 
@@ -89,24 +94,32 @@ class Quarantine:
         # The message may have been an answer: the drone's silence proves nothing from here on.
         self._listening.miss(message.drone_id)
         count("skyway_set_aside_messages", "drone messages not taken", reason=message.reason)
-        sender = (message.provider_id, message.drone_id)
-        standing = self._offenders.note(
-            sender, _WEIGHTS[message.reason], now=self._clock.wall_now()
-        )
+        standing = self._note((message.provider_id, message.drone_id), _WEIGHTS[message.reason])
         waiting = self._waiting[message.provider_id]
-        if standing == "PUT_OUT":
-            log.warning("sender put out", extra={"drone_id": message.drone_id})
-            count("skyway_senders_put_out", "drones of which no message is read for a while")
-            self._newly_put_out.append(sender)
         if standing == "NORMAL" and len(waiting) < _MOST_WAITING:
             waiting.append(message)
             self.wake.set()
         else:
             _count_left_out(1)
 
+    def suspect(self, ids: tuple[str, ...]) -> None:
+        """Note a message that was taken, but that no drone sends often."""
+        self._note((ids[0], ids[1]), _SUSPICION)
+
+    def _note(self, sender: Sender, weight: float) -> Standing:
+        standing = self._offenders.note(sender, weight, now=self._clock.wall_now())
+        if standing == "PUT_OUT":
+            log.warning("sender put out", extra={"drone_id": sender[1]})
+            count("skyway_senders_put_out", "drones of which no message is read for a while")
+            self._put_out_ms[sender] = moment_to_ms(self._clock.now())
+            self._newly_put_out.append(sender)
+            self.wake.set()
+        return standing
+
     async def step(self) -> bool:
         """Step of a loop: keep what waits, and raise alarms. A failed step is done again."""
         await self._keep()
+        await self._pardon_renewed()
         await self._raise_alarms()
         await self._sweep()
         return False
@@ -127,6 +140,18 @@ class Quarantine:
             waiting[:] = [each for each in waiting if each not in kept]
             if not waiting:
                 del self._waiting[provider_id]
+
+    async def _pardon_renewed(self) -> None:
+        """Read the messages of drones again whose credentials were renewed since."""
+        put_out = self._offenders.put_out(now=self._clock.wall_now())
+        self._put_out_ms = {each: at for each, at in self._put_out_ms.items() if each in put_out}
+        if not put_out:
+            return
+        async with self._db.read() as connection:
+            renewed = await renewals_of(connection, [DroneId(each[1]) for each in put_out])
+        for sender, put_out_ms in self._put_out_ms.items():
+            if renewed.get(DroneId(sender[1]), 0) > put_out_ms:
+                self._offenders.pardon(sender)
 
     async def _raise_alarms(self) -> None:
         while self._newly_put_out:

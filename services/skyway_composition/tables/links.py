@@ -57,6 +57,8 @@ drone_links = Table(
     # The hold that keeps the drone for a customer, and until when: no other booking gets the drone.
     Column("held_by", Text),
     Column("held_until_ms", BigInteger),
+    # When the drone's credentials were renewed last; earlier messages may be anybody's.
+    Column("renewed_ms", BigInteger),
     CheckConstraint("(held_by IS NULL) = (held_until_ms IS NULL)", name="drone_held"),
     # Finds occupied drones without reading the links of all others.
     Index(

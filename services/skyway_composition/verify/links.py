@@ -7,8 +7,10 @@ from typing import Any, Final
 
 from sqlalchemy import and_, exists, func, literal_column, or_, select
 
+from skyway.bounds import LATEST
 from skyway.contracts.topics import INSTRUCTIONS
 from skyway.runtime.verification.rule import Rule, Survey
+from skyway.units import moment_to_ms
 from skyway_composition.tables import (
     cut_steps,
     drone_links,
@@ -21,6 +23,8 @@ from skyway_composition.tables import (
 #: A drone sends its state after each event. When its link breaks between the two, the events that
 #: it sent last are not in its last state.
 _MOST_EVENTS_BEFORE_STATE: Final = 10
+
+_LATEST_MS: Final = moment_to_ms(LATEST)
 
 _sent = instructions.alias("sent")
 _before = instructions.alias("before")
@@ -180,6 +184,11 @@ def _confirmed(instruction: str) -> int:
 
 
 LINKS: Final = (
+    Rule(
+        "a link was renewed at a possible moment",
+        select(drone_links.c.drone_id).where(~drone_links.c.renewed_ms.between(0, _LATEST_MS)),
+        "Set `renewed_ms` to NULL: only what the broker has kept from before is judged by it.",
+    ),
     Rule(
         "I7 instructions of a stream have no gaps",
         select(_sent.c.instruction_id).where(

@@ -20,6 +20,8 @@ from skyway.ids import DroneId, SubjectId
 from skyway.runtime.errors import AccessDenied, Conflict
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
+from skyway_provider_registry import renewal_store
+from skyway_provider_registry.renewal_store import RenewalMoment
 from skyway_provider_registry.tables import (
     broker_accounts,
     drone_keys,
@@ -139,7 +141,7 @@ async def shown_key(connection: AsyncConnection, key_hash: str) -> ShownKey | No
     return None if row is None else ShownKey(DroneId(row.drone_id), bool(row.is_next))
 
 
-async def bring_into_force(tx: Tx, key_hash: str) -> None:
+async def bring_into_force(tx: Tx, key_hash: str, moment: RenewalMoment) -> None:
     """Make the drone's next key and password valid; a second call changes nothing."""
     nexts = select(drone_keys.c.drone_id, drone_keys.c.next_password_hash).where(
         drone_keys.c.next_key_hash == key_hash
@@ -157,6 +159,7 @@ async def bring_into_force(tx: Tx, key_hash: str) -> None:
         .where(broker_accounts.c.user_name == row.drone_id, broker_accounts.c.kind == "DRONE")
         .values(password_hash=row.next_password_hash)
     )
+    await renewal_store.note(tx, DroneId(row.drone_id), moment)
 
 
 async def remove_keys(tx: Tx, drone_id: DroneId) -> None:

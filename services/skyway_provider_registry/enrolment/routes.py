@@ -10,12 +10,14 @@ from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery
 from skyway.errors import InvalidInput
 from skyway.ids import SubjectId
 from skyway.json_model import WireModel
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import DEPLOYMENT_USERS, PasswordFile
+from skyway_provider_registry.renewal_store import RenewalMoment
 
 #: Prefix of drone ids: a customer with such a name could act as a drone.
 _DRONE_PREFIX = "drn_"
@@ -72,7 +74,7 @@ def _refuse_reserved(user_name: SubjectId) -> None:
 
 
 def drone_key_routes(
-    *, db: Database, gate: ServiceGate, password_file: PasswordFile
+    *, db: Database, gate: ServiceGate, clock: FleetClock, password_file: PasswordFile
 ) -> ServiceRouter:
     """POST /internal/drone-keys."""
     router = ServiceRouter(tags=("internal",))
@@ -90,7 +92,8 @@ def drone_key_routes(
             return DroneKeyAnswer(drone_id=None)
         if found.is_next:
             async with db.write() as tx:
-                await credential_store.bring_into_force(tx, query.key_hash)
+                moment = RenewalMoment(at=clock.now(), wall_at=clock.wall_now())
+                await credential_store.bring_into_force(tx, query.key_hash, moment)
             await password_file.refresh()
         return DroneKeyAnswer(drone_id=found.drone_id)
 

@@ -28,6 +28,7 @@ from skyway_provider_registry.fleets.issue_credentials import (
     rotate,
     token_hash,
 )
+from skyway_provider_registry.renewal_store import RenewalMoment
 
 _DRONE = "/v1/providers/{provider_id}/drones/{drone_id}"
 
@@ -42,6 +43,9 @@ def credential_routes(
 ) -> ServiceRouter:
     """POST /v1/enrolments and /rotations, a drone's enrolment tokens, DELETE of credentials."""
     router = ServiceRouter(tags=("enrolment",))
+
+    def now() -> RenewalMoment:
+        return RenewalMoment(at=clock.now(), wall_at=clock.wall_now())
 
     async def answer_once(
         request: Request,
@@ -86,9 +90,7 @@ def credential_routes(
             await credential_store.require_token(connection, hashed)
 
         async def act(tx: Tx) -> Enrolment:
-            return await enrol(
-                tx, requested.enrolment_token, issuer=issuer, wall_now=clock.wall_now()
-            )
+            return await enrol(tx, requested.enrolment_token, issuer=issuer, moment=now())
 
         # All drones enrol by way of the gateway: the key counts for this token only.
         answer = await answer_once(request, f"token:{hashed}", idempotency_key, act)
@@ -137,7 +139,7 @@ def credential_routes(
         caller.must_be("operator", "provider")
         async with db.write() as tx:
             await store.of_caller(tx.connection, caller, provider_id=provider_id, drone_id=drone_id)
-            await revoke(tx, drone_id, wall_now=clock.wall_now())
+            await revoke(tx, drone_id, now())
         await password_file.refresh()
         return Response(status_code=204)
 

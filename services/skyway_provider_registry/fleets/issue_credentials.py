@@ -20,10 +20,12 @@ from skyway.ids import DroneId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import AccessDenied
 from skyway.runtime.sql.database import Tx
+from skyway_provider_registry import renewal_store
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.drone import MqttAccount
 from skyway_provider_registry.presence import store as presence
+from skyway_provider_registry.renewal_store import RenewalMoment
 
 #: Characters.
 _LONGEST_TOKEN: Final = 200
@@ -138,7 +140,7 @@ async def issue_token(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> Issue
     return IssuedToken(drone_id=drone_id, enrolment_token=token, expires_at=expires_at)
 
 
-async def enrol(tx: Tx, token: str, *, issuer: Issuer, wall_now: datetime) -> Enrolment:
+async def enrol(tx: Tx, token: str, *, issuer: Issuer, moment: RenewalMoment) -> Enrolment:
     """Exchange a token for credentials; the drone's earlier credentials stop working.
 
     Raises
@@ -148,13 +150,14 @@ async def enrol(tx: Tx, token: str, *, issuer: Issuer, wall_now: datetime) -> En
     Conflict
         The token was used before or is too old.
     """
-    drone_id = await credential_store.use_token(tx, token_hash(token), at=wall_now)
-    drone = (await store.by_id(tx.connection, drone_id)).shown(wall_now)
+    drone_id = await credential_store.use_token(tx, token_hash(token), at=moment.wall_at)
+    drone = (await store.by_id(tx.connection, drone_id)).shown(moment.wall_at)
     made = issuer.make(drone.provider_id, drone_id)
     await credential_store.set_password(
         tx, drone_id, password_hash=hash_password(made.mqtt.password)
     )
     await credential_store.put_key(tx, drone_id, key_hash=_key_hash(made.key))
+    await renewal_store.note(tx, drone_id, moment)
     return Enrolment(
         drone_id=drone_id,
         provider_id=drone.provider_id,
@@ -191,10 +194,11 @@ async def rotate(tx: Tx, drone_id: DroneId, *, issuer: Issuer) -> Credentials:
     return made
 
 
-async def revoke(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> None:
+async def revoke(tx: Tx, drone_id: DroneId, moment: RenewalMoment) -> None:
     """Stop the drone's account, key and token, and count the drone as lost."""
     await presence.cut_off(tx, drone_id)
-    await credential_store.block_account(tx, drone_id, at=wall_now)
+    await renewal_store.note(tx, drone_id, moment)
+    await credential_store.block_account(tx, drone_id, at=moment.wall_at)
     await credential_store.remove_keys(tx, drone_id)
     await credential_store.remove_token(tx, drone_id)
 

@@ -8,16 +8,20 @@ from typing import Any, Final
 from skyway.contracts.drone_report import Telemetry
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY, Topic
 from skyway.ids import DroneId, ProviderId
-from skyway.runtime.clock import FleetClock
+from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.metrics import count
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE
 from skyway.runtime.sql.database import Database
+from skyway_provider_registry import renewal_store
 from skyway_provider_registry.presence.sighting_store import ReceptionTime, newest, record
 from skyway_provider_registry.presence.store import owners
 
 #: The topics of presence; the ids of each are {p}, {d}.
 PRESENCE_TOPICS: Final[tuple[Topic[Any], ...]] = (CONNECTION, STATE, TELEMETRY)
+
+#: How far a message may be ahead of our clock, fleet and wall seconds. Our own choice.
+_AHEAD_S: Final = (30.0, 5.0)
 
 #: Gets the samples of registered drones; it must return without waiting.
 Samples = Sequence[tuple[DroneId, Telemetry]]
@@ -75,6 +79,7 @@ class Recorder:
     async def record(self, batch: Sequence[Received[Any]]) -> Samples:
         """Store the newest message per drone and topic; the result is all samples."""
         await self._find_owners({DroneId(item.ids[1]) for item in batch})
+        batch = await self._without_earlier_credentials(batch)
         own = [item for item in batch if self.owners.get(DroneId(item.ids[1])) == item.ids[0]]
         if len(own) < len(batch):
             count(
@@ -88,6 +93,26 @@ class Recorder:
             async with self.db.write() as tx:
                 await record(tx, sightings, received_at)
         return [(DroneId(item.ids[1]), item.message) for item in own if item.topic is TELEMETRY]
+
+    async def _without_earlier_credentials(
+        self, batch: Sequence[Received[Any]]
+    ) -> Sequence[Received[Any]]:
+        """The batch without what the broker has kept from before a renewal of credentials."""
+        retained = {DroneId(item.ids[1]) for item in batch if item.retained}
+        if not retained:
+            return batch
+        async with self.db.read() as connection:
+            renewed = await renewal_store.renewed_at(connection, retained)
+        # Its sender may have said that it is from the near future.
+        margin = fleet_margin(self.clock, fleet_s=_AHEAD_S[0], wall_s=_AHEAD_S[1])
+        latest_at = self.clock.now() + margin
+        return [
+            item
+            for item in batch
+            if not item.retained
+            or (since_at := renewed.get(DroneId(item.ids[1]))) is None
+            or since_at + margin < item.message.sent_at <= latest_at
+        ]
 
     async def _find_owners(self, drone_ids: set[DroneId]) -> None:
         new = drone_ids - self.owners.keys()

@@ -1,6 +1,6 @@
 """The newest message of each drone, by the drone's own numbers, and the SQL that stores it."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, Final, TypeVar
@@ -83,6 +83,15 @@ async def begin(tx: Tx, drone_ids: Iterable[DroneId], *, change: int) -> None:
     order = (*_ORDER_OF_CONNECTION, *_ORDER_OF_STATE, *_ORDER_OF_SAMPLE)
     no_message = dict.fromkeys(order, -1) | {"changed": change}
     await tx.execute(presence.insert(), [{"drone_id": one, **no_message} for one in drone_ids])
+
+
+async def forget_order(tx: Tx, drone_ids: Collection[DroneId]) -> None:
+    """Accept the next message of these drones on each topic, with any numbers."""
+    change = await next_change(tx)
+    order = (*_ORDER_OF_CONNECTION, *_ORDER_OF_STATE, *_ORDER_OF_SAMPLE)
+    forgotten = dict.fromkeys(order, -1) | {"changed": change}
+    rows = presence.c.drone_id.in_(sorted(drone_ids))
+    await tx.execute(presence.update().where(rows).values(forgotten))
 
 
 async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], received_at: ReceptionTime) -> None:

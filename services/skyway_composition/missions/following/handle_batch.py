@@ -22,10 +22,13 @@ from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
-from skyway_composition.links.link import CachedLinks, DroneLink
-from skyway_composition.links.store import lock_link
+from skyway.units import ms_to_moment
+from skyway_composition.links.cached_links import CachedLinks
+from skyway_composition.links.link import DroneLink
+from skyway_composition.links.store import lock_link, renewals_of
 from skyway_composition.missions.following.handle_ack import handle_ack
 from skyway_composition.missions.following.handle_report import handle_event, handle_state
+from skyway_composition.missions.following.plausibility import latest_believed
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.quarantine.set_aside import Quarantine
@@ -90,6 +93,11 @@ class ReportHandler:
         async with self._db.read() as connection:
             # For a drone on a mission the time of its last message matters: it must be saved.
             again -= await store.live_among(connection, again)
+            old = {each for each in again if self._cached_links.have_old(each, said[each])}
+            if old:
+                # They are news if the drone has other credentials since.
+                renewed = await renewals_of(connection, old)
+                again -= self._cached_links.forget_renewed(renewed)
         for drone_id in again:
             self._cached_links.note(drone_id, said[drone_id])
         return [each for each in batch if DroneId(each.ids[1]) not in again]
@@ -115,15 +123,32 @@ class ReportHandler:
             detail = f"the drone belongs to {link.provider_id}"
             self._quarantine.add(received, "FOREIGN_PROVIDER", detail)
             return
+        if self._is_of_earlier_credentials(link, received):
+            return
         match received.message:
             case Ack() as ack:
                 await handle_ack(work, link, ack)
             case DroneEvent() as event:
                 await handle_event(work, link, event)
+            case DroneState() as state if link.shows_unlikely_stream(state):
+                detail = f"it follows stream {state.stream}; ours is {link.stream}"
+                self._quarantine.add(received, "IMPLAUSIBLE", detail)
             case DroneState() as state:
+                if link.stream < state.stream:
+                    self._quarantine.suspect(received.ids)
                 await handle_state(work, link, state)
             case Connection() as connection:
                 _handle_connection(work, link, connection)
+
+    def _is_of_earlier_credentials(self, link: DroneLink, received: Received[Any]) -> bool:
+        """Whether the broker has kept the message from before a renewal of credentials.
+
+        Its sender may have said that it is from the near future.
+        """
+        if link.renewed_ms is None or not received.retained:
+            return False
+        margin = latest_believed(self._clock) - self._clock.now()
+        return bool(received.message.sent_at <= ms_to_moment(link.renewed_ms) + margin)
 
 
 def _without_superseded(batch: Sequence[Received[Any]]) -> Iterator[Received[Any]]:

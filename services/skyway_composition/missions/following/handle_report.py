@@ -178,7 +178,7 @@ async def handle_state(work: MissionUnitOfWork, link: DroneLink, state: DroneSta
         # It has answered an instruction of this stream since. Its events are numbered anew.
         link = replace(link, last_event_seq=0)
     is_news = _is_news(link.state, state)
-    link = replace(link, state=state)
+    link = replace(link.without_foreign_events(state), state=state)
     if state.stream == link.stream:
         link = link.acked(state.stream, state.session)
     elif link.acked_stream < link.stream:
