@@ -43,7 +43,9 @@ async def test_the_numbers_of_a_thief_do_not_hide_the_states_of_the_drone(
     await composition.receive(drone.state(), drone.connection("ONLINE", 1))
     await composition.receive(thief.state(seq=MOST, station_id="e"), thief.connection("LOST", MOST))
     await composition.receive(drone.state(station_id="b"))
-    assert (await link(composition)).state.station_id == "e"
+    stolen = (await link(composition)).state
+    assert stolen is not None
+    assert stolen.station_id == "e"
 
     await renew(composition)
     await composition.receive(drone.state(station_id="b"), drone.connection("ONLINE", 2))
