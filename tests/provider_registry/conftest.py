@@ -68,7 +68,7 @@ class KnownStations:
 
 @dataclass
 class Api:
-    """The registry over HTTP, as the gateway sees it; `caller` is who it speaks for."""
+    """The registry over HTTP, as the gateway or `service` calls it; it speaks for `caller`."""
 
     client: httpx.AsyncClient
 
@@ -79,8 +79,11 @@ class Api:
         path: str,
         json: Any = None,
         key: str | None = None,
+        service: str | None = None,
     ) -> httpx.Response:
         headers = {} if caller is None else {"Skyway-Caller": caller}
+        if service is not None:
+            headers["Authorization"] = f"Bearer secret of service_{service}"
         if key is not None:
             headers["Idempotency-Key"] = key
         return await self.client.request(method, path, json=json, headers=headers)

@@ -27,7 +27,7 @@ def report_routes(*, gate: ServiceGate, applier: ReportApplier) -> ServiceRouter
         report: Annotated[MissionReport, Depends(internal_body(MissionReport))],
     ) -> Response:
         """Take one report of a mission; 409 NOT_YET asks for it again later."""
-        caller.must_be("service")
+        caller.must_be_service("composition")
         await applier.apply(report)
         return Response(status_code=204)
 
@@ -37,7 +37,7 @@ def report_routes(*, gate: ServiceGate, applier: ReportApplier) -> ServiceRouter
         reports: Annotated[MissionReports, Depends(internal_body(MissionReports))],
     ) -> Response:
         """Take reports of several missions; the first that is refused refuses those after it."""
-        caller.must_be("service")
+        caller.must_be_service("composition")
         await applier.apply_all(reports.reports)
         return Response(status_code=204)
 

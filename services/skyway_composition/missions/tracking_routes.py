@@ -46,7 +46,7 @@ def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
     ) -> Track:
         """What a delivery's drones flew, where they are, and what they will fly for it."""
-        caller.must_be("service")
+        caller.must_be_service("gateway")
         return await track_of(db, delivery_id)
 
     @router.get("/v1/missions")

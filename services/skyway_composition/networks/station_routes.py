@@ -126,7 +126,7 @@ def station_check_routes(
         query: Annotated[StationCheckQuery, Depends(internal_body(StationCheckQuery))],
     ) -> StationCheck:
         """Check which of these stations exist, where they are, and which can be reached."""
-        caller.must_be("service")
+        caller.must_be_service("gateway", "registry")
         return await _check_stations(db, networks, query)
 
     @router.get("/internal/networks/{network_id}/stations")
@@ -134,7 +134,7 @@ def station_check_routes(
         caller: Annotated[Caller, Depends(gate)], network_id: NetworkId
     ) -> NetworkStations:
         """All stations of the current version, their positions and their connected parts."""
-        caller.must_be("service")
+        caller.must_be_service("gateway", "registry")
         return _all_stations(await networks.current(network_id))
 
     return router

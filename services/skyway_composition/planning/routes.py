@@ -143,7 +143,7 @@ def quote_routes(*, gate: ServiceGate, quotes: QuoteAnswerer) -> ServiceRouter:
         query: Annotated[QuoteQuery, Depends(internal_body(QuoteQuery))],
     ) -> QuoteAnswer:
         """Plan what each provider would offer for a request; hold the best offers if asked to."""
-        caller.must_be("service")
+        caller.must_be_service("gateway")
         return await quotes.answer(query)
 
     return router

@@ -29,7 +29,7 @@ def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -
         query: Annotated[CandidateQuery, Depends(internal_body(CandidateQuery))],
     ) -> Response:
         """The drones that could fly a request now, and why the other providers have none."""
-        caller.must_be("service")
+        caller.must_be_service("gateway")
         fleet = await view.refreshed()
         found = select(
             query,
@@ -46,7 +46,7 @@ def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -
         query: Annotated[PayloadLimitQuery, Depends(internal_body(PayloadLimitQuery))],
     ) -> PayloadLimit:
         """The heaviest payload that any admitted provider's drones can lift, busy or not."""
-        caller.must_be("service")
+        caller.must_be_service("gateway")
         return payload_limit(await view.refreshed(), query.providers)
 
     return router

@@ -44,7 +44,7 @@ def enrolment_routes(
         requested: Annotated[BrokerPassword, Depends(internal_body(BrokerPassword))],
     ) -> Response:
         """Open a customer's broker account, or give it another password."""
-        caller.must_be("service")
+        caller.must_be_service("gateway")
         _refuse_reserved(user_name)
         async with db.write() as tx:
             await credential_store.put_customer(
@@ -58,7 +58,7 @@ def enrolment_routes(
         user_name: SubjectId, caller: Annotated[Caller, Depends(gate)]
     ) -> Response:
         """Close a customer's broker account."""
-        caller.must_be("service")
+        caller.must_be_service("gateway")
         _refuse_reserved(user_name)
         async with db.write() as tx:
             await credential_store.remove_customer(tx, user_name)
@@ -85,7 +85,7 @@ def drone_key_routes(
         query: Annotated[DroneKeyQuery, Depends(internal_body(DroneKeyQuery))],
     ) -> DroneKeyAnswer:
         """Whose key this is; the first use of a rotated one ends the one before."""
-        caller.must_be("service")
+        caller.must_be_service("gateway")
         async with db.read() as connection:
             found = await credential_store.shown_key(connection, query.key_hash)
         if found is None:

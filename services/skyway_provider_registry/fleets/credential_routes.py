@@ -83,7 +83,7 @@ def credential_routes(
 
         With an Idempotency-Key a lost answer can be asked for again.
         """
-        caller.must_be("service")
+        caller.must_be_service("gateway")
 
         hashed = token_hash(requested.enrolment_token)
         async with db.read() as connection:

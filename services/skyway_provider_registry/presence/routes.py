@@ -33,7 +33,7 @@ def presence_routes(*, db: Database, clock: FleetClock, gate: ServiceGate) -> Se
         report: Annotated[MissionReport, Depends(internal_body(MissionReport))],
     ) -> Response:
         """Note that a drone is busy or free; repeated reports are ignored."""
-        caller.must_be("service")
+        caller.must_be_service("composition")
         await store([report])
         return Response(status_code=204)
 
@@ -43,7 +43,7 @@ def presence_routes(*, db: Database, clock: FleetClock, gate: ServiceGate) -> Se
         reports: Annotated[MissionReports, Depends(internal_body(MissionReports))],
     ) -> Response:
         """Note of several drones that they are busy or free."""
-        caller.must_be("service")
+        caller.must_be_service("composition")
         await store([each.report for each in reports.reports])
         return Response(status_code=204)
 

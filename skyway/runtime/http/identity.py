@@ -19,6 +19,11 @@ CallerRole = Literal["customer", "provider", "operator", "drone", "service"]
 #: The header in which a service names its caller; it is trusted only with the service's secret.
 CALLER_HEADER: Final = "Skyway-Caller"
 
+#: The only service that callers show their keys to.
+_SPEAKS_FOR_OTHERS: Final = "gateway"
+#: How the paths begin that the gateway passes on for them.
+_OF_PEOPLE: Final = "/v1/"
+
 _SUBJECT: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 
@@ -42,6 +47,17 @@ class Caller:
         """
         if self.role not in roles:
             raise AccessDenied(f"this is for the role {' or '.join(roles)}, not {self.role}")
+
+    def must_be_service(self, *names: str) -> None:
+        """Go on only for one of these services, speaking for itself.
+
+        Raises
+        ------
+        AccessDenied
+            The caller is a person, a drone or another service.
+        """
+        if self.role != "service" or self.subject_id not in names:
+            raise AccessDenied(f"this is for the service {' or '.join(names)}, not {self}")
 
     @classmethod
     def parse(cls, text: str) -> "Caller":
@@ -96,7 +112,8 @@ class ServiceIdentity:
 class ServiceGate(SecurityBase):
     """A dependency that accepts only services with a secret, and gives the caller they name.
 
-    It is its own security scheme: FastAPI's own would be one more dependency to resolve.
+    Only the gateway, which sees keys, may name a caller other than itself, and call what people
+    call. It is its own security scheme: FastAPI's own would be one more dependency to resolve.
     """
 
     model = HTTPBearerModel(description="the secret of the calling service")
@@ -125,5 +142,12 @@ class ServiceGate(SecurityBase):
         ]
         if not matching:
             raise Unauthenticated("the bearer is not the secret of a service")
+        itself = Caller("service", matching[0])
         named = request.headers.get(CALLER_HEADER)
-        return Caller("service", matching[0]) if named is None else Caller.parse(named)
+        caller = itself if named is None else Caller.parse(named)
+        if itself.subject_id != _SPEAKS_FOR_OTHERS:
+            if caller != itself:
+                raise AccessDenied(f"{itself} may not speak for {caller}")
+            if request.scope["path"].startswith(_OF_PEOPLE):
+                raise AccessDenied(f"{itself} may not call what people call")
+        return caller

@@ -97,7 +97,7 @@ async def test_a_mission_report_makes_a_drone_busy_and_free_again(
     seen = []
     for seq, kind, state in ((1, "ACCEPTED", "ACCEPTED"), (2, "ENDED", "COMPLETED")):
         body = {**report, "seq": seq, "kind": kind, "mission_state": state}
-        answer = await api(None, "POST", "/internal/mission-reports", body)
+        answer = await api(None, "POST", "/internal/mission-reports", body, service="composition")
         assert answer.status_code == 204, answer.text
         seen += [drone.is_busy for drone in await drones(view)]
 
@@ -133,7 +133,7 @@ async def test_a_drone_stands_where_its_missions_leave_it_only_while_it_flies(
         "free_from": {"at": "2026-03-01T18:00:00Z", "station_id": "seguin", "soc": 0.5},
     }
 
-    answer = await api(None, "POST", "/internal/mission-reports", report)
+    answer = await api(None, "POST", "/internal/mission-reports", report, service="composition")
 
     assert answer.status_code == 204, answer.text
     (drone,) = await drones(view)

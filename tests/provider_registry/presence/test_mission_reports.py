@@ -55,7 +55,7 @@ ENDED = {"kind": "ENDED", "mission_state": "COMPLETED"}
 
 async def report_to(api: Any, *reports: dict[str, Any]) -> None:
     for report in reports:
-        answer = await api(None, "POST", "/internal/mission-reports", report)
+        answer = await api(None, "POST", "/internal/mission-reports", report, service="composition")
         assert answer.status_code == 204, answer.text
 
 
@@ -74,7 +74,9 @@ async def test_reports_of_several_missions_come_in_one_request(
         {"traceparent": None, "report": make_report(drone, 1)},
     ]
 
-    answer = await api(None, "POST", "/internal/mission-reports/many", {"reports": reports})
+    answer = await api(
+        None, "POST", "/internal/mission-reports/many", {"reports": reports}, service="composition"
+    )
 
     assert answer.status_code == 204, answer.text
     assert await shown(api, drone) == ("RESERVED", "msn_1")

@@ -25,7 +25,7 @@ def booking_routes(*, gate: ServiceGate, bookings: Bookings, keeper: OfferKeeper
         requested: Annotated[BookMissions, Depends(internal_body(BookMissions))],
     ) -> Booking:
         """Book the best offer; the same attempt again answers the same missions."""
-        caller.must_be("service")
+        caller.must_be_service("gateway")
         return await bookings.book(delivery_id, requested)
 
     @router.put("/internal/deliveries/{delivery_id}/closed")
@@ -33,7 +33,7 @@ def booking_routes(*, gate: ServiceGate, bookings: Bookings, keeper: OfferKeeper
         delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
     ) -> ClosedDelivery:
         """Book nothing more for a delivery, unless something is booked already."""
-        caller.must_be("service")
+        caller.must_be_service("gateway")
         return await bookings.close(delivery_id)
 
     @router.post("/internal/offers")
@@ -42,13 +42,13 @@ def booking_routes(*, gate: ServiceGate, bookings: Bookings, keeper: OfferKeeper
         asked: Annotated[KeepOffer, Depends(internal_body(KeepOffer))],
     ) -> KeptOffer:
         """Hold an offer that is accepted now until it is booked, or say why it is lost."""
-        caller.must_be("service")
+        caller.must_be_service("gateway")
         return await keeper.keep(asked)
 
     @router.delete("/internal/holds/{hold_id}", status_code=204)
     async def release_hold(hold_id: HoldId, caller: Annotated[Caller, Depends(gate)]) -> None:
         """Give up what a hold keeps; a hold that does not exist is given up already."""
-        caller.must_be("service")
+        caller.must_be_service("gateway")
         await keeper.release(hold_id)
 
     return router

@@ -104,7 +104,7 @@ def intervention_routes(
         requested: Annotated[CancelMissions, Depends(internal_body(CancelMissions))],
     ) -> Cancellation:
         """Cancel packages; what was loaded comes back, and the same call again says the same."""
-        caller.must_be("service")
+        caller.must_be_service("gateway")
         return await cancellations.cancel(delivery_id, requested)
 
     return router

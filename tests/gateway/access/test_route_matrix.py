@@ -1,0 +1,134 @@
+"""Every public call by every caller, made from the OpenAPI document that says who may call."""
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.gateway.whole_gateway import Gateway
+
+_DOCUMENT = json.loads(
+    (Path(__file__).parents[3] / "openapi" / "gateway.json").read_text(encoding="utf-8")
+)
+#: What needs no key: the service's own state, and the token in the body of an enrolment.
+_OPEN = {"GET /healthz", "GET /readyz", "GET /metrics", "POST /v1/enrolments"}
+_ROLES = ("customer", "provider", "operator", "drone")
+_REFUSED = {401, 403}
+
+
+@dataclass(frozen=True)
+class Operation:
+    method: str
+    path: str
+    callers: frozenset[str]
+    body: Any  # any JSON value
+
+    @property
+    def name(self) -> str:
+        return f"{self.method} {self.path}"
+
+    def url(self, *, provider_id: str = "prv_1") -> str:
+        """The path with ids; everything but the provider is absent."""
+        path = self.path.replace("{provider_id}", provider_id).replace("{pad}", "1")
+        return re.sub(r"\{\w+\}", "absent", path)
+
+
+def _operations() -> list[Operation]:
+    return [
+        Operation(
+            method.upper(),
+            path,
+            _callers(operation),
+            operation.get("requestBody", {}).get("content", {}).get("application/json", {}),
+        )
+        for path, item in _DOCUMENT["paths"].items()
+        for method, operation in item.items()
+        if method != "parameters"
+    ]
+
+
+def _callers(operation: dict[str, Any]) -> frozenset[str]:
+    stated = re.search(r"Callers: ([\w, ]+)\.", operation.get("description", ""))
+    if stated is None:
+        return frozenset()
+    everybody = stated[1] in ("every API key", "every API key and every drone")
+    return frozenset(_ROLES if everybody else stated[1].split(", "))
+
+
+GUARDED = [each for each in _operations() if each.name not in _OPEN]
+OF_PROVIDERS = [each for each in GUARDED if "{provider_id}" in each.path]
+
+
+async def _status(gateway: Gateway, operation: Operation, url: str, headers: Any) -> int:
+    body = operation.body.get("example")
+    async with gateway.http.stream(
+        operation.method, url, json=body if operation.body else None, headers=headers
+    ) as answer:
+        return answer.status_code
+
+
+def test_every_operation_says_who_may_call_it() -> None:
+    assert {each.name for each in GUARDED if not each.callers} == set()
+    assert {role for each in GUARDED for role in each.callers} == set(_ROLES)
+
+
+@pytest.mark.parametrize("operation", GUARDED, ids=lambda each: each.name)
+async def test_only_the_stated_callers_get_in(gateway: Gateway, operation: Operation) -> None:
+    gateway.is_damaged = True  # examples of bodies are not true of this gateway
+    answers = {
+        role: await _status(gateway, operation, operation.url(), getattr(gateway, role))
+        for role in _ROLES
+    }
+
+    got_in = {role for role, status in answers.items() if status not in _REFUSED}
+    assert got_in == operation.callers, answers
+    assert max(answers.values()) < 500, answers
+
+
+@pytest.mark.parametrize("operation", GUARDED, ids=lambda each: each.name)
+async def test_no_secret_but_a_key_in_use_opens_the_gateway(
+    gateway: Gateway, operation: Operation
+) -> None:
+    revoked = await gateway.http.post(
+        "/v1/keys", json={"role": "operator", "subject_id": "gone"}, headers=gateway.operator
+    )
+    await gateway.http.delete(f"/v1/keys/{revoked.json()['key_id']}", headers=gateway.operator)
+    shown = {
+        "none": {},
+        "not a bearer": {"Authorization": "Basic b3BlcmF0b3I6eA=="},
+        "unknown": {"Authorization": "Bearer sk_unknown"},
+        "revoked": {"Authorization": f"Bearer {revoked.json()['key']}"},
+        "unknown drone": {"Authorization": "Bearer dk_unknown"},
+        "another service": _secret(gateway, "service_composition"),
+        "this service": _secret(gateway, "service_gateway"),
+        "names an operator": {
+            **_secret(gateway, "service_composition"),
+            "Skyway-Caller": "operator:x",
+        },
+    }
+
+    answers = {
+        name: await _status(gateway, operation, operation.url(), headers)
+        for name, headers in shown.items()
+    }
+
+    assert answers == dict.fromkeys(shown, 401)
+
+
+@pytest.mark.parametrize("operation", OF_PROVIDERS, ids=lambda each: each.name)
+async def test_a_provider_of_another_looks_like_one_that_does_not_exist(
+    gateway: Gateway, operation: Operation
+) -> None:
+    url = operation.url(provider_id="prv_foreign")
+
+    status = await _status(gateway, operation, url, gateway.provider)
+
+    assert status == 404
+
+
+def _secret(gateway: Gateway, name: str) -> dict[str, str]:
+    secret = (gateway.secrets_dir / name).read_text(encoding="utf-8").strip()
+    return {"Authorization": f"Bearer {secret}"}
