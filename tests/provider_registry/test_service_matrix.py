@@ -16,13 +16,13 @@ OF_COMPOSITION = {"/internal/mission-reports", "/internal/mission-reports/many"}
 async def test_only_services_get_in_and_each_only_to_what_is_for_it(
     api: Any, method: str, path: str, body: Any
 ) -> None:
-    nobody = await api.client.request(
+    unknown = await api.client.request(
         method, path, json=body, headers={"Authorization": "Bearer unknown"}
     )
-    stranger = await api(None, method, path, body, service="registry")
+    uninvited = await api(None, method, path, body, service="registry")
     composition = await api(None, method, path, body, service="composition")
     pretended = await api("operator:x", method, path, body, service="composition")
 
-    assert nobody.status_code == stranger.status_code == 401
+    assert unknown.status_code == uninvited.status_code == 401
     assert pretended.status_code == 403
     assert (composition.status_code != 403) == (path in OF_COMPOSITION)

@@ -54,8 +54,8 @@ def _callers(operation: dict[str, Any]) -> frozenset[str]:
     stated = re.search(r"Callers: ([\w, ]+)\.", operation.get("description", ""))
     if stated is None:
         return frozenset()
-    everybody = stated[1] in ("every API key", "every API key and every drone")
-    return frozenset(_ROLES if everybody else stated[1].split(", "))
+    is_open = stated[1] in ("every API key", "every API key and every drone")
+    return frozenset(_ROLES if is_open else stated[1].split(", "))
 
 
 GUARDED = [each for each in _operations() if each.name not in _OPEN]
