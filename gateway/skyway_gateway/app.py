@@ -89,12 +89,14 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 gate=gate,
                 composition=parts.composition,
                 stream=EventStream(db, parts.listeners),
+                slots=parts.streams,
             ),
             earnings_routes(db=db, gate=gate),
             webhook_routes(
                 db=db,
                 gate=gate,
                 targets=parts.targets,
+                quota=parts.webhook_quota,
                 sender=parts.sender,
                 clock=clock,
                 mint=mint,
@@ -106,7 +108,17 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             ),
             statistics_routes(db=db, gate=gate, clock=clock),
             audit_routes(db=db, gate=gate),
-            limit_routes(gate=gate, meters=parts.meters),
+            limit_routes(
+                gate=gate,
+                meters=parts.meters,
+                counters=(
+                    parts.quota,
+                    parts.webhook_quota,
+                    parts.keys,
+                    parts.stream_usage,
+                    parts.drone_usage,
+                ),
+            ),
             forward_routes(
                 gate=gate, clients=parts.clients, changes=parts.waker, meters=parts.meters
             ),

@@ -6,7 +6,7 @@ from typing import Annotated, Final, Protocol
 from pydantic import Field
 
 from skyway.contracts.candidate import CandidateQuery, PayloadLimit, PayloadLimitQuery
-from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery
+from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery, DroneQuota
 from skyway.contracts.mission import (
     Booking,
     BookMissions,
@@ -100,6 +100,11 @@ class RestRegistry:
         return await self._client.call(
             "POST", "/internal/payload-limit", body=query, answer=PayloadLimit
         )
+
+    async def drone_quota(self, provider_id: ProviderId) -> DroneQuota:
+        """How many drones a provider may have, and has."""
+        path = f"/internal/providers/{provider_id}/drone-quota"
+        return await self._client.call("GET", path, answer=DroneQuota)
 
     async def has_provider(self, provider_id: ProviderId, *, caller: Caller) -> bool:
         """Whether this provider is registered, as far as the caller may know."""

@@ -3,6 +3,8 @@
 `_ms` is fleet time, in ms since 1970. `tables` has all other tables of the gateway.
 """
 
+from typing import Final
+
 from sqlalchemy import (
     BigInteger,
     Boolean,
@@ -25,6 +27,11 @@ from sqlalchemy import (
 from skyway.runtime.sql.claims import claim_columns
 
 metadata = MetaData()
+
+#: Deliveries that are not over. The query of an index must repeat the condition of the index.
+IS_LIVE: Final = (
+    "state IN ('SCHEDULED', 'REQUESTED', 'PLANNED', 'DISPATCHED', 'LOADING', 'IN_PROGRESS')"
+)
 
 #: Rows with `is_queued` are the queue of `deliveries.booking`.
 deliveries = Table(
@@ -88,6 +95,14 @@ deliveries = Table(
         "delivery_id",
         sqlite_where=text("waits_since_ms IS NOT NULL"),
         postgresql_where=text("waits_since_ms IS NOT NULL"),
+    ),
+    # For the count of what one customer has.
+    Index(
+        "deliveries_live",
+        "customer_id",
+        "state",
+        sqlite_where=text(IS_LIVE),
+        postgresql_where=text(IS_LIVE),
     ),
     # Few deliveries are SCHEDULED: the others cost this index nothing.
     Index(

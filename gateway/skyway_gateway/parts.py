@@ -14,9 +14,11 @@ from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.loops import Wake
 from skyway.runtime.meter import Budget, Meter
 from skyway.runtime.minting import mint
+from skyway.runtime.slots import Slots
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.keys import AllKeys, CachedKeys, DroneKeys, Keys
 from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.usage import DroneUsage, StreamUsage
 from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
 from skyway_gateway.deliveries.apply_reports import OverdueNotifier, ReportApplier
 from skyway_gateway.deliveries.booking.book import Booker
@@ -26,10 +28,12 @@ from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
+from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
 from skyway_gateway.forward.table import open_calls
 from skyway_gateway.notifications.delivery_events import EventListeners, EventRecorder
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
 from skyway_gateway.notifications.send_webhooks import WebhookSender
+from skyway_gateway.notifications.webhook_quota_store import WebhookQuota
 from skyway_gateway.quotes.accept_offer import OfferKeeper
 from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks, ShortWait
 from skyway_gateway.quotes.make_quote import HoldLimits, QuoteMaker
@@ -65,6 +69,11 @@ class Parts:
     booking: BookingLoop
     horizon: timedelta
     hold_limits: HoldLimits
+    quota: DeliveryQuota
+    webhook_quota: WebhookQuota
+    streams: Slots
+    stream_usage: StreamUsage
+    drone_usage: DroneUsage
     waker: Waker
 
     @property
@@ -122,7 +131,15 @@ class Parts:
         """Accepts delivery requests."""
         keeper = OfferKeeper(self.registry, self.composition, self.clock)
         return Acceptance(
-            self.db, self.checks, keeper, self.writer, self.clock, mint, self.booking, self.horizon
+            self.db,
+            self.checks,
+            keeper,
+            self.writer,
+            self.clock,
+            mint,
+            self.booking,
+            self.horizon,
+            self.quota,
         )
 
     @property
@@ -155,6 +172,7 @@ def build_parts(
     cached_keys, queued = CachedKeys(db, clock), Wake()
     services = ServiceGate(settings.secrets_dir, allowed=("composition",))
     meters = _meters(settings)
+    streams = Slots("STREAMS", settings.streams_per_tenant)
     all_keys = AllKeys(cached_keys, DroneKeys(registry))
     networks = NetworkLearner(stations_from(clients["composition"]), keep=partial(keep_network, db))
     return Parts(
@@ -177,6 +195,7 @@ def build_parts(
             secrets_dir=settings.secrets_dir,
             clock=clock,
             mint=mint,
+            most_per_subject=settings.keys_per_subject,
         ),
         listeners=listeners,
         writer=DeliveryWriter(db, events, DeliveryCache()),
@@ -186,6 +205,16 @@ def build_parts(
         booking=BookingLoop(queued, claimant=mint("bkr"), most=settings.bookings_at_once),
         horizon=timedelta(hours=settings.booking_horizon_h),
         hold_limits=HoldLimits(settings.hold_s, settings.held_quotes_per_customer),
+        quota=DeliveryQuota(
+            db,
+            DeliveryLimits(
+                settings.live_deliveries_per_customer, settings.scheduled_deliveries_per_customer
+            ),
+        ),
+        webhook_quota=WebhookQuota(db, settings.webhooks_per_customer),
+        streams=streams,
+        stream_usage=StreamUsage(streams),
+        drone_usage=DroneUsage(registry),
         waker=Waker(db, clock, networks.cached, queued),
     )
 

@@ -77,6 +77,34 @@ class GatewaySettings(ServiceSettings):
         description="Requests without a known key that one address may send together.",
     )
 
+    live_deliveries_per_customer: int = Field(
+        default=20_000,
+        ge=1,
+        le=10_000_000,
+        description="Deliveries of one customer that are not over.",
+    )
+    scheduled_deliveries_per_customer: int = Field(
+        default=5_000,
+        ge=0,
+        le=10_000_000,
+        description="Of these, SCHEDULED ones: their pickup is beyond the booking horizon.",
+    )
+    webhooks_per_customer: int = Field(
+        default=50, ge=1, le=10_000, description="Webhooks of one customer."
+    )
+    keys_per_subject: int = Field(
+        default=100,
+        ge=1,
+        le=10_000,
+        description="API keys in use of one customer, provider or operator.",
+    )
+    streams_per_tenant: int = Field(
+        default=200,
+        ge=1,
+        le=100_000,
+        description="Event streams that a tenant may have open at each replica of the gateway.",
+    )
+
     @field_validator("webhook_allow_networks", mode="before")
     @classmethod
     def _read_networks(cls, value: object) -> object:

@@ -29,6 +29,7 @@ from skyway_provider_registry.enrolment.routes import drone_key_routes, enrolmen
 from skyway_provider_registry.fleets.announce_renewals import CompositionNotice, RenewalAnnouncer
 from skyway_provider_registry.fleets.credential_routes import credential_routes
 from skyway_provider_registry.fleets.drone_model_routes import drone_model_routes
+from skyway_provider_registry.fleets.quota_routes import quota_routes
 from skyway_provider_registry.fleets.routes import (
     REGISTRATION_LIMIT_BYTES,
     fleet_routes,
@@ -77,6 +78,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
                 mint=parts.mint,
                 stations=stations,
                 password_file=password_file,
+                limit=parts.drone_limit,
             ),
             fleet_routes(
                 db=db, gate=gate, clock=clock, stations=stations, password_file=password_file
@@ -87,6 +89,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             ),
             drone_key_routes(db=db, gate=gate, clock=clock, password_file=password_file),
             enrolment_routes(db=db, gate=gate, password_file=password_file),
+            quota_routes(gate=gate, limit=parts.drone_limit),
             telemetry_routes(db=db, gate=gate),
         ],
         entrance=ServiceEntrance(gate),

@@ -14,6 +14,7 @@ from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets.issue_credentials import Issuer
+from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.fleets.registration import CompositionStations, StationLookup
 from skyway_provider_registry.settings import RegistrySettings
 
@@ -36,6 +37,7 @@ class Parts:
     networks: NetworkLearner
     password_file: PasswordFile
     issuer: Issuer
+    drone_limit: DroneLimit
 
     @property
     def fleet_view(self) -> FleetView:
@@ -70,4 +72,5 @@ def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Par
             if settings.drone_ca_dir is None
             else CertificateAuthority.load(settings.drone_ca_dir)
         ),
+        drone_limit=DroneLimit(db, settings.drones_per_provider),
     )

@@ -30,6 +30,9 @@ class RegistrySettings(ServiceSettings):
         description="Folder of the authority that signs drones' certificates. Without it drones "
         "have none.",
     )
+    drones_per_provider: int = Field(
+        default=20_000, ge=1, le=1_000_000, description="Drones of one provider."
+    )
     telemetry_raw_hours: Annotated[
         float,
         Field(gt=0, le=87_600, description="Hours of wall time for which every sample is kept."),

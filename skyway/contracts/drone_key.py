@@ -1,4 +1,4 @@
-"""Whose key a drone shows: the gateway asks, the registry knows."""
+"""Whose key a drone shows, and how many drones a provider has: the gateway asks the registry."""
 
 from typing import Annotated, Final
 
@@ -27,3 +27,10 @@ class DroneKeyAnswer(WireModel):
     """The drone that may show this key; None when it is nobody's, or not any more."""
 
     drone_id: DroneId | None
+
+
+class DroneQuota(WireModel):
+    """How many drones a provider may have, and has."""
+
+    most: int
+    used: int

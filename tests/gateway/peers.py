@@ -14,7 +14,7 @@ from skyway.contracts.candidate import (
     PayloadLimitQuery,
     ProviderReason,
 )
-from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery
+from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery, DroneQuota
 from skyway.contracts.mission import (
     BookMissions,
     CancelMissions,
@@ -92,6 +92,10 @@ class FakeRegistry:
         self._answer()
         self.accounts.pop(user_name, None)
 
+    async def drone_quota(self, provider_id: str) -> DroneQuota:
+        self._answer()
+        return DroneQuota(most=20_000, used=7)
+
     async def drone_of(self, query: DroneKeyQuery) -> DroneKeyAnswer:
         self._answer()
         return DroneKeyAnswer(drone_id=self.drone_keys.get(query.key_hash))
@@ -159,6 +163,10 @@ class Peers:
             (
                 "registry POST /internal/drone-keys()",
                 lambda request, _: registry.drone_of(DroneKeyQuery.read(request.content)),
+            ),
+            (
+                "registry GET /internal/providers/(.*)/drone-quota",
+                lambda _, provider_id: registry.drone_quota(provider_id),
             ),
             (f"registry DELETE {account}", lambda _, name: registry.close_account(name)),
             (

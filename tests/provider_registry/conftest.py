@@ -11,6 +11,7 @@ import pytest
 from skyway_provider_registry.app import registry_app
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets.issue_credentials import Issuer
+from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.parts import Parts
 
 from skyway.announced_networks import NetworkLearner
@@ -163,6 +164,7 @@ async def api(
         networks=networks,
         password_file=password_file,
         issuer=Issuer(None),
+        drone_limit=DroneLimit(db, 6_000),
     )
 
     async with httpx.AsyncClient(

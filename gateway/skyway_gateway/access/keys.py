@@ -7,6 +7,7 @@ second.
 
 import hashlib
 import secrets
+from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
 from typing import Final, Protocol
@@ -16,6 +17,7 @@ from skyway.errors import InvalidInput
 from skyway.ids import DroneId, KeyId, ProviderId, SubjectId
 from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import Conflict
 from skyway.runtime.http.identity import Caller, read_secret
 from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.loops import Wake
@@ -23,6 +25,7 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access import store
 from skyway_gateway.access.store import ApiKey, BrokerLogin, IssuedKey, KeyRole, NewKey
+from skyway_gateway.access.usage import UsageQuota
 
 #: How long a caller is cached, wall time.
 _KEPT: Final = timedelta(seconds=0.5)
@@ -31,6 +34,8 @@ _MOST_CACHED: Final = 10_000
 _PREFIX: Final = "sk_"
 #: 256 bits cannot be guessed, so a fast hash is enough.
 _SECRET_BYTES: Final = 32
+
+_TOO_MANY: Final = "TOO_MANY_KEYS"
 
 #: Accounts of Skyway's own processes, and how the names of drones' accounts begin.
 _RESERVED_NAMES: Final = frozenset({"operator", "gateway", "registry", "composition"})
@@ -135,7 +140,9 @@ class Keys:
         secrets_dir: Path,
         clock: FleetClock,
         mint: Mint,
+        most_per_subject: int,
     ) -> None:
+        self._most_per_subject = most_per_subject
         self._db = db
         self._cached = cached
         self._accounts = accounts
@@ -167,6 +174,8 @@ class Keys:
         InvalidInput
             The customer's name is reserved for Skyway's own processes or for drones, or no such
             provider is registered.
+        Conflict
+            TOO_MANY_KEYS: so many keys of the subject are in use.
         ServiceUnavailable
             The registry could not open the account: repeat the call.
         """
@@ -176,6 +185,7 @@ class Keys:
         await self._must_be_registered(requested, caller)
 
         async def write(tx: Tx) -> Answer:
+            await self._refuse_too_many(tx, requested.role, requested.subject_id)
             issued = await self.add(tx, requested.role, requested.subject_id)
             location = {"Location": f"/v1/keys/{issued.key_id}"}
             return Answer(201, issued.model_dump_json().encode(), location)
@@ -198,6 +208,19 @@ class Keys:
         provider_id = ProviderId(requested.subject_id)
         if not await self._accounts.has_provider(provider_id, caller=caller):
             raise InvalidInput("subject_id", f"no provider {provider_id!r} is registered")
+
+    async def usage(self, caller: Caller) -> Sequence[UsageQuota]:
+        """How many keys the caller has; drones have one."""
+        if caller.role not in ("customer", "provider", "operator"):
+            return ()
+        async with self._db.read() as connection:
+            used = await store.used(connection, caller.role, SubjectId(caller.subject_id))
+        return (UsageQuota(code=_TOO_MANY, most=self._most_per_subject, used=used),)
+
+    async def _refuse_too_many(self, tx: Tx, role: KeyRole, subject_id: SubjectId) -> None:
+        most = self._most_per_subject
+        if await store.used(tx.connection, role, subject_id) >= most:
+            raise Conflict(_TOO_MANY, f"{subject_id} has {most} keys: delete one first")
 
     async def add(self, tx: Tx, role: KeyRole, subject_id: SubjectId) -> IssuedKey:
         """A new key, added in this transaction."""

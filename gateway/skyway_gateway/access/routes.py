@@ -8,7 +8,7 @@ from pydantic import Field
 
 from skyway.ids import KeyId, SubjectId
 from skyway.runtime.errors import Unauthenticated
-from skyway.runtime.http.answers import IdempotencyKey, response_of
+from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
@@ -49,7 +49,12 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
     """POST, GET and DELETE /v1/keys; operators only."""
     router = ServiceRouter(tags=("keys",))
 
-    @router.post("/v1/keys", status_code=201, response_model=IssuedKey)
+    @router.post(
+        "/v1/keys",
+        status_code=201,
+        response_model=IssuedKey,
+        responses=conflicts("TOO_MANY_KEYS"),
+    )
     async def create_key(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],

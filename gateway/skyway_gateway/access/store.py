@@ -13,6 +13,7 @@ from sqlalchemy import (
     bindparam,
     exists,
     false,
+    func,
     insert,
     select,
     true,
@@ -150,6 +151,16 @@ async def one(connection: AsyncConnection, key_id: KeyId) -> ApiKey:
     if row is None:
         raise NotFound("key", key_id)
     return _key(row)
+
+
+async def used(connection: AsyncConnection, role: KeyRole, subject_id: SubjectId) -> int:
+    """How many keys of a customer, provider or operator are not deleted."""
+    statement = select(func.count()).where(
+        api_keys.c.role == role,
+        api_keys.c.subject_id == subject_id,
+        api_keys.c.deleted_wall_ms.is_(None),
+    )
+    return int((await connection.execute(statement)).scalar_one())
 
 
 async def page(

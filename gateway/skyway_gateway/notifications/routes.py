@@ -34,6 +34,7 @@ from skyway_gateway.notifications.webhook import (
     WebhookChange,
     new_webhook_secret,
 )
+from skyway_gateway.notifications.webhook_quota_store import WebhookQuota
 from skyway_gateway.notifications.webhook_store import attempts_page
 
 DELIVERY_EVENT: Final = "delivery-event"
@@ -82,6 +83,7 @@ def webhook_routes(
     db: Database,
     gate: KeyGate,
     targets: Targets,
+    quota: WebhookQuota,
     sender: WebhookSender,
     clock: FleetClock,
     mint: Mint,
@@ -89,7 +91,12 @@ def webhook_routes(
     """/v1/webhooks: POST, GET, PATCH, DELETE, and `/test`, `/attempts`, `/replay` of each."""
     router = ServiceRouter(tags=("webhooks",))
 
-    @router.post("/v1/webhooks", status_code=201, response_model=IssuedWebhook)
+    @router.post(
+        "/v1/webhooks",
+        status_code=201,
+        response_model=IssuedWebhook,
+        responses=conflicts("TOO_MANY_WEBHOOKS"),
+    )
     async def create_webhook(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
@@ -114,6 +121,7 @@ def webhook_routes(
 
         async def keep(tx: Tx) -> Answer:
             owner = SubjectId(caller.subject_id)
+            await quota.refuse_too_many(tx, owner)
             await webhook_store.add_webhook(tx, webhook, customer_id=owner, secret=webhook.secret)
             location = {"Location": f"/v1/webhooks/{webhook.webhook_id}"}
             return Answer(201, webhook.model_dump_json().encode(), location)

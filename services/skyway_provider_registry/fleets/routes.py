@@ -31,6 +31,7 @@ from skyway_provider_registry.fleets.drone import (
     RegisteredDrone,
     RegisteredDrones,
 )
+from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.fleets.registration import (
     PreparedDrones,
     RegistrationFault,
@@ -198,6 +199,7 @@ def registration_routes(
     mint: Mint,
     stations: StationLookup,
     password_file: PasswordFile,
+    limit: DroneLimit,
 ) -> ServiceRouter:
     """POST /v1/providers/{provider_id}/drones."""
     router = ServiceRouter(tags=("drones",))
@@ -226,7 +228,7 @@ def registration_routes(
         "/v1/providers/{provider_id}/drones",
         status_code=201,
         response_model=RegisteredDrone | RegisteredDrones,
-        responses=conflicts("NO_NETWORK", "REGISTRATION_TAKEN"),
+        responses=conflicts("NO_NETWORK", "REGISTRATION_TAKEN", "TOO_MANY_DRONES"),
     )
     async def register_drones(
         provider_id: ProviderId,
@@ -247,6 +249,7 @@ def registration_routes(
         answer = await asyncio.to_thread(form, ready)
 
         async def act(tx: Tx) -> Answer:
+            await limit.refuse_too_many(tx, provider_id, new=len(new_drones))
             await store_drones(tx, ready)
             return answer
 

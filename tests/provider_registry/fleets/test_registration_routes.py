@@ -200,3 +200,17 @@ async def test_a_thousand_drones_are_registered_in_one_call(
     assert len(ids) == 1000
     assert await broken_rules(db, RULES) == []
     assert len(executed) < 20
+
+
+async def test_a_provider_has_at_most_so_many_drones(api: Any) -> None:
+    provider_id = await api.provider()
+    path = f"/v1/providers/{provider_id}/drones"
+    answer = await api("operator:op", "POST", path, [DRONE] * 5_000)
+    assert answer.status_code == 201, answer.text
+
+    refused = await api("operator:op", "POST", path, [DRONE] * 1_001)
+
+    assert refused.status_code == 409
+    assert refused.json()["code"] == "TOO_MANY_DRONES"
+    quota = await api(None, "GET", f"/internal/providers/{provider_id}/drone-quota")
+    assert quota.json() == {"most": 6_000, "used": 5_000}

@@ -1,10 +1,12 @@
 """Deliveries, earnings and statistics as customers, operators and providers read them."""
 
+from collections.abc import AsyncGenerator
 from typing import Annotated
 
 from fastapi import Depends, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import Field
+from starlette.types import Receive, Scope, Send
 
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, ProviderId
@@ -14,6 +16,7 @@ from skyway.runtime.http.answers import GeoJsonResponse
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.slots import Slots
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_gateway.access.routes import KeyGate
@@ -60,13 +63,13 @@ class DeliveryListQuery(PageQuery):
 
 
 def reading_routes(
-    *, db: Database, gate: KeyGate, composition: Composition, stream: EventStream
+    *, db: Database, gate: KeyGate, composition: Composition, stream: EventStream, slots: Slots
 ) -> ServiceRouter:
     """GET /v1/deliveries and all below it, and /v1/providers/{provider_id}/deliveries."""
     router = ServiceRouter(tags=("deliveries",))
     _add_lists(router, db, gate)
     _add_details(router, db, gate, composition)
-    _add_events(router, db, gate, stream)
+    _add_events(router, db, gate, stream, slots)
     return router
 
 
@@ -168,7 +171,29 @@ def _add_details(
         return feature_collection(delivery, track)
 
 
-def _add_events(router: ServiceRouter, db: Database, gate: KeyGate, stream: EventStream) -> None:
+class _EventStreamAnswer(StreamingResponse):
+    """A stream of events, which takes a slot of its reader while it is open."""
+
+    def __init__(self, frames: AsyncGenerator[str], *, slots: Slots, who: str) -> None:
+        super().__init__(frames, media_type="text/event-stream", headers=_SSE_HEADERS)
+        self._slots = slots
+        self._who = who
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send the stream.
+
+        Raises
+        ------
+        BudgetSpent
+            STREAMS: the reader has as many open as it may have.
+        """
+        with self._slots.held(self._who):
+            await super().__call__(scope, receive, send)
+
+
+def _add_events(
+    router: ServiceRouter, db: Database, gate: KeyGate, stream: EventStream, slots: Slots
+) -> None:
     @router.get(
         "/v1/deliveries/{delivery_id}/events",
         response_class=StreamingResponse,
@@ -198,11 +223,8 @@ def _add_events(router: ServiceRouter, db: Database, gate: KeyGate, stream: Even
         if await stream.is_over(delivery_id, after=after):
             # 204 stops an EventSource from connecting again.
             return Response(status_code=204)
-        return StreamingResponse(
-            stream.frames(delivery_id, after=after, may_read=request.state.is_still_known),
-            media_type="text/event-stream",
-            headers=_SSE_HEADERS,
-        )
+        frames = stream.frames(delivery_id, after=after, may_read=request.state.is_still_known)
+        return _EventStreamAnswer(frames, slots=slots, who=str(caller))
 
 
 def earnings_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:

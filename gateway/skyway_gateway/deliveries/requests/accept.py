@@ -35,6 +35,7 @@ from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Flags, PackageStatus
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery, StoredDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
+from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
 from skyway_gateway.notifications.delivery_events import Happening
 from skyway_gateway.quotes.accept_offer import OfferKeeper, accept_offer
 from skyway_gateway.quotes.check_request import CheckedRequest, RequestChecks
@@ -117,6 +118,7 @@ class Acceptance:
     mint: Mint
     booking: BookingLoop
     horizon: timedelta
+    quota: DeliveryQuota
 
     async def accept(
         self,
@@ -136,7 +138,8 @@ class Acceptance:
             There is no such quote or offer, or it is not the caller's.
         Conflict
             QUOTE_TAKEN, QUOTE_EXPIRED: the offer can no longer be accepted. OFFER_LOST: its drone
-            or pads are gone; nothing is written.
+            or pads are gone; nothing is written. TOO_MANY_DELIVERIES, TOO_MANY_SCHEDULED: the
+            customer has as many as it may have.
         ServiceUnavailable
             Composition does not answer now, and never said whether the stations exist. For an
             offer: registry or composition do not answer now.
@@ -253,6 +256,8 @@ class Acceptance:
             is_scheduled=self._books_later(checked.request.request, now) is not None,
             at=now,
         )
+        is_scheduled = delivery.state == "SCHEDULED"
+        await self.quota.admit(tx, delivery.customer_id, is_scheduled=is_scheduled)
         self._add(tx, delivery, checked.request.pickup_position, has_key=has_key)
         return delivery
 

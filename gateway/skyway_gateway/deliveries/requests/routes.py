@@ -39,7 +39,14 @@ def delivery_routes(*, gate: KeyGate, acceptance: Acceptance) -> ServiceRouter:
         response_model=Delivery,
         responses={
             **NOT_FOUND,
-            **conflicts("NO_NETWORK", "OFFER_LOST", "QUOTE_EXPIRED", "QUOTE_TAKEN"),
+            **conflicts(
+                "NO_NETWORK",
+                "OFFER_LOST",
+                "QUOTE_EXPIRED",
+                "QUOTE_TAKEN",
+                "TOO_MANY_DELIVERIES",
+                "TOO_MANY_SCHEDULED",
+            ),
         },
     )
     async def create_delivery(

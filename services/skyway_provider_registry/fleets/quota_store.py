@@ -1,0 +1,43 @@
+"""How many drones a provider may have."""
+
+from dataclasses import dataclass
+
+from sqlalchemy import func, select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.drone_key import DroneQuota
+from skyway.ids import ProviderId
+from skyway.runtime.errors import Conflict
+from skyway.runtime.sql.database import Database, Tx
+from skyway_provider_registry.tables import drones
+
+
+@dataclass(frozen=True, slots=True)
+class DroneLimit:
+    """Refuses drones beyond the limit of their provider."""
+
+    db: Database
+    most: int
+
+    async def refuse_too_many(self, tx: Tx, provider_id: ProviderId, *, new: int) -> None:
+        """Go on only if the provider may have so many new drones.
+
+        Raises
+        ------
+        Conflict
+            TOO_MANY_DRONES.
+        """
+        used = await _used(tx.connection, provider_id)
+        if used + new > self.most:
+            detail = f"the limit is {self.most} drones of a provider; it has {used}"
+            raise Conflict("TOO_MANY_DRONES", detail)
+
+    async def quota(self, provider_id: ProviderId) -> DroneQuota:
+        """How many drones the provider may have, and has."""
+        async with self.db.read() as connection:
+            return DroneQuota(most=self.most, used=await _used(connection, provider_id))
+
+
+async def _used(connection: AsyncConnection, provider_id: ProviderId) -> int:
+    statement = select(func.count()).where(drones.c.provider_id == provider_id)
+    return int((await connection.execute(statement)).scalar_one())
