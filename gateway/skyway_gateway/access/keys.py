@@ -35,8 +35,6 @@ _PREFIX: Final = "sk_"
 #: 256 bits cannot be guessed, so a fast hash is enough.
 _SECRET_BYTES: Final = 32
 
-_TOO_MANY: Final = "TOO_MANY_KEYS"
-
 #: Accounts of Skyway's own processes, and how the names of drones' accounts begin.
 _RESERVED_NAMES: Final = frozenset({"operator", "gateway", "registry", "composition"})
 _DRONE_PREFIX: Final = "drn_"
@@ -215,12 +213,12 @@ class Keys:
             return ()
         async with self._db.read() as connection:
             used = await store.used(connection, caller.role, SubjectId(caller.subject_id))
-        return (UsageQuota(code=_TOO_MANY, most=self._most_per_subject, used=used),)
+        return (UsageQuota(code="TOO_MANY_KEYS", most=self._most_per_subject, used=used),)
 
     async def _refuse_too_many(self, tx: Tx, role: KeyRole, subject_id: SubjectId) -> None:
         most = self._most_per_subject
         if await store.used(tx.connection, role, subject_id) >= most:
-            raise Conflict(_TOO_MANY, f"{subject_id} has {most} keys: delete one first")
+            raise Conflict("TOO_MANY_KEYS", f"{subject_id} has {most} keys: delete one first")
 
     async def add(self, tx: Tx, role: KeyRole, subject_id: SubjectId) -> IssuedKey:
         """A new key, added in this transaction."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 from sqlalchemy import func, select
 from sqlalchemy.ext.asyncio import AsyncConnection
@@ -13,8 +12,6 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.usage import UsageQuota
 from skyway_gateway.tables import webhooks
-
-_TOO_MANY: Final = "TOO_MANY_WEBHOOKS"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +30,9 @@ class WebhookQuota:
             TOO_MANY_WEBHOOKS.
         """
         if await _used(tx.connection, customer_id) >= self.most:
-            raise Conflict(_TOO_MANY, f"the limit is {self.most} webhooks: delete one first")
+            raise Conflict(
+                "TOO_MANY_WEBHOOKS", f"the limit is {self.most} webhooks: delete one first"
+            )
 
     async def usage(self, caller: Caller) -> Sequence[UsageQuota]:
         """How many webhooks the caller has."""
@@ -41,7 +40,7 @@ class WebhookQuota:
             return ()
         async with self.db.read() as connection:
             used = await _used(connection, SubjectId(caller.subject_id))
-        return (UsageQuota(code=_TOO_MANY, most=self.most, used=used),)
+        return (UsageQuota(code="TOO_MANY_WEBHOOKS", most=self.most, used=used),)
 
 
 async def _used(connection: AsyncConnection, customer_id: SubjectId) -> int:

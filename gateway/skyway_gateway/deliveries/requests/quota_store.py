@@ -20,9 +20,6 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.usage import UsageQuota
 from skyway_gateway.delivery_tables import IS_LIVE, deliveries
 
-_LIVE: Final = "TOO_MANY_DELIVERIES"
-_SCHEDULED: Final = "TOO_MANY_SCHEDULED"
-
 #: A customer without room is counted again after so long, seconds of wall time.
 _FULL_FOR_S: Final = 1.0
 _MOST_REMEMBERED: Final = 10_000
@@ -93,8 +90,8 @@ class DeliveryQuota:
         async with self._db.read() as connection:
             live, scheduled = await _count(connection, SubjectId(caller.subject_id))
         return (
-            UsageQuota(code=_LIVE, most=self._limits.live, used=live),
-            UsageQuota(code=_SCHEDULED, most=self._limits.scheduled, used=scheduled),
+            UsageQuota(code="TOO_MANY_DELIVERIES", most=self._limits.live, used=live),
+            UsageQuota(code="TOO_MANY_SCHEDULED", most=self._limits.scheduled, used=scheduled),
         )
 
     async def _counted(self, tx: Tx, customer_id: SubjectId) -> _Room:
@@ -111,9 +108,14 @@ class DeliveryQuota:
     def _refuse_full(self, room: _Room, *, is_scheduled: bool) -> None:
         now_s = self._now()
         if now_s < room.live_full_until_s:
-            raise Conflict(_LIVE, f"the limit is {self._limits.live} deliveries that are not over")
+            raise Conflict(
+                "TOO_MANY_DELIVERIES",
+                f"the limit is {self._limits.live} deliveries that are not over",
+            )
         if is_scheduled and now_s < room.scheduled_full_until_s:
-            raise Conflict(_SCHEDULED, f"the limit is {self._limits.scheduled} deliveries")
+            raise Conflict(
+                "TOO_MANY_SCHEDULED", f"the limit is {self._limits.scheduled} deliveries"
+            )
 
     def _remember(self, customer_id: SubjectId, room: _Room) -> None:
         self._rooms.pop(customer_id, None)
