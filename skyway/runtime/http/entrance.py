@@ -15,7 +15,8 @@ from typing import Final, Protocol
 from fastapi import Request
 from fastapi.security.utils import get_authorization_scheme_param
 
-from skyway.runtime.errors import Unauthenticated
+from skyway.runtime.errors import BudgetSpent, Unauthenticated
+from skyway.runtime.http.brake import Brake
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.meter import Meter
 
@@ -58,13 +59,14 @@ class Meters:
 class KeyEntrance:
     """Recognises the caller of each request, and takes the request from the right budget.
 
-    `open_calls` need no key, like ``POST /v1/enrolments``.
+    `open_calls` need no key, like ``POST /v1/enrolments``. Who has spent the budget is refused late.
     """
 
     keys: KnownKeys
     services: ServiceGate
     meters: Meters
     open_calls: Collection[str]
+    brake: Brake = field(default_factory=Brake)
     #: Hashes of keys that were good when they were last shown; the last shown is last.
     _recognised: dict[bytes, None] = field(default_factory=dict)
 
@@ -81,6 +83,13 @@ class KeyEntrance:
         Unauthenticated
             No key is shown where one is needed, or an unknown key.
         """
+        try:
+            return await self._admit(request)
+        except BudgetSpent:
+            await self.brake.hold()
+            raise
+
+    async def _admit(self, request: Request) -> Mapping[str, str]:
         path: str = request.scope["path"]
         addresses = self.meters.addresses
         if path in _NEVER_METERED:

@@ -7,6 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
+from skyway.runtime.http.brake import Brake
 from skyway.runtime.http.entrance import Meters, network_of
 from skyway.runtime.meter import Budget, Meter
 from tests.gateway.whole_gateway import Gateway
@@ -18,7 +19,8 @@ def limit(gateway: Gateway, *, tenants: int = 100, addresses: int = 100) -> None
         Meter(Budget("TENANT_REQUESTS", 0.001, tenants)),
         Meter(Budget("ADDRESS_REQUESTS", 0.001, addresses)),
     )
-    entrance = replace(gateway.parts.entrance, meters=meters, _recognised={})
+    brake = Brake(held_s=0)
+    entrance = replace(gateway.parts.entrance, meters=meters, brake=brake, _recognised={})
     # Parts are frozen: only a test replaces one.
     object.__setattr__(gateway.parts, "meters", meters)
     object.__setattr__(gateway.parts, "entrance", entrance)

@@ -1,0 +1,30 @@
+"""Slows callers who go on after their budget is spent: their answers come later."""
+
+import asyncio
+from typing import Final
+
+#: Wall seconds by which such an answer is late. A caller that waits for its answers, on a bounded
+#: number of connections, then calls so much less often.
+_HELD_S: Final = 0.5
+
+#: The most answers that are held back together; those above come without delay.
+_MOST_HELD: Final = 2_000
+
+
+class Brake:
+    """Holds back the answers to calls without a budget."""
+
+    def __init__(self, *, held_s: float = _HELD_S, most_held: int = _MOST_HELD) -> None:
+        self._held_s = held_s
+        self._most_held = most_held
+        self._held = 0
+
+    async def hold(self) -> None:
+        """Wait, unless too many wait already."""
+        if self._held >= self._most_held:
+            return
+        self._held += 1
+        try:
+            await asyncio.sleep(self._held_s)
+        finally:
+            self._held -= 1
