@@ -59,7 +59,8 @@ class Meters:
 class KeyEntrance:
     """Recognises the caller of each request, and takes the request from the right budget.
 
-    `open_calls` need no key, like ``POST /v1/enrolments``. Who has spent the budget is refused late.
+    `open_calls` need no key, like ``POST /v1/enrolments``. Callers without
+    budget are refused late.
     """
 
     keys: KnownKeys
