@@ -2,17 +2,20 @@
 
 from typing import Annotated
 
-from fastapi import Depends, Query
+from fastapi import Depends, Query, Response
 from pydantic import Field
 
+from skyway.contracts.drone_alarm import DRONE_ALARMS, DroneAlarm
 from skyway.contracts.drone_report import AlarmLevel
 from skyway.ids import AlarmId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
+from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition import alarm_store
@@ -44,6 +47,37 @@ class Acknowledgement(JsonModel):
             examples=["called the provider, the drone is being recovered"],
         ),
     ] = None
+
+
+def drone_alarm_routes(*, db: Database, gate: ServiceGate, mint: Mint) -> ServiceRouter:
+    """POST /internal/drone-alarms."""
+    router = ServiceRouter(tags=("internal",))
+
+    @router.post(DRONE_ALARMS, status_code=204)
+    async def raise_drone_alarm(
+        caller: Annotated[Caller, Depends(gate)],
+        requested: Annotated[DroneAlarm, Depends(internal_body(DroneAlarm))],
+    ) -> Response:
+        """Raise an alarm about a drone, unless one with its code is open already."""
+        caller.must_be("service")
+        async with db.write() as tx:
+            if not await alarm_store.is_open(
+                tx.connection, requested.drone_id, code=requested.code
+            ):
+                await alarm_store.add(
+                    tx,
+                    level=requested.level,
+                    code=requested.code,
+                    detail=requested.detail,
+                    at_ms=moment_to_ms(requested.at),
+                    mint=mint,
+                    provider_id=requested.provider_id,
+                    drone_id=requested.drone_id,
+                    data=requested.data,
+                )
+        return Response(status_code=204)
+
+    return router
 
 
 def alarm_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:

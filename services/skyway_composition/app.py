@@ -22,7 +22,7 @@ from skyway.runtime.http.identity import ServiceIdentity, read_secret
 from skyway.runtime.loops import Loops
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.migrations import migrate
-from skyway_composition.alarm_routes import alarm_routes
+from skyway_composition.alarm_routes import alarm_routes, drone_alarm_routes
 from skyway_composition.closures.routes import area_routes, place_routes
 from skyway_composition.links.renewal_routes import renewal_routes
 from skyway_composition.missions.booking.routes import booking_routes
@@ -92,6 +92,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             place_routes(gate=gate, closings=parts.closings),
             area_routes(gate=gate, closings=parts.closings),
             alarm_routes(db=db, gate=gate, clock=clock),
+            drone_alarm_routes(db=db, gate=gate, mint=parts.mint),
             renewal_routes(db=db, gate=gate),
             quarantine_routes(
                 db=db, gate=gate, replays=Replays(db, clock=clock, handler=parts.handler)

@@ -37,6 +37,7 @@ from skyway_provider_registry.fleets.routes import (
     registration_routes,
 )
 from skyway_provider_registry.parts import SERVICE, Parts, composition_client, parts_in_life
+from skyway_provider_registry.presence.announce_alarms import AlarmAnnouncer
 from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, PresenceFollower
 from skyway_provider_registry.presence.routes import presence_routes
 from skyway_provider_registry.providers.routes import provider_routes
@@ -139,6 +140,8 @@ def build_app(settings: RegistrySettings) -> FastAPI:
                 repeat("password file", parts.password_file.step, every_s=_PASSWORDS_EVERY_S),
             )
             renewals = RenewalAnnouncer(parts.db, parts.clock, CompositionNotice(composition))
+            alarms = AlarmAnnouncer(parts.db, composition)
+            loops.start("alarms", repeat("alarms", alarms.step, every_s=1.0))
             loops.start("renewals", repeat("renewals", renewals.step, every_s=1.0))
             loops.start(
                 "idempotency",

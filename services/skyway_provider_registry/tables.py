@@ -86,6 +86,7 @@ presence = Table(
     Column("state_session", BigInteger, nullable=False),
     Column("state_seq", BigInteger, nullable=False),
     Column("state_at_ms", BigInteger),
+    Column("state_seen_ms", BigInteger),  # when the state was received
     Column("activity", Text),
     Column("mission_id", Text),
     Column("station_id", Text),
@@ -104,6 +105,14 @@ presence = Table(
     # The number of the last change that affects selection.
     Column("changed", BigInteger, nullable=False, server_default="0"),
     Index("presence_by_change", "changed"),
+)
+
+#: Alarms about drones on their way to composition.
+waiting_alarms = Table(
+    "waiting_alarms",
+    metadata,
+    Column("drone_id", Text, ForeignKey("drones.drone_id", ondelete="CASCADE"), primary_key=True),
+    Column("alarm", Text, nullable=False),  # JSON of DroneAlarm
 )
 
 #: When the credentials of a drone were renewed last, if ever.

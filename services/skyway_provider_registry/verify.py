@@ -12,6 +12,7 @@ from sqlalchemy import Column, ColumnElement, and_, func, literal, or_, select
 
 from skyway.bounds import LATEST
 from skyway.broker_setup.passwords import read_hash
+from skyway.contracts.drone_alarm import DroneAlarm
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.service_facts import AnyFacts, DroneFacts, HintFacts, ProviderFacts
 from skyway.delivery.offer import Tariff
@@ -38,6 +39,7 @@ from skyway_provider_registry.tables import (
     providers,
     renewals,
     telemetry_samples,
+    waiting_alarms,
 )
 
 _LATEST_MS: Final = moment_to_ms(LATEST)
@@ -102,6 +104,7 @@ _FORMS: Final = form_rule(
         providers.c.tariff: Tariff.read,
         drone_models.c.model: DroneModel.read,
         presence.c.condition: Condition.read,
+        waiting_alarms.c.alarm: DroneAlarm.read,
         broker_accounts.c.password_hash: read_hash,
         enrolment_tokens.c.token_hash: read_sha256,
         drone_keys.c.key_hash: read_sha256,

@@ -124,3 +124,27 @@ async def test_an_unknown_alarm_cannot_be_acknowledged(composition: Any) -> None
     answer = await composition("operator:op", "POST", "/v1/alarms/alm_0/acknowledgements", {})
 
     assert answer.status_code == 404
+
+
+async def test_the_registry_raises_an_alarm_about_a_drone_once(composition: Any) -> None:
+    body = {
+        "provider_id": "prv_1",
+        "drone_id": "drn_1",
+        "level": "URGENT",
+        "code": "DRONE_JUMPED",
+        "detail": "it was elsewhere",
+        "at": "2026-03-01T12:00:00Z",
+        "data": {"soc": 0.5},
+    }
+    for _ in range(2):
+        answer = await composition("service:registry", "POST", "/internal/drone-alarms", body)
+        assert answer.status_code == 204
+    foreign = await composition("provider:prv_1", "POST", "/internal/drone-alarms", body)
+
+    (alarm,) = (await composition("provider:prv_1", "GET", "/v1/alarms")).json()["items"]
+    assert (alarm["code"], alarm["drone_id"], alarm["data"]) == (
+        "DRONE_JUMPED",
+        "drn_1",
+        {"soc": 0.5},
+    )
+    assert foreign.status_code == 403

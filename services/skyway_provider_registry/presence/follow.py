@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Final
 
 from skyway.contracts.drone_report import Telemetry
@@ -14,6 +15,8 @@ from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry import renewal_store
+from skyway_provider_registry.presence.judge_states import StateJudge
+from skyway_provider_registry.presence.jump_store import take_out_of_service
 from skyway_provider_registry.presence.sighting_store import ReceptionTime, newest, record
 from skyway_provider_registry.presence.store import owners
 
@@ -64,7 +67,7 @@ class PresenceFollower:
         return True
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Recorder:
     """Stores messages of registered drones that arrive under their own provider.
 
@@ -75,6 +78,11 @@ class Recorder:
     db: Database
     clock: FleetClock
     owners: dict[DroneId, ProviderId] = field(default_factory=dict)
+
+    @cached_property
+    def judge(self) -> StateJudge:
+        """Finds the drones that jump."""
+        return StateJudge(self.db, self.clock)
 
     async def record(self, batch: Sequence[Received[Any]]) -> Samples:
         """Store the newest message per drone and topic; the result is all samples."""
@@ -89,9 +97,16 @@ class Recorder:
             )
         sightings = newest((DroneId(item.ids[1]), item.message) for item in own)
         if sightings:
+            states = {
+                drone_id: each.state
+                for drone_id, each in sightings.items()
+                if each.state is not None
+            }
+            alarms = await self.judge.alarms_about(states, self.owners)
             received_at = ReceptionTime(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
             async with self.db.write() as tx:
                 await record(tx, sightings, received_at)
+                await take_out_of_service(tx, alarms)
         return [(DroneId(item.ids[1]), item.message) for item in own if item.topic is TELEMETRY]
 
     async def _without_earlier_credentials(

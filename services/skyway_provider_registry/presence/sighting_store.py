@@ -116,6 +116,7 @@ async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], received_at: Rec
                 | _order(_ORDER_OF_STATE, state)
                 | {
                     "state_at_ms": moment_to_ms(state.at),
+                    "state_seen_ms": moment_to_ms(received_at.fleet_at),
                     "activity": state.activity,
                     "mission_id": state.mission_id,
                     "station_id": state.station_id,

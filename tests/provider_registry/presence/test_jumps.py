@@ -1,0 +1,213 @@
+"""A drone that jumps is taken out of service until a person puts it back."""
+
+from dataclasses import dataclass, field
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from skyway_provider_registry.presence import jump_store
+from skyway_provider_registry.presence.announce_alarms import AlarmAnnouncer
+from skyway_provider_registry.presence.follow import Recorder
+from skyway_provider_registry.verify import RULES
+
+from skyway.contracts.drone_alarm import DRONE_ALARMS
+from skyway.contracts.topics import CONNECTION, STATE
+from skyway.geo import Position
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
+from tests.broken_rules import broken_rules
+
+HOME = Position(-97.9, 29.9)
+
+
+def east(length_m: float) -> Position:
+    """A place so far to the east of home."""
+    return Position(HOME.longitude_deg + length_m / 96_500, HOME.latitude_deg)
+
+
+@dataclass
+class WatchedDrone:
+    """A drone that is online at home, and what the registry makes of its states."""
+
+    api: Any
+    db: Database
+    clock: ManualClock
+    make: Any
+    drone: Any
+    seq: int = 0
+    session: int = 7
+
+    async def says(self, **members: Any) -> None:
+        self.seq += 1
+        await self.sends(STATE, self.make(self.session, self.seq, **members))
+
+    async def sends(self, topic: Any, message: Any) -> None:
+        ids = (self.drone["provider_id"], self.drone["drone_id"])
+        await Recorder(self.db, self.clock).record([Received(topic, ids, message, False)])
+
+    async def call(self, method: str, body: Any = None) -> Any:
+        path = f"/v1/providers/{self.drone['provider_id']}/drones/{self.drone['drone_id']}"
+        return await self.api(f"provider:{self.drone['provider_id']}", method, path, body)
+
+    async def state(self) -> str:
+        return str((await self.call("GET")).json()["state"])
+
+    async def details(self) -> list[str]:
+        async with self.db.read() as connection:
+            return [each.detail for each in await jump_store.waiting(connection, limit=10)]
+
+
+@pytest.fixture
+async def drone(
+    api: Any, db: Database, clock: ManualClock, state: Any, online: Any
+) -> WatchedDrone:
+    watched = WatchedDrone(api, db, clock, state, await api.drone(await api.provider()))
+    await watched.sends(CONNECTION, online(7, 1))
+    await watched.says(position=HOME, soc=0.5)
+    assert await watched.state() == "AVAILABLE"
+    return watched
+
+
+@pytest.mark.parametrize("at_s", [0.0, -3_600.0])
+async def test_a_drone_that_is_suddenly_elsewhere_is_taken_out_of_service(
+    drone: WatchedDrone, clock: ManualClock, at_s: float
+) -> None:
+    await drone.says(position=HOME, soc=0.5, at=clock.now() + timedelta(seconds=at_s))
+    clock.advance(timedelta(seconds=10))
+
+    await drone.says(position=east(20_000), soc=0.5)
+
+    assert await drone.state() == "MAINTENANCE"
+    (detail,) = await drone.details()
+    assert detail.startswith("it was 19978 m away")
+    assert await broken_rules(drone.db, RULES) == []
+
+
+@pytest.mark.parametrize("rate", [1.0, 60.0])
+async def test_a_drone_in_flight_is_believed(
+    drone: WatchedDrone, clock: ManualClock, rate: float
+) -> None:
+    clock.rate = rate
+    for number in range(1, 20):
+        clock.advance(timedelta(seconds=30))
+        await drone.says(position=east(30 * 23 * number), soc=0.5 - number / 100)
+
+    assert await drone.state() == "AVAILABLE"
+
+
+async def test_a_wrong_satellite_and_a_message_that_was_long_on_its_way_are_believed(
+    drone: WatchedDrone, clock: ManualClock
+) -> None:
+    clock.advance(timedelta(seconds=20))
+    await drone.says(position=east(400), soc=0.5)
+    clock.advance(timedelta(seconds=1))
+    await drone.says(position=east(400 + 20 * 23), soc=0.55)
+
+    assert await drone.state() == "AVAILABLE"
+
+
+async def test_a_drone_may_fly_while_its_link_is_lost(
+    drone: WatchedDrone, clock: ManualClock
+) -> None:
+    clock.advance(timedelta(minutes=20))
+    await drone.says(position=east(25_000), soc=0.1)
+
+    assert await drone.state() == "AVAILABLE"
+
+
+async def test_a_drone_that_was_carried_far_while_it_was_off_is_not_believed(
+    drone: WatchedDrone, clock: ManualClock
+) -> None:
+    drone.session, drone.seq = 8, 0
+    clock.advance(timedelta(minutes=20))
+    await drone.says(position=east(100_000), soc=1.0)
+
+    assert await drone.state() == "MAINTENANCE"
+
+
+async def test_a_drone_in_maintenance_may_be_carried(
+    drone: WatchedDrone, clock: ManualClock
+) -> None:
+    await drone.call("PATCH", {"state": "MAINTENANCE"})
+    await drone.says(position=east(100_000), soc=1.0)
+    await drone.call("PATCH", {"state": "AVAILABLE"})
+    await drone.says(position=east(100_000), soc=1.0)
+
+    assert await drone.state() == "AVAILABLE"
+    assert await drone.details() == []
+
+
+async def test_a_charge_that_rises_too_fast_is_not_believed(drone: WatchedDrone) -> None:
+    await drone.says(position=HOME, soc=0.59)
+    assert await drone.state() == "AVAILABLE"
+
+    await drone.says(position=HOME, soc=0.9)
+
+    assert await drone.state() == "MAINTENANCE"
+    (detail,) = await drone.details()
+    assert detail.startswith("its charge rose from 0.59 to 0.90")
+
+
+async def test_a_drone_on_a_pad_is_believed(drone: WatchedDrone, clock: ManualClock) -> None:
+    clock.advance(timedelta(hours=3))
+    await drone.says(position=HOME, soc=1.0, activity="RECHARGING")
+
+    assert await drone.state() == "RECHARGING"
+
+
+async def test_a_drone_may_have_another_battery_after_a_restart(drone: WatchedDrone) -> None:
+    drone.session, drone.seq = 8, 0
+
+    await drone.says(position=HOME, soc=1.0)
+
+    assert await drone.state() == "AVAILABLE"
+
+
+async def test_an_old_state_is_not_judged(drone: WatchedDrone, state: Any) -> None:
+    await drone.sends(STATE, state(6, 99, position=east(90_000)))
+
+    assert await drone.state() == "AVAILABLE"
+
+
+async def test_the_provider_puts_the_drone_back_where_it_says_it_is(
+    drone: WatchedDrone, clock: ManualClock
+) -> None:
+    await drone.says(position=east(20_000), soc=0.5)
+    await drone.says(position=east(20_000), soc=0.5)
+    assert await drone.state() == "MAINTENANCE"
+
+    await drone.call("PATCH", {"state": "AVAILABLE"})
+    await drone.says(position=east(20_000), soc=0.5)
+    assert await drone.state() == "AVAILABLE"
+
+    await drone.says(position=HOME, soc=0.5)
+    assert await drone.state() == "MAINTENANCE"
+
+
+@dataclass
+class FakeComposition:
+    """Composition, to which alarms are posted."""
+
+    is_away: bool = False
+    posted: list[tuple[str, str, str]] = field(default_factory=list)
+
+    async def call(self, method: str, path: str, *, body: Any) -> None:
+        if self.is_away:
+            raise ServiceUnavailable("composition", "away")
+        self.posted.append((method, path, body.code))
+
+
+async def test_the_alarm_waits_for_composition(drone: WatchedDrone) -> None:
+    composition = FakeComposition(is_away=True)
+    announcer = AlarmAnnouncer(drone.db, composition)  # type: ignore[arg-type]
+    await drone.says(position=east(20_000), soc=0.5)
+
+    with pytest.raises(ServiceUnavailable):
+        await announcer.step()
+    composition.is_away = False
+    for _ in range(2):
+        await announcer.step()
+
+    assert composition.posted == [("POST", DRONE_ALARMS, "DRONE_JUMPED")]
