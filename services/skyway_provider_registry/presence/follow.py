@@ -16,7 +16,7 @@ from skyway.runtime.mqtt.inbox import BATCH_SIZE
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry import renewal_store
 from skyway_provider_registry.presence.judge_states import StateJudge
-from skyway_provider_registry.presence.jump_store import take_out_of_service
+from skyway_provider_registry.presence.jump_store import put_in_maintenance
 from skyway_provider_registry.presence.sighting_store import ReceptionTime, newest, record
 from skyway_provider_registry.presence.store import owners
 
@@ -106,7 +106,7 @@ class Recorder:
             received_at = ReceptionTime(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
             async with self.db.write() as tx:
                 await record(tx, sightings, received_at)
-                await take_out_of_service(tx, alarms)
+                await put_in_maintenance(tx, alarms)
         return [(DroneId(item.ids[1]), item.message) for item in own if item.topic is TELEMETRY]
 
     async def _without_earlier_credentials(

@@ -69,7 +69,7 @@ def _last_seen(row: Row[*tuple[Any, ...]], models: Mapping[DroneModelId, DroneMo
     )
 
 
-async def take_out_of_service(tx: Tx, alarms: Sequence[DroneAlarm]) -> None:
+async def put_in_maintenance(tx: Tx, alarms: Sequence[DroneAlarm]) -> None:
     """Put drones in maintenance, and keep the alarm about each until composition has it."""
     for alarm in alarms:
         await touch(tx, alarm.drone_id)
