@@ -97,6 +97,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 gate=gate,
                 targets=parts.targets,
                 quota=parts.webhook_quota,
+                trials=parts.trials,
                 sender=parts.sender,
                 clock=clock,
                 mint=mint,

@@ -31,6 +31,7 @@ from skyway_gateway.deliveries.requests.cancel import Canceller
 from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
 from skyway_gateway.forward.table import open_calls
 from skyway_gateway.notifications.delivery_events import EventListeners, EventRecorder
+from skyway_gateway.notifications.fair_slots import FairSlots, SlotLimits
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
 from skyway_gateway.notifications.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhook_quota_store import WebhookQuota
@@ -42,6 +43,9 @@ from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import outbox
 
 SERVICE: Final = "gateway"
+
+#: Test events of one customer that may be on their way at the same time.
+_TRIALS_AT_ONCE: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +76,7 @@ class Parts:
     quota: DeliveryQuota
     webhook_quota: WebhookQuota
     streams: Slots
+    trials: Slots
     stream_usage: StreamUsage
     drone_usage: DroneUsage
     waker: Waker
@@ -201,7 +206,9 @@ def build_parts(
         writer=DeliveryWriter(db, events, DeliveryCache()),
         targets=targets,
         post=post,
-        sender=WebhookSender(db, post, notifications, clock, mint),
+        sender=WebhookSender(
+            db, post, notifications, clock, mint, FairSlots(_slot_limits(settings))
+        ),
         booking=BookingLoop(queued, claimant=mint("bkr"), most=settings.bookings_at_once),
         horizon=timedelta(hours=settings.booking_horizon_h),
         hold_limits=HoldLimits(settings.hold_s, settings.held_quotes_per_customer),
@@ -213,10 +220,15 @@ def build_parts(
         ),
         webhook_quota=WebhookQuota(db, settings.webhooks_per_customer),
         streams=streams,
+        trials=Slots("WEBHOOK_TESTS", _TRIALS_AT_ONCE),
         stream_usage=StreamUsage(streams),
         drone_usage=DroneUsage(registry),
         waker=Waker(db, clock, networks.cached, queued),
     )
+
+
+def _slot_limits(settings: GatewaySettings) -> SlotLimits:
+    return SlotLimits(settings.webhook_slots, settings.webhook_slots_per_customer)
 
 
 def _meters(settings: GatewaySettings) -> Meters:

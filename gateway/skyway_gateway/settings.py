@@ -92,6 +92,19 @@ class GatewaySettings(ServiceSettings):
     webhooks_per_customer: int = Field(
         default=50, ge=1, le=10_000, description="Webhooks of one customer."
     )
+    webhook_slots: int = Field(
+        default=256,
+        ge=8,
+        le=10_000,
+        description="Webhooks that are notified at the same time. Those that did not answer the "
+        "last time have three eighths of the slots.",
+    )
+    webhook_slots_per_customer: int = Field(
+        default=32,
+        ge=1,
+        le=10_000,
+        description="Of these slots, those of one customer. One host and port has half as many.",
+    )
     keys_per_subject: int = Field(
         default=100,
         ge=1,

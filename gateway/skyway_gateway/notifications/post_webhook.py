@@ -39,6 +39,12 @@ _LARGEST_PORT: Final = 65535
 #: Addresses that the network translates to IPv4 (RFC 6052, RFC 8215): their target is unknown.
 _TRANSLATED: Final = (ip_network("64:ff9b::/96"), ip_network("64:ff9b:1::/48"))
 
+#: Reserved networks that Python 3.11 takes for public: protocol assignments (RFC 6890), 6to4 relays
+#: (RFC 7526), documentation (RFC 9637), segment routing (RFC 9602).
+_RESERVED: Final = tuple(
+    ip_network(text) for text in ("192.0.0.0/24", "192.88.99.0/24", "3fff::/20", "5f00::/16")
+)
+
 #: How long a receiver may take, seconds of wall time.
 _TIMEOUT_S: Final = 10.0
 
@@ -140,6 +146,8 @@ def _embedded(address: IpAddress) -> list[IpAddress]:
 
 
 def _is_public(address: IpAddress) -> bool:
+    if any(address.version == net.version and address in net for net in _RESERVED):
+        return False
     if isinstance(address, IPv6Address):
         if address.ipv4_mapped is not None:
             return True  # the embedded IPv4 address is checked instead

@@ -18,6 +18,7 @@ from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter, operation_id
 from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.minting import Mint
+from skyway.runtime.slots import Slots
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.notifications import webhook_store
@@ -84,6 +85,7 @@ def webhook_routes(
     gate: KeyGate,
     targets: Targets,
     quota: WebhookQuota,
+    trials: Slots,
     sender: WebhookSender,
     clock: FleetClock,
     mint: Mint,
@@ -206,7 +208,8 @@ def webhook_routes(
         caller.must_be("customer")
         async with db.read() as connection:
             endpoint = await webhook_store.endpoint_of(connection, caller, webhook_id)
-        return await sender.send_trial(endpoint)
+        with trials.held(str(caller)):
+            return await sender.send_trial(endpoint)
 
     @router.post(
         "/v1/webhooks/{webhook_id}/replay",

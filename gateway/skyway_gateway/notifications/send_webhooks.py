@@ -1,8 +1,9 @@
 """Notifies webhooks: signed, at least once, in the order of each delivery's events.
 
-Each endpoint has its own task, so that a slow endpoint delays no other. A notification keeps its id
-in all attempts; later notifications of the same delivery wait for it. After the last attempt the
-notification is given up, and the customer can see that.
+Each endpoint has its own task, so that a slow endpoint delays no other; `fair_slots` shares the
+tasks between customers. A notification keeps its id in all attempts; later notifications of the
+same delivery wait for it. After the last attempt the notification is given up, and the customer can
+see that.
 """
 
 import asyncio
@@ -12,12 +13,13 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Final, Never
 
-from skyway.ids import EventId, WebhookId
+from skyway.ids import EventId
 from skyway.runtime.clock import FleetClock, sleep_wall
 from skyway.runtime.loops import MissingParts, Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
+from skyway_gateway.notifications.fair_slots import FairSlots
 from skyway_gateway.notifications.post_webhook import Reply, WebhookPost
 from skyway_gateway.notifications.webhook import (
     Endpoint,
@@ -39,10 +41,8 @@ from skyway_gateway.notifications.webhook_store import (
 
 log = logging.getLogger(__name__)
 
-#: Notifications that are sent at the same time to one endpoint, each of another delivery, and
-#: endpoints that are served at the same time.
+#: Notifications that are sent at the same time to one endpoint, each of another delivery.
 _AT_ONE_ENDPOINT: Final = 4
-_ENDPOINTS: Final = 256
 
 #: Longest pause between two looks at the table, seconds: other replicas write to it, too.
 _LONGEST_PAUSE_S: Final = 1.0
@@ -69,8 +69,8 @@ class WebhookSender:
     wake: Wake
     clock: FleetClock
     mint: Mint
+    slots: FairSlots = field(default_factory=FairSlots)
     chance: random.Random = field(default_factory=random.SystemRandom)
-    _served: set[WebhookId] = field(default_factory=set)
     _missing: MissingParts = field(default_factory=lambda: MissingParts("webhooks"))
     _claims_are_free: bool = False
 
@@ -88,10 +88,8 @@ class WebhookSender:
             self._claims_are_free = True
         async with self.db.read() as connection:
             due = await due_endpoints(connection, at=self.clock.wall_now())
-        for endpoint in due:
-            if endpoint.webhook_id not in self._served and len(self._served) < _ENDPOINTS:
-                self._served.add(endpoint.webhook_id)
-                group.create_task(self._serve(endpoint))
+        for endpoint in self.slots.choose(due):
+            group.create_task(self._serve(endpoint))
         return False
 
     async def _serve(self, endpoint: Endpoint) -> None:
@@ -105,7 +103,7 @@ class WebhookSender:
                 log.exception("notifying failed", extra={"webhook_id": endpoint.webhook_id})
             await sleep_wall(self.clock, _AFTER_FAILURE_S)
         finally:
-            self._served.discard(endpoint.webhook_id)
+            self.slots.release(endpoint)
             self.wake.set()
 
     async def notify(self, endpoint: Endpoint) -> int:
@@ -162,6 +160,7 @@ class WebhookSender:
             endpoint.secret, webhook_id=notification.event_id, at=at, body=notification.body
         )
         reply = await self.post.send(endpoint.url, headers=headers, body=notification.body)
+        self.slots.note_reply(endpoint.webhook_id, is_answer=reply.status is not None)
         return _Sent(at, round((loop.time() - started_s) * 1000), reply)
 
     def _wait_s(self, notification: Notification, reply: Reply) -> float | None:

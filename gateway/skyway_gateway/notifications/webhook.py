@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from skyway.bounds import Moment
 from skyway.contracts.delivery_event import DeliveryEventType
-from skyway.ids import DeliveryId, EventId, WebhookId
+from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId
 from skyway.json_model import JsonModel
 
 WebhookUrl = Annotated[str, Field(min_length=1, max_length=2000)]
@@ -147,6 +147,7 @@ class Endpoint:
     """What the sender needs of a webhook."""
 
     webhook_id: WebhookId
+    customer_id: SubjectId
     url: str
     secret: str = field(repr=False)
 

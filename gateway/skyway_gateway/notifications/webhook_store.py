@@ -70,7 +70,7 @@ async def endpoint_of(
         There is no such webhook, or it is not the caller's.
     """
     row = await _webhook_row(connection, caller, webhook_id)
-    return Endpoint(row.webhook_id, row.url, row.secret)
+    return Endpoint(row.webhook_id, row.customer_id, row.url, row.secret)
 
 
 async def webhooks_page(
@@ -125,7 +125,7 @@ async def due_endpoints(connection: AsyncConnection, *, at: datetime) -> Sequenc
     )
     statement = select(webhooks).where(webhooks.c.state == "ACTIVE", is_due)
     return [
-        Endpoint(row.webhook_id, row.url, row.secret)
+        Endpoint(row.webhook_id, row.customer_id, row.url, row.secret)
         for row in await connection.execute(statement, {"now_ms": moment_to_ms(at)})
     ]
 

@@ -198,6 +198,22 @@ async def test_a_tenant_has_at_most_so_many_streams(gateway: Gateway) -> None:
     assert refused.headers["retry-after"] == "1"
 
 
+async def test_a_customer_has_few_test_events_on_their_way(gateway: Gateway) -> None:
+    slots = Slots("WEBHOOK_TESTS", 1)
+    replace_part(gateway, "trials", slots)
+    made = await gateway.http.post(
+        "/v1/webhooks", json={"url": "http://127.0.0.1:9/"}, headers=gateway.customer
+    )
+    path = f"/v1/webhooks/{made.json()['webhook_id']}/test"
+
+    with slots.held("customer:alice"):
+        refused = await gateway.http.post(path, headers=gateway.customer)
+
+    assert refused.status_code == 429
+    assert refused.json()["code"] == "WEBHOOK_TESTS"
+    assert (await gateway.http.post(path, headers=gateway.customer)).status_code == 200
+
+
 def test_a_slot_is_free_again_after_its_block() -> None:
     slots = Slots("STREAMS", 2)
 
