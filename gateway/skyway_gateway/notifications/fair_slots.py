@@ -50,7 +50,7 @@ class FairSlots:
         """The endpoints to serve now; each takes a slot until `release`."""
         waiting = [each for each in due if each.webhook_id not in self._served]
         waiting.sort(key=lambda each: self._chosen.get(each.webhook_id, 0))
-        return [each for each in waiting if self._take(each)]
+        return [each for each in waiting if self._claim(each)]
 
     def release(self, endpoint: Endpoint) -> None:
         """Free the slot of an endpoint that was chosen."""
@@ -67,7 +67,7 @@ class FairSlots:
             self._silent[webhook_id] = None
             self._forget_first(self._silent)
 
-    def _take(self, endpoint: Endpoint) -> bool:
+    def _claim(self, endpoint: Endpoint) -> bool:
         webhook_id, limits = endpoint.webhook_id, self.limits
         if len(self._served) >= limits.all:
             return False
