@@ -7,8 +7,9 @@ from typing import Final
 #: number of connections, then calls so much less often.
 _HELD_S: Final = 0.5
 
-#: The most answers that are held back together; those above come without delay.
-_MOST_HELD: Final = 2_000
+#: The most answers that are held back together; those above come without delay. They are fewer than
+#: the connections of one address, so that they do not shut out other callers of their address.
+_MOST_HELD: Final = 200
 
 
 class Brake:
