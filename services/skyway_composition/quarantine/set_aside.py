@@ -5,7 +5,7 @@ So no message waits until another one is kept, and a sender that floods the quar
 
 import logging
 from collections import defaultdict
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Any, Final
 
 from pydantic import ValidationError
@@ -40,6 +40,9 @@ _WEIGHTS: Final[dict[QuarantineReason, float]] = {
 #: How much a message adds that is taken, though a drone seldom has a reason for it.
 _SUSPICION: Final = 5.0
 
+#: Wall time for which the failure of a provider's message counts.
+_FAILURES_COUNT_FOR: Final = timedelta(minutes=5)
+
 #: The most messages of one provider that wait to be kept.
 _MOST_WAITING: Final = 50
 #: Wall time for which a message is kept after it came last, and between two looks for older ones.
@@ -65,6 +68,7 @@ class Quarantine:
         self._waiting: dict[ProviderId, list[SetAsideMessage]] = defaultdict(list)
         self._newly_put_out: list[Sender] = []
         self._put_out_ms: dict[Sender, int] = {}
+        self._failed_at: dict[str, datetime] = {}
         self._swept_at = clock.wall_now()
         self.wake = Wake()
 
@@ -87,6 +91,8 @@ class Quarantine:
 
     def add(self, received: Received[Any], reason: QuarantineReason, detail: str) -> None:
         """Set aside a message that was read. Any: each topic has messages of its own type."""
+        if reason == "FAILED":
+            self._failed_at[received.ids[0]] = self._clock.wall_now()
         name = received.topic(*received.ids).name
         self._add(SetAsideMessage.of(name, received.ids, received.payload, reason, detail))
 
@@ -101,6 +107,11 @@ class Quarantine:
             self.wake.set()
         else:
             _count_left_out(1)
+
+    def has_failed(self, ids: tuple[str, ...]) -> bool:
+        """Whether handling a message of this provider's drones has failed in the last minutes."""
+        failed_at = self._failed_at.get(ids[0])
+        return failed_at is not None and self._clock.wall_now() - failed_at < _FAILURES_COUNT_FOR
 
     def suspect(self, ids: tuple[str, ...]) -> None:
         """Note a message that was taken, but that no drone sends often."""

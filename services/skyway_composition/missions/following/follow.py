@@ -6,6 +6,7 @@ taken are set aside (`skyway_composition.quarantine`), and the rest of their bat
 
 import asyncio
 import logging
+from collections import defaultdict
 from collections.abc import AsyncIterator, Sequence
 from typing import Any, Protocol
 
@@ -74,7 +75,7 @@ class Follower:
         self._tries += 1
         try:
             if self._tries <= _TRIES:
-                await self._handler.handle(self._batch)
+                await self._handle_batch()
             else:
                 await self._handle_one_by_one()
         except ServiceUnavailable:
@@ -101,6 +102,40 @@ class Follower:
             count("skyway_messages_ahead", "drone messages that speak of the future")
             self._quarantine.add(each, "AHEAD", f"it speaks of a moment after {latest_at}")
         return kept
+
+    async def _handle_batch(self) -> None:
+        """Handle the batch; if it fails, only the drones whose own messages fail wait for a retry.
+
+        There is no retry for drones of a provider whose messages have failed lately: others would
+        wait for each of them.
+        """
+        try:
+            await self._handler.handle(self._batch)
+        except ServiceUnavailable:
+            raise
+        except Exception:
+            self._batch = await self._failing()
+            if any(not self._quarantine.has_failed(each.ids) for each in self._batch):
+                raise
+            await self._handle_one_by_one()
+
+    async def _failing(self) -> list[Received[Any]]:
+        """Handle each drone's messages alone; the result is the messages that fail."""
+        by_drone: dict[tuple[str, ...], list[Received[Any]]] = defaultdict(list)
+        for received in self._batch:
+            by_drone[received.ids].append(received)
+        if len(by_drone) == 1:
+            return self._batch
+        failing: list[Received[Any]] = []
+        for messages in by_drone.values():
+            try:
+                await self._handler.handle(messages)
+            except ServiceUnavailable:
+                raise
+            except Exception:
+                log.exception("messages of a drone failed", extra={"ids": messages[0].ids})
+                failing += messages
+        return failing
 
     async def _handle_one_by_one(self) -> None:
         """Handle each message of a failing batch alone; those that fail again are set aside.

@@ -11,6 +11,7 @@ An idle drone that repeats its state causes no transaction (`links.cached_links`
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final
 
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
@@ -135,7 +136,7 @@ class ReportHandler:
                 self._quarantine.add(received, "IMPLAUSIBLE", detail)
             case DroneState() as state:
                 if link.stream < state.stream:
-                    self._quarantine.suspect(received.ids)
+                    work.tx.after_commit(partial(self._quarantine.suspect, received.ids))
                 await handle_state(work, link, state)
             case Connection() as connection:
                 _handle_connection(work, link, connection)

@@ -74,6 +74,19 @@ def why_impossible(
     )
 
 
+def why_not_handed_over(step: DeliverStep | None, event: DroneEvent) -> str | None:
+    """Why this hand-over of a mission that is over cannot be true; None if it can.
+
+    The order of its steps is not known: their ends were not recorded after the mission was over.
+    """
+    if step is None:
+        return f"the mission has no step {event.step_id} that delivers"
+    others = set(event.package_ids) - set(step.package_ids)
+    if others:
+        return f"the step does not deliver {', '.join(sorted(others))}"
+    return _elsewhere(step, event) or _without_evidence(step, event)
+
+
 def _out_of_order(earlier: Sequence[StepRecord]) -> str | None:
     for each in earlier:
         if each.status == "PLANNED":

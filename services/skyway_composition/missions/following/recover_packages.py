@@ -10,10 +10,12 @@ from functools import partial
 from skyway.contracts.drone_report import DroneEvent, DroneState
 from skyway.contracts.flight_step import DeliverStep, ReturnStep
 from skyway.contracts.instruction import MissionInstruction
-from skyway.ids import PackageId, StationId
+from skyway.ids import StationId
 from skyway.units import moment_to_ms
+from skyway_composition.alarm_store import is_open
 from skyway_composition.links.instruction_store import last_revision, open_instructions
 from skyway_composition.links.link import DroneLink
+from skyway_composition.missions.following.plausibility import why_not_handed_over
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
@@ -91,10 +93,16 @@ async def _record_late_hand_over(
 ) -> None:
     """The drone has delivered after its mission was given up: people must stop other deliveries.
 
-    Custody changes only if nobody else has delivered the package since.
+    Custody changes only if nobody else has delivered the package since, and not by a report that
+    cannot be true.
     """
+    step = await _delivering_step(work, ended, event)
+    reason = why_not_handed_over(step, event)
+    if step is None or reason is not None:
+        await _raise_not_believed(work, ended, event, reason)
+        return
     held = await held_packages(work.tx.connection, ended.mission.delivery_id)
-    package_ids = event.package_ids or await _packages_of_step(work, ended, event)
+    package_ids = event.package_ids or step.package_ids
     recipient = Custodian("RECIPIENT", station_id)
     rows = [
         Held(each, held[each].seq + 1, recipient)
@@ -116,18 +124,31 @@ async def _record_late_hand_over(
     )
 
 
-async def _packages_of_step(
+async def _delivering_step(
     work: MissionUnitOfWork, ended: MissionRecord, event: DroneEvent
-) -> tuple[PackageId, ...]:
-    """The packages of the step that has ended, for an event that names none."""
+) -> DeliverStep | None:
+    """The step that has ended, if it delivers packages."""
     steps = await steps_of(work.tx.connection, ended.mission_id)
-    return next(
-        (
-            each.step.package_ids
-            for each in steps
-            if isinstance(each.step, DeliverStep) and each.step.step_id == event.step_id
-        ),
-        (),
+    for each in steps:
+        if isinstance(each.step, DeliverStep) and each.step.step_id == event.step_id:
+            return each.step
+    return None
+
+
+async def _raise_not_believed(
+    work: MissionUnitOfWork, ended: MissionRecord, event: DroneEvent, reason: str | None
+) -> None:
+    """Raise an alarm, once: a drone that repeats itself must not hide other alarms."""
+    if await is_open(work.tx.connection, ended.drone_id, code="IMPLAUSIBLE"):
+        return
+    await raise_alarm(
+        work,
+        ended,
+        level="CRITICAL",
+        code="IMPLAUSIBLE",
+        detail=f"the drone reports a hand-over that cannot be true: {reason}",
+        station_id=event.station_id,
+        data={"event": event.model_dump(mode="json", exclude_defaults=True)},
     )
 
 

@@ -1,5 +1,6 @@
 """A drone flies its whole mission while composition is away: no second drone may fly it."""
 
+from dataclasses import replace
 from datetime import timedelta
 from typing import Any
 
@@ -271,4 +272,28 @@ async def test_a_hand_over_after_the_mission_was_given_up_raises_an_alarm(
     (alarm,) = [each for each in alarms if each["code"] == "LATE_HAND_OVER"]
     assert alarm["data"]["package_ids"] == ["p1"]
     assert [kind for kind, _ in await custodians(composition)] == ["STATION", "RECIPIENT"]
+    assert await composition.broken() == []
+
+
+@pytest.mark.parametrize(
+    "forged",
+    [{"station_id": "e"}, {"step_id": 99}, {"package_ids": ("p9",)}, {"data": {}}],
+    ids=["elsewhere", "no such step", "another package", "no evidence"],
+)
+async def test_a_late_hand_over_that_cannot_be_true_changes_no_custody(
+    composition: Any, drone: Any, forged: dict[str, object]
+) -> None:
+    instruction, events = await flown_unnoticed(composition, drone)
+    await composition.overdue.step()
+    await give_up(composition, instruction)
+    before = await custodians(composition)
+
+    for event in events:
+        is_hand_over = event.message.step_kind == "DELIVER"
+        changed = event.message.model_copy(update=forged if is_hand_over else {})
+        await composition.receive(replace(event, message=changed))
+
+    alarms = (await composition(OPERATOR, "GET", "/v1/alarms")).json()["items"]
+    assert "IMPLAUSIBLE" in [each["code"] for each in alarms]
+    assert await custodians(composition) == before
     assert await composition.broken() == []

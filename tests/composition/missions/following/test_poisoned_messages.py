@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import AsyncIterator, Awaitable, Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import Any
 
@@ -129,3 +129,35 @@ async def test_a_message_is_handled_when_its_failure_passes(
     await follower.step()
 
     assert await composition.state_of(instruction.mission_id) == "ACTIVE"
+
+
+async def test_other_drones_do_not_wait_for_a_message_that_fails(
+    composition: Any, drone: Any, make: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    other = replace(drone, drone_id="drn_2")
+    monkeypatch.setattr(HANDLE_STATE, fail)
+    follower = following(composition, other.state(), drone.ack(instruction), drone.ack(instruction))
+
+    with pytest.raises(RuntimeError):
+        await follower.step()
+
+    assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
+
+
+async def test_messages_of_a_provider_that_failed_before_are_not_tried_again(
+    composition: Any, drone: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(HANDLE_STATE, fail)
+    first = following(composition, drone.state())
+    for _ in range(3):
+        with pytest.raises(RuntimeError):
+            await first.step()
+    await first.step()
+
+    await following(composition, replace(drone, drone_id="drn_2").state()).step()
+
+    await composition.parts.quarantine.step()
+    rows = await composition.rows("SELECT drone_id, reason FROM quarantine ORDER BY drone_id")
+    assert [tuple(row) for row in rows] == [("drn_1", "FAILED"), ("drn_2", "FAILED")]
