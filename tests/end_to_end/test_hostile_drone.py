@@ -76,7 +76,9 @@ def test_the_drone_is_believed_again_after_a_theft(system: Any) -> None:
 
 def _registered(system: Any, *, home: str = "hostile-s1") -> dict[str, Any]:
     """A drone of a provider of its own; no agent runs for it."""
-    provider = system.operate("POST", "/v1/providers", {"name": "Rogue Air", "tariff": {"base": 100}})
+    provider = system.operate(
+        "POST", "/v1/providers", {"name": "Rogue Air", "tariff": {"base": 100}}
+    )
     path = f"/v1/providers/{provider['provider_id']}/drones"
     drone: dict[str, Any] = system.operate(
         "POST", path, {"model_id": "paper-scenario", "home_station_id": home}

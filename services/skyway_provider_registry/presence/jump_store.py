@@ -21,7 +21,17 @@ from skyway_provider_registry.tables import drone_models, drones, presence, wait
 #: Each batch of states runs this statement, so it is built once. A drone in maintenance may be
 #: carried, and after a renewal of credentials its earlier states may be anybody's.
 _LAST_SEEN: Final = (
-    select(presence, drones.c.model_id)
+    select(
+        presence.c.drone_id,
+        presence.c.state_session,
+        presence.c.state_seq,
+        presence.c.state_seen_ms,
+        presence.c.last_seen_ms,
+        presence.c.longitude_deg,
+        presence.c.latitude_deg,
+        presence.c.soc,
+        drones.c.model_id,
+    )
     .join(drones, drones.c.drone_id == presence.c.drone_id)
     .where(
         in_list(presence.c.drone_id, "drone_ids"),
