@@ -45,7 +45,7 @@ def test_a_hostile_drone_and_a_hostile_customer_harm_nobody(system: Any) -> None
     assert 1 <= len(kept["items"]) <= 20
     printed = system.command("quarantine")
     assert rogue["drone_id"] in printed.stdout
-    _replayed_by_nobody(system, kept["items"][0]["quarantine_id"])
+    _is_not_replayed(system, kept["items"][0]["quarantine_id"])
     assert system.command("verify").returncode == 0
 
 
@@ -136,7 +136,7 @@ def _alarms(system: Any, rogue: dict[str, Any]) -> list[dict[str, Any]]:
     return alarms
 
 
-def _replayed_by_nobody(system: Any, quarantine_id: str) -> None:
+def _is_not_replayed(system: Any, quarantine_id: str) -> None:
     """An unreadable message is not replayed, and a customer may not even ask."""
     path = f"/v1/quarantine/{quarantine_id}/replay"
     keys = system.keys
