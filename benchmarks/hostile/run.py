@@ -1,10 +1,11 @@
 """One run: a whole Skyway, calm and then attacked by rogues, left in peace, and judged."""
 
 import asyncio
+import json
 import os
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -20,9 +21,11 @@ from benchmarks.hostile.judgement import flaws_of
 from benchmarks.hostile.probes import Seconds, deliveries_between, middle, probing
 from benchmarks.hostile.rogues import Answers, attacking, register_rogues
 from benchmarks.hostile.trial import Trial
+from benchmarks.load.city import Wanted
 from benchmarks.load.storage_pair import storage_pair
 from benchmarks.planner.table import Table
 from skyway.cli.system.databases import database_urls
+from skyway.ids import ProviderId
 
 #: Whose memory is looked at.
 _PROCESSES: Final = ("gateway", "composition", "registry", "broker")
@@ -106,7 +109,13 @@ async def _played(trial: Trial, cast: Cast) -> Outcome:
     await settled(cast)
     growth_mib = {name: after[name] - before[name] for name in before}
     flaws = [
-        *flaws_of(answers, calm=calm, attacked=attacked, growth_mib=growth_mib),
+        *flaws_of(
+            answers,
+            calm=calm,
+            attacked=attacked,
+            growth_mib=growth_mib,
+            most_times=trial.most_times,
+        ),
         *(
             each
             for each in flaws_in(await evidence_of(cast))
@@ -121,13 +130,21 @@ async def _played(trial: Trial, cast: Cast) -> Outcome:
 async def _phase(trial: Trial, cast: Cast, *, seed: int) -> Seconds:
     """Let honest people do what they do for a while; how long each thing took."""
     started_s = time.monotonic()
-    requests = cast.city.requests(rate_per_s=trial.rate_per_s, seconds=trial.phase_s, seed=seed)
+    wanted = cast.city.requests(rate_per_s=trial.rate_per_s, seconds=trial.phase_s, seed=seed)
+    requests = (_without_rogue(each, cast.stage.rogue.provider_id) for each in wanted)
     async with probing(cast) as found:
         await cast.customers.request_all(cast.client, requests)
         await asyncio.sleep(max(0.0, started_s + trial.phase_s - time.monotonic()))
     ended_s = time.monotonic()
     await cast.customers.all_answered(within_s=cast.trial.quiet_s)
     return {**found, **deliveries_between(cast, started_s, ended_s)}
+
+
+def _without_rogue(wanted: Wanted, provider_id: ProviderId) -> Wanted:
+    """The same request for other providers: nobody has to trust a provider that never comes."""
+    body = json.loads(wanted.body)
+    body["qos"]["providers"] = {"denied": [provider_id]}
+    return replace(wanted, body=json.dumps(body).encode())
 
 
 def _memory_mib(processes: Processes) -> dict[str, float]:

@@ -18,6 +18,8 @@ class Trial:
     stations: int
     rate_per_s: float
     clock_rate: float
+    #: How many times slower the attack may make what honest people do, by the median.
+    most_times: float
 
     @property
     def phase_s(self) -> float:
@@ -36,7 +38,7 @@ class Trial:
             rate_per_s=self.rate_per_s,
             clock_rate=self.clock_rate,
             agents=1,
-            quiet_s=300.0,
+            quiet_s=150.0,
             only=(),
             without=(),
             write=False,
@@ -61,4 +63,7 @@ def read_trial(arguments: list[str]) -> Trial:
     parser.add_argument("--stations", type=int, default=20)
     parser.add_argument("--rate-per-s", type=float, default=0.5, help="honest requests")
     parser.add_argument("--clock-rate", type=float, default=600.0)
+    parser.add_argument(
+        "--most-times", type=float, default=2.0, help="slower, by the median, is a flaw"
+    )
     return Trial(**vars(parser.parse_args(arguments)))
