@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import Row, delete, func, select
+from sqlalchemy import ColumnElement, Row, case, delete, func, select
 from sqlalchemy.dialects import postgresql
 from sqlalchemy.ext.asyncio import AsyncConnection
 
@@ -106,15 +106,19 @@ def _values(each: SetAsideMessage, arrival: Arrival, mint: Mint) -> dict[str, ob
 
 
 def _again() -> dict[str, Any]:  # the values of columns of every type
-    """What changes when the same message comes again."""
+    """What changes when the same message comes again, or another replica has kept it first."""
     new = _INSERT.excluded
     return {
         "times": quarantine.c.times + 1,
-        "last_ms": new.last_ms,
-        "last_wall_ms": new.last_wall_ms,
+        "last_ms": _later(quarantine.c.last_ms, new.last_ms),
+        "last_wall_ms": _later(quarantine.c.last_wall_ms, new.last_wall_ms),
         "reason": new.reason,
         "detail": new.detail,
     }
+
+
+def _later(kept: ColumnElement[int], new: ColumnElement[int]) -> ColumnElement[int]:
+    return case((kept > new, kept), else_=new)
 
 
 # This also works with SQLite: both dialects write ON CONFLICT in the same way.

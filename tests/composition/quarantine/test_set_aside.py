@@ -75,6 +75,20 @@ async def test_a_repeated_message_is_kept_once(composition: Any, quarantine: Qua
     ]
 
 
+async def test_a_replica_that_set_it_aside_sooner_does_not_turn_time_back(
+    composition: Any, quarantine: Quarantine
+) -> None:
+    unreadable(quarantine, b"{")
+    await quarantine.step()
+    composition.clock.advance(timedelta(minutes=-1))
+    unreadable(quarantine, b"{")
+    await quarantine.step()
+
+    (row,) = await rows(composition)
+    assert (row.times, row.first_ms) == (2, row.last_ms)
+    assert await composition.broken() == []
+
+
 async def test_a_sender_has_room_for_few_messages(composition: Any, quarantine: Quarantine) -> None:
     for number in range(50):
         unreadable(quarantine, b"{%d" % number)
