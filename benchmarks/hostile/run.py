@@ -130,8 +130,8 @@ async def _played(trial: Trial, cast: Cast) -> Outcome:
 async def _phase(trial: Trial, cast: Cast, *, seed: int) -> Seconds:
     """Let honest people do what they do for a while; how long each thing took."""
     started_s = time.monotonic()
-    wanted = cast.city.requests(rate_per_s=trial.rate_per_s, seconds=trial.phase_s, seed=seed)
-    requests = (_without_rogue(each, cast.stage.rogue.provider_id) for each in wanted)
+    every = cast.city.requests(rate_per_s=trial.rate_per_s, seconds=trial.phase_s, seed=seed)
+    requests = (_without_rogue(each, cast.stage.rogue.provider_id) for each in every)
     async with probing(cast) as found:
         await cast.customers.request_all(cast.client, requests)
         await asyncio.sleep(max(0.0, started_s + trial.phase_s - time.monotonic()))
@@ -140,11 +140,11 @@ async def _phase(trial: Trial, cast: Cast, *, seed: int) -> Seconds:
     return {**found, **deliveries_between(cast, started_s, ended_s)}
 
 
-def _without_rogue(wanted: Wanted, provider_id: ProviderId) -> Wanted:
+def _without_rogue(each: Wanted, provider_id: ProviderId) -> Wanted:
     """The same request for other providers: nobody has to trust a provider that never comes."""
-    body = json.loads(wanted.body)
+    body = json.loads(each.body)
     body["qos"]["providers"] = {"denied": [provider_id]}
-    return replace(wanted, body=json.dumps(body).encode())
+    return replace(each, body=json.dumps(body).encode())
 
 
 def _memory_mib(processes: Processes) -> dict[str, float]:

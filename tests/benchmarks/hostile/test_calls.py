@@ -16,7 +16,9 @@ def test_every_operation_of_the_document_is_called_and_bodies_have_examples() ->
     calls = all_calls()
 
     assert {"POST /v1/deliveries", "DELETE /v1/keys/{key_id}"} <= {each.name for each in calls}
-    first = {each.call.name for each in itertools.islice(forged_calls(calls, {}, _chance()), 85)}
+    first = {
+        each.call.name for each in itertools.islice(forged_calls(calls, {}, _chance()), len(calls))
+    }
     assert len(first) == len(calls)
     assert all(each.body for each in calls if each.name == "POST /v1/quotes")
 
