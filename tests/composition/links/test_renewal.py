@@ -80,8 +80,8 @@ async def test_a_drone_flies_missions_after_its_credentials_were_stolen(
 async def test_the_events_of_a_drone_count_after_a_thief_has_numbered_events(
     composition: Any, drone: Any, thief: Any
 ) -> None:
+    drone.stream = thief.stream = 0
     await composition.receive(drone.state())
-    thief.event_seq = 0
     for _ in range(5):
         alarm = thief.event("ALARM", code="FALSE", level="WARNING")
         await composition.receive(alarm)
