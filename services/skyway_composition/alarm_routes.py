@@ -59,7 +59,7 @@ def drone_alarm_routes(*, db: Database, gate: ServiceGate, mint: Mint) -> Servic
         requested: Annotated[DroneAlarm, Depends(internal_body(DroneAlarm))],
     ) -> Response:
         """Raise an alarm about a drone, unless one with its code is open already."""
-        caller.must_be("service")
+        caller.must_be_service("registry")
         async with db.write() as tx:
             if not await alarm_store.is_open(
                 tx.connection, requested.drone_id, code=requested.code

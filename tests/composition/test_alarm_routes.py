@@ -137,7 +137,8 @@ async def test_the_registry_raises_an_alarm_about_a_drone_once(composition: Any)
         "data": {"soc": 0.5},
     }
     for _ in range(2):
-        answer = await composition("service:registry", "POST", "/internal/drone-alarms", body)
+        registry = {"Authorization": "Bearer secret of registry"}
+        answer = await composition(None, "POST", "/internal/drone-alarms", body, **registry)
         assert answer.status_code == 204
     foreign = await composition("provider:prv_1", "POST", "/internal/drone-alarms", body)
 

@@ -9,7 +9,12 @@ from tests.service_matrix import guarded_calls
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 CALLS = list(guarded_calls("composition"))
 #: What the registry asks of composition.
-OF_REGISTRY = {"/internal/station-checks", "/internal/networks/1/stations"}
+OF_REGISTRY = {
+    "/internal/station-checks",
+    "/internal/networks/1/stations",
+    "/internal/renewed-credentials",
+    "/internal/drone-alarms",
+}
 
 
 @pytest.mark.parametrize(("method", "path", "body"), CALLS, ids=lambda each: str(each)[:60])

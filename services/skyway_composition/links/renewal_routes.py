@@ -23,7 +23,7 @@ def renewal_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         requested: Annotated[Renewals, Depends(internal_body(Renewals))],
     ) -> Response:
         """Forget the numbers of messages that came with earlier credentials; it may be repeated."""
-        caller.must_be("service")
+        caller.must_be_service("registry")
         at_ms = {each.drone_id: moment_to_ms(each.at) for each in requested.renewals}
         async with db.write() as tx:
             links = await lock_links(tx, at_ms)

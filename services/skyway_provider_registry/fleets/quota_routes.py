@@ -20,7 +20,7 @@ def quota_routes(*, gate: ServiceGate, limit: DroneLimit) -> ServiceRouter:
         provider_id: ProviderId, caller: Annotated[Caller, Depends(gate)]
     ) -> DroneQuota:
         """How many drones a provider may have, and has."""
-        caller.must_be("service")
+        caller.must_be_service("gateway")
         return await limit.quota(provider_id)
 
     return router

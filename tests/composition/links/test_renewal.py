@@ -11,7 +11,7 @@ from skyway_composition.links.store import link_to
 from skyway.contracts.renewal import RENEWALS
 from skyway.ids import DroneId
 
-REGISTRY = "service:registry"
+REGISTRY = {"Authorization": "Bearer secret of registry"}
 
 MOST = 2**53 - 1
 
@@ -26,7 +26,7 @@ async def link(composition: Any) -> DroneLink:
 async def renew(composition: Any) -> None:
     at = composition.clock.now().isoformat()
     body = {"renewals": [{"drone_id": "drn_1", "at": at}, {"drone_id": "drn_unknown", "at": at}]}
-    answer = await composition(REGISTRY, "POST", RENEWALS, body)
+    answer = await composition(None, "POST", RENEWALS, body, **REGISTRY)
     assert answer.status_code == 204, answer.text
     composition.clock.advance(timedelta(minutes=1))
 
@@ -176,7 +176,7 @@ async def test_a_rotation_in_flight_changes_nothing(
     assert await composition.broken() == []
 
 
-async def test_only_services_renew_credentials(composition: Any) -> None:
-    answer = await composition("operator:op", "POST", RENEWALS, {"renewals": []})
+async def test_only_the_registry_renews_credentials(composition: Any) -> None:
+    answer = await composition(None, "POST", RENEWALS, {"renewals": []})
 
     assert answer.status_code == 403
