@@ -4,10 +4,10 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
-from sqlalchemy import Row, insert, select, update
+from sqlalchemy import Row, func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import AlarmLevel
@@ -19,6 +19,9 @@ from skyway.units import ms_to_moment
 from skyway_composition.tables import alarms
 
 AlarmState = Literal["OPEN", "ACKNOWLEDGED"]
+
+#: The most open alarms of one level that a drone raises itself. Our own choice.
+MOST_OPEN_OF_DRONE: Final = 50
 
 
 class Alarm(JsonModel):
@@ -102,6 +105,25 @@ async def add(
         )
     )
     return alarm_id
+
+
+async def has_room(connection: AsyncConnection, drone_id: DroneId, level: AlarmLevel) -> bool:
+    """Whether a drone may raise another alarm of this level itself.
+
+    A drone that raises alarm after alarm must not hide those of others, or fill the disk.
+    """
+    open_ones = (
+        select(alarms.c.alarm_id)
+        .where(
+            alarms.c.acknowledged_ms.is_(None),
+            alarms.c.drone_id == drone_id,
+            alarms.c.level == level,
+        )
+        .limit(MOST_OPEN_OF_DRONE)
+        .subquery()
+    )
+    found = await connection.execute(select(func.count()).select_from(open_ones))
+    return int(found.scalar_one()) < MOST_OPEN_OF_DRONE
 
 
 async def is_open(connection: AsyncConnection, drone_id: DroneId, *, code: str) -> bool:

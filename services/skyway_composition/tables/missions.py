@@ -235,4 +235,12 @@ alarms = Table(
     Column("note", Text),  # the remark of the operator who acknowledged the alarm
     CheckConstraint("level IN ('WARNING', 'URGENT', 'CRITICAL')", name="alarm_level"),
     Index("alarms_open", "acknowledged_ms", "alarm_id"),
+    # Counts the open alarms of a drone without reading those of all others.
+    Index(
+        "alarms_open_of_drone",
+        "drone_id",
+        "level",
+        sqlite_where=text("acknowledged_ms IS NULL"),
+        postgresql_where=text("acknowledged_ms IS NULL"),
+    ),
 )

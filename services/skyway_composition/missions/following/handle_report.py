@@ -10,8 +10,6 @@ from typing import Final
 from skyway.contracts.drone_report import DroneEvent, DroneState
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, RechargeStep, ReturnStep
 from skyway.ids import DroneId, MissionId
-from skyway.units import moment_to_ms
-from skyway_composition.alarm_store import add as raise_alarm
 from skyway_composition.links.instruction_store import last_cancel
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.following.advance import (
@@ -20,6 +18,7 @@ from skyway_composition.missions.following.advance import (
     record_loading,
     record_return,
 )
+from skyway_composition.missions.following.handle_alarm import handle_alarm
 from skyway_composition.missions.following.handle_failure import (
     doubt_lost_journal,
     handle_step_failure,
@@ -71,7 +70,7 @@ async def handle_event(work: MissionUnitOfWork, link: DroneLink, event: DroneEve
     work.stage_link(replace(link, last_event_seq=event.seq))
     record = work.missions.get(link.drone_id)
     if event.event == "ALARM":
-        await _handle_alarm(work, link, event)
+        await handle_alarm(work, link, event)
     if record is None or record.mission_id != event.mission_id:
         log.info("event of no live mission", extra={"mission_id": event.mission_id})
         await record_late_event(work, link, event)
@@ -116,23 +115,6 @@ async def _handle_step_end(
     if is_cut:
         return
     await check_plan_after_step(work, record, event)
-
-
-async def _handle_alarm(work: MissionUnitOfWork, link: DroneLink, event: DroneEvent) -> None:
-    log.warning("alarm", extra={"drone_id": link.drone_id, "code": event.code})
-    await raise_alarm(
-        work.tx,
-        level=event.level or "WARNING",
-        code=event.code or "ALARM",
-        detail=event.detail or "the drone raised an alarm",
-        at_ms=moment_to_ms(event.ended_at),
-        mint=work.mint,
-        provider_id=link.provider_id,
-        drone_id=link.drone_id,
-        mission_id=event.mission_id,
-        station_id=event.station_id,
-        data=event.data,
-    )
 
 
 async def _handle_plan_request(

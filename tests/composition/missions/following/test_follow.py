@@ -6,6 +6,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
+from skyway_composition import alarm_store
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.tables import outbox
 
@@ -178,6 +179,22 @@ async def test_an_alarm_that_comes_twice_is_raised_once(composition: Any, drone:
 
     alarms = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
     assert [each["code"] for each in alarms] == ["SMOKE"]
+
+
+async def test_a_drone_that_raises_alarm_after_alarm_hides_no_others(
+    composition: Any, drone: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(alarm_store, "MOST_OPEN_OF_DRONE", 3)
+    other = replace(drone, drone_id="drn_2")
+
+    for number in range(10):
+        await composition.receive(drone.event("ALARM", code=f"FALSE{number}", level="WARNING"))
+    await composition.receive(drone.event("ALARM", code="SMOKE", level="CRITICAL"))
+    await composition.receive(other.event("ALARM", code="WIND", level="WARNING"))
+
+    alarms = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
+    codes = [each["code"] for each in alarms]
+    assert codes == ["WIND", "SMOKE", "FALSE2", "FALSE1", "FALSE0"]
 
 
 async def test_a_missing_event_is_requested_before_later_ones_count(
