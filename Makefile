@@ -1,5 +1,5 @@
 # The only targets; each is one line of what a developer would type in .venv.
-.PHONY: setup demo up test check openapi benchmark lock
+.PHONY: setup demo up test check openapi sbom benchmark lock
 VENV := .venv
 BIN := $(VENV)/bin
 UV := $(shell command -v uv 2>/dev/null)
@@ -42,6 +42,9 @@ check: setup
 
 openapi: setup
 	@$(BIN)/python tools/write_openapi.py
+
+sbom:
+	@uvx -q --from cyclonedx-bom cyclonedx-py requirements requirements.txt -o sbom.json
 
 benchmark: setup $(VENV)/.peers
 	@$(BIN)/python -m benchmarks
