@@ -1,6 +1,7 @@
 """Follows the presence messages of drones: one transaction for each batch."""
 
 import asyncio
+import logging
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,6 +11,7 @@ from skyway.contracts.drone_report import Telemetry
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY, Topic
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.metrics import count
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE
@@ -19,6 +21,8 @@ from skyway_provider_registry.presence.judge_states import StateJudge
 from skyway_provider_registry.presence.jump_store import put_in_maintenance
 from skyway_provider_registry.presence.sighting_store import ReceptionTime, newest, record
 from skyway_provider_registry.presence.store import owners
+
+log = logging.getLogger(__name__)
 
 #: The topics of presence; the ids of each are {p}, {d}.
 PRESENCE_TOPICS: Final[tuple[Topic[Any], ...]] = (CONNECTION, STATE, TELEMETRY)
@@ -34,7 +38,9 @@ Batches = AsyncIterator[list[Received[Any]]]  # messages of all three topics
 
 
 class PresenceFollower:
-    """Stores batches one by one; a batch that could not be stored is tried again.
+    """Stores batches one by one; a batch is tried again while the database is away.
+
+    A message that cannot be stored for another reason is dropped alone: others must not wait.
 
     After each batch it waits `pause_s` of wall time. Each drone in flight sends a message every
     second, and a transaction for each message would cost far more than the message.
@@ -59,12 +65,27 @@ class PresenceFollower:
         """Step of a loop: store the next batch; always True, since this step itself waits."""
         if not self._batch:
             self._batch = await anext(self._batches)
-        self._listener(await self._recorder.record(self._batch))
+        self._listener(await self._record(self._batch))
         is_full = len(self._batch) >= BATCH_SIZE
         self._batch = ()
         if not is_full:
             await asyncio.sleep(self._pause_s)
         return True
+
+    async def _record(self, batch: Sequence[Received[Any]]) -> Samples:
+        try:
+            return await self._recorder.record(batch)
+        except ServiceUnavailable:
+            raise
+        except Exception:
+            if len(batch) == 1:
+                log.exception("message dropped", extra={"ids": batch[0].ids})
+                _count_dropped(1)
+                return ()
+        # The halves find a bad message among 500 in nine steps.
+        half = len(batch) // 2
+        first = await self._record(batch[:half])
+        return (*first, *await self._record(batch[half:]))
 
 
 @dataclass(frozen=True)
@@ -90,11 +111,7 @@ class Recorder:
         batch = await self._without_earlier_credentials(batch)
         own = [item for item in batch if self.owners.get(DroneId(item.ids[1])) == item.ids[0]]
         if len(own) < len(batch):
-            count(
-                "skyway_presence_dropped",
-                "messages of drones that are not registered, or not with that provider",
-                len(batch) - len(own),
-            )
+            _count_dropped(len(batch) - len(own))
         sightings = newest((DroneId(item.ids[1]), item.message) for item in own)
         if sightings:
             states = {
@@ -134,3 +151,11 @@ class Recorder:
         if new:
             async with self.db.read() as connection:
                 self.owners.update(await owners(connection, new))
+
+
+def _count_dropped(messages: int) -> None:
+    count(
+        "skyway_presence_dropped",
+        "messages of drones that are not registered with that provider, or that cannot be stored",
+        messages,
+    )

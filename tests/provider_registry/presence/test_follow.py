@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.presence.follow import PresenceFollower, Recorder
+from skyway_provider_registry.presence.sighting_store import record
 
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY, Topic
@@ -15,7 +16,7 @@ from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.metrics import COUNTERS
 from skyway.runtime.mqtt.client import Received
-from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.database import Database, Tx
 
 TOPICS: dict[type, Topic[Any]] = {Connection: CONNECTION, DroneState: STATE, Telemetry: TELEMETRY}
 
@@ -210,6 +211,31 @@ async def test_a_batch_that_cannot_be_stored_is_stored_later(
         await follower.step()
 
     assert (await fleet.shows(drone_id))["soc"] == 0.4
+
+
+async def test_a_message_that_cannot_be_stored_is_dropped_alone(
+    fleet: Fleet, db: Database, clock: ManualClock, state: Maker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drone_ids = [await fleet.drone() for _ in range(5)]
+    batch = [
+        Received(STATE, (fleet.provider_id, drone_id), state(7, 1, soc=0.4), False)
+        for drone_id in drone_ids
+    ]
+
+    async def batches() -> AsyncIterator[list[Received[Any]]]:
+        yield batch
+
+    async def fails_for_one(tx: Tx, sightings: Any, received_at: Any) -> None:
+        if drone_ids[2] in sightings:
+            raise RuntimeError("this message cannot be stored")
+        await record(tx, sightings, received_at)
+
+    monkeypatch.setattr("skyway_provider_registry.presence.follow.record", fails_for_one)
+
+    await PresenceFollower(batches(), db=db, clock=clock).step()
+
+    shown = [(await fleet.shows(drone_id))["soc"] for drone_id in drone_ids]
+    assert shown == [0.4, 0.4, 1.0, 0.4, 0.4]
 
 
 @pytest.mark.parametrize("number", [2**53 - 1, 0])
