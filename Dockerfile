@@ -1,9 +1,9 @@
 # One image for every process of Skyway; docker-compose.yml says which one a container runs.
 FROM python:3.11-slim AS build
 WORKDIR /src
-COPY requirements.txt pyproject.toml README.md LICENSE ./
+COPY requirements-image.txt pyproject.toml README.md LICENSE ./
 RUN python -m venv /opt/skyway \
-    && /opt/skyway/bin/pip install --no-cache-dir --require-hashes -r requirements.txt
+    && /opt/skyway/bin/pip install --no-cache-dir --require-hashes -r requirements-image.txt
 COPY skyway skyway
 COPY gateway gateway
 COPY services services

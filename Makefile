@@ -56,4 +56,6 @@ lock:
 	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
 		--python-version 3.11 --extra dev pyproject.toml -o requirements.txt
 	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
+		--python-version 3.11 --extra image -c requirements.txt pyproject.toml -o requirements-image.txt
+	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
 		--python-version 3.11 --extra peers -c requirements.txt pyproject.toml -o requirements-peers.txt

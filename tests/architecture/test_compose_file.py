@@ -77,6 +77,29 @@ def test_every_service_listens_where_the_others_look_for_it(name: str) -> None:
     assert url == f"http://{name}:{SERVICES[name]['environment']['SKYWAY_PORT']}"
 
 
+@pytest.mark.parametrize("name", OURS)
+def test_a_process_of_ours_has_no_more_rights_than_it_needs(name: str) -> None:
+    service = SERVICES[name]
+
+    assert service["image"] == "skyway"
+    assert service["read_only"] is True
+    assert service["cap_drop"] == ["ALL"]
+
+
+@pytest.mark.parametrize("name", list(SERVICES))
+def test_no_process_gains_rights_or_uses_up_the_memory(name: str) -> None:
+    assert SERVICES[name]["security_opt"] == ["no-new-privileges:true"]
+    assert SERVICES[name]["mem_limit"]
+
+
+def test_the_image_holds_no_tools_of_developers() -> None:
+    locked = (ROOT / "requirements-image.txt").read_text()
+
+    names = {line.partition("==")[0] for line in locked.splitlines() if "==" in line}
+    assert {"fastapi", "numba", "pymavlink"} <= names
+    assert names.isdisjoint({"pytest", "mypy", "ruff", "hypothesis", "matplotlib", "scipy"})
+
+
 def test_only_gateway_and_broker_are_published_and_only_on_loopback() -> None:
     published = {name: s["ports"] for name, s in SERVICES.items() if "ports" in s}
 
