@@ -14,7 +14,6 @@ from skyway.contracts.topics import CONNECTION
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
-    body_limits,
     create_app,
     nothing_to_open,
     nothing_to_wait_for,
@@ -40,7 +39,6 @@ from skyway_gateway.deliveries.report_routes import report_routes
 from skyway_gateway.deliveries.requests.routes import cancelling_routes, delivery_routes
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
-from skyway_gateway.forward.table import own_body_limits
 from skyway_gateway.notifications.delivery_events import EventStream
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
 from skyway_gateway.notifications.routes import (
@@ -121,12 +119,16 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 ),
             ),
             forward_routes(
-                gate=gate, clients=parts.clients, changes=parts.waker, meters=parts.meters
+                gate=gate,
+                clients=parts.clients,
+                changes=parts.waker,
+                meters=parts.meters,
+                planning=parts.planning,
             ),
         ],
         lifespan=lifespan,
         readiness=readiness,
-        body_limit=body_limits(own_body_limits()),
+        body_limit=parts.body_limit,
         entrance=parts.entrance,
         middleware=[Middleware(AuditTrail, db=db, clock=clock, mint=mint)],
         webhooks=webhook_calls(),

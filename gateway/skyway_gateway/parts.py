@@ -8,9 +8,11 @@ from typing import Final
 
 from skyway.announced_networks import NetworkLearner, stations_from
 from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
+from skyway.runtime.fair_queue import FairQueue
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import KeyEntrance, Meters
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
+from skyway.runtime.http.request_boundary import BodyLimit, body_limits
 from skyway.runtime.loops import Wake
 from skyway.runtime.meter import Budget, Meter
 from skyway.runtime.minting import mint
@@ -29,7 +31,7 @@ from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
 from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
-from skyway_gateway.forward.table import open_calls
+from skyway_gateway.forward.table import open_calls, own_body_limits, tenants_body_limits
 from skyway_gateway.notifications.delivery_events import EventListeners, EventRecorder
 from skyway_gateway.notifications.fair_slots import FairSlots, SlotLimits
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
@@ -62,6 +64,7 @@ class Parts:
     cached_keys: CachedKeys
     gate: KeyGate
     entrance: KeyEntrance
+    body_limit: BodyLimit
     meters: Meters
     services: ServiceGate
     keys: Keys
@@ -77,6 +80,7 @@ class Parts:
     webhook_quota: WebhookQuota
     streams: Slots
     trials: Slots
+    planning: FairQueue
     stream_usage: StreamUsage
     drone_usage: DroneUsage
     waker: Waker
@@ -129,6 +133,7 @@ class Parts:
             mint,
             self.horizon,
             self.hold_limits,
+            self.planning,
         )
 
     @property
@@ -191,6 +196,9 @@ def build_parts(
         cached_keys=cached_keys,
         gate=KeyGate(),
         entrance=KeyEntrance(all_keys, services, meters, open_calls()),
+        body_limit=body_limits(
+            own_body_limits(), of_tenants=tenants_body_limits(settings.composition_stations)
+        ),
         meters=meters,
         services=services,
         keys=Keys(
@@ -220,6 +228,12 @@ def build_parts(
         ),
         webhook_quota=WebhookQuota(db, settings.webhooks_per_customer),
         streams=streams,
+        planning=FairQueue(
+            "PLANNING",
+            at_once=settings.plans_at_once,
+            per_tenant=settings.plans_at_once_per_tenant,
+            most_waiting=settings.plans_waiting_per_tenant,
+        ),
         trials=Slots("WEBHOOK_TESTS", _TRIALS_AT_ONCE),
         stream_usage=StreamUsage(streams),
         drone_usage=DroneUsage(registry),

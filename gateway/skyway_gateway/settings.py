@@ -105,6 +105,29 @@ class GatewaySettings(ServiceSettings):
         le=10_000,
         description="Of these slots, those of one customer. One host and port has half as many.",
     )
+    composition_stations: int = Field(
+        default=2_000,
+        ge=10,
+        le=250_000,
+        description="Stations of a network that a customer or provider may send to "
+        "`POST /v1/compositions`: its body has 256 KiB, and 1 KiB for each of them.",
+    )
+    plans_at_once: int = Field(
+        default=12,
+        ge=1,
+        le=1_000,
+        description="Quotes and compositions that the gateway asks for at the same time. Tenants "
+        "that wait take turns.",
+    )
+    plans_at_once_per_tenant: int = Field(
+        default=4, ge=1, le=1_000, description="Of these, those of one tenant."
+    )
+    plans_waiting_per_tenant: int = Field(
+        default=200,
+        ge=1,
+        le=10_000,
+        description="Quotes and compositions of one tenant that may wait for their turn.",
+    )
     keys_per_subject: int = Field(
         default=100,
         ge=1,

@@ -81,7 +81,9 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             pad_routes(db=db, gate=gate, clock=clock),
             statistics_routes(db=db, gate=gate, clock=clock),
             mission_statistics_routes(db=db, gate=gate, clock=clock),
-            composition_routes(gate=gate, problems=problems, solver=parts.inquiries),
+            composition_routes(
+                gate=gate, problems=problems, solver=parts.problems, rights=parts.rights
+            ),
             quote_routes(gate=gate, quotes=parts.quotes),
             intervention_routes(
                 gate=gate,
@@ -138,6 +140,7 @@ def build_app(settings: CompositionSettings) -> FastAPI:
             parts.db,
             parts.solver,
             parts.inquiries,
+            parts.problems,
             gateway,
             registry,
             mqtt,

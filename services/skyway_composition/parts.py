@@ -19,6 +19,7 @@ from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.plan_offers import Quotes
 from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.strategy_rights import StrategyRights
 from skyway_composition.quarantine.set_aside import Quarantine
 from skyway_composition.settings import CompositionSettings
 from skyway_composition.tables import outbox
@@ -40,8 +41,11 @@ class Parts:
     mint: Mint
     networks: PreparedNetworks
     solver: SolverPool
-    #: Composes quotes and pure plans, so that no booking waits behind them.
+    #: Composes quotes, so that no booking waits behind them.
     inquiries: SolverPool
+    #: Composes the problems of POST /v1/compositions, so that no quote waits behind them.
+    problems: SolverPool
+    rights: StrategyRights
     published: Wake
     stuck: Wake
     calendars: Wake
@@ -110,6 +114,8 @@ def parts_of(settings: CompositionSettings) -> Parts:
         networks=PreparedNetworks(db),
         solver=_pool(settings, inline_labels=_INLINE_LABELS),
         inquiries=_pool(settings, inline_labels=0),
+        problems=_pool(settings, inline_labels=0),
+        rights=StrategyRights.read(settings.strategies),
         published=Wake(),
         stuck=Wake(),
         calendars=Wake(),

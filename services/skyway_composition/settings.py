@@ -21,7 +21,7 @@ class CompositionSettings(ServiceSettings):
         Field(
             ge=1,
             le=64,
-            description="Threads that plan bookings, and as many again for quotes and "
+            description="Threads that plan bookings, as many for quotes, and as many for "
             "`POST /v1/compositions`.",
         ),
     ] = 2
@@ -33,3 +33,8 @@ class CompositionSettings(ServiceSettings):
             "best plan found.",
         ),
     ] = 5.0
+    strategies: str = Field(
+        default="exact,heuristic",
+        description="Strategies, separated by commas, that everybody may ask for in "
+        "`POST /v1/compositions`. Operators may ask for all.",
+    )

@@ -8,7 +8,7 @@ Where rounding leaves a doubt, they ask the function for one position. Their cal
 the positions and lines outside the box of the zone.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from itertools import chain, pairwise
 
@@ -27,6 +27,13 @@ _ROUNDING_SHARE = 4 * 2.0**-52
 #: Positions as longitudes and latitudes, ``(k,)`` each; a corner of a zone has single numbers.
 Points = tuple[Floats, Floats]
 Mask = npt.NDArray[np.bool_]
+
+#: Called again and again by work that may take long; it ends the work by raising an error.
+GoOn = Callable[[], None]
+
+
+def _always() -> None:
+    """Let the work go on."""
 
 
 def crosses(zone: Zone, start: Position, end: Position) -> bool:
@@ -59,19 +66,21 @@ def contains(zone: Zone, position: Position) -> bool:
     return _is_inside(outer, position) and not any(_is_inside(hole, position) for hole in holes)
 
 
-def which_lie_in(zone: Zone, points: Points) -> Mask:
+def which_lie_in(zone: Zone, points: Points, *, go_on: GoOn = _always) -> Mask:
     """Whether each position lies in the zone, ``(k,)``; the zone includes its edges."""
-    inside, doubtful = _in_rings(zone, points)
+    inside, doubtful = _in_rings(zone, points, go_on)
     for index in np.flatnonzero(doubtful).tolist():
+        go_on()
         inside[index] = contains(zone, _position(points, index))
     return inside
 
 
-def which_cross(zone: Zone, starts: Points, ends: Points) -> Mask:
+def which_cross(zone: Zone, starts: Points, ends: Points, *, go_on: GoOn = _always) -> Mask:
     """Whether each straight line meets the zone, ``(k,)``; touching its edge counts."""
     # A line that meets no edge lies on the same side of every ring as its start.
-    meets, doubtful = _in_rings(zone, starts)
+    meets, doubtful = _in_rings(zone, starts, go_on)
     for start, end in chain.from_iterable(map(_edge_arrays, zone.rings)):
+        go_on()
         turn_start, start_doubtful = _turns(starts, ends, start)
         turn_end, end_doubtful = _turns(starts, ends, end)
         from_edge, from_doubtful = _turns(start, end, starts)
@@ -79,6 +88,7 @@ def which_cross(zone: Zone, starts: Points, ends: Points) -> Mask:
         meets |= (turn_start != turn_end) & (from_edge != to_edge)
         doubtful |= start_doubtful | end_doubtful | from_doubtful | to_doubtful
     for index in np.flatnonzero(doubtful).tolist():
+        go_on()
         meets[index] = crosses(zone, _position(starts, index), _position(ends, index))
     return meets
 
@@ -135,7 +145,7 @@ def _in_box(a: Position, b: Position, c: Position) -> bool:
     )
 
 
-def _in_rings(zone: Zone, points: Points) -> tuple[Mask, Mask]:
+def _in_rings(zone: Zone, points: Points, go_on: GoOn) -> tuple[Mask, Mask]:
     """Whether each position lies in the outer ring and in no hole; where rounding leaves doubt."""
     longitude_deg = points[0]
     doubtful = np.zeros(len(longitude_deg), np.bool_)
@@ -143,6 +153,7 @@ def _in_rings(zone: Zone, points: Points) -> tuple[Mask, Mask]:
     for ring in zone.rings:
         is_inside = np.zeros(len(longitude_deg), np.bool_)
         for start, end in _edge_arrays(ring):
+            go_on()
             is_left, is_doubtful = _turns(start, end, points)
             doubtful |= is_doubtful
             is_west, is_end_west = start[0] <= longitude_deg, end[0] <= longitude_deg

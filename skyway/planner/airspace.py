@@ -10,6 +10,7 @@ from skyway.ids import StationId
 from skyway.network.columns import Floats, Rows
 from skyway.network.network import Network, Zone
 from skyway.network.zones import Points, which_cross, which_lie_in
+from skyway.planner.stop import OutOfTime, Stop, never
 
 #: A segment by its ends; a network has at most one in each direction.
 SegmentEnds = tuple[StationId, StationId]
@@ -53,13 +54,30 @@ class Airspace:
     reaches: tuple[ZoneReach, ...]
 
     @classmethod
-    def of(cls, network: Network) -> "Airspace":
-        """The airspace above this network."""
-        return cls.over(network, network.zones)
+    def of(cls, network: Network, *, stop: Stop = never) -> "Airspace":
+        """The airspace above this network.
+
+        Raises
+        ------
+        OutOfTime
+            The stop ended the work.
+        """
+        return cls.over(network, network.zones, stop=stop)
 
     @classmethod
-    def over(cls, network: Network, zones: Sequence[Zone]) -> "Airspace":
-        """The airspace above this network with these zones instead of its own."""
+    def over(cls, network: Network, zones: Sequence[Zone], *, stop: Stop = never) -> "Airspace":
+        """The airspace above this network with these zones instead of its own.
+
+        Raises
+        ------
+        OutOfTime
+            The stop ended the work.
+        """
+
+        def go_on() -> None:
+            if stop(0):
+                raise OutOfTime
+
         if not zones:
             return cls(())
         columns = network.columns
@@ -68,9 +86,10 @@ class Airspace:
         stations, segments = _Boxes(at, at), _Boxes(starts, ends)
         reaches = []
         for zone in zones:
+            go_on()
             near, met = stations.rows_near(zone), segments.rows_near(zone)
-            inside = which_lie_in(zone, _taken(at, near))
-            crossing = which_cross(zone, _taken(starts, met), _taken(ends, met))
+            inside = which_lie_in(zone, _taken(at, near), go_on=go_on)
+            crossing = which_cross(zone, _taken(starts, met), _taken(ends, met), go_on=go_on)
             reaches.append(ZoneReach(zone, network, near[inside], met[crossing]))
         return cls(tuple(reaches))
 

@@ -29,7 +29,7 @@ from skyway.planner.itinerary import Itinerary
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.problem import Problem
 from skyway.planner.situation import Situation
-from skyway.planner.stop import Effort, Stop, TimeLimit, first_of, never, stopwatch
+from skyway.planner.stop import Effort, OutOfTime, Stop, TimeLimit, first_of, never, stopwatch
 from skyway.planner.verify import PlanRejected, verify
 
 STRATEGIES: Mapping[str, Strategy] = MappingProxyType(
@@ -112,11 +112,14 @@ def compose_with(
     if too_heavy is not None:
         plan, searched = _infeasible(too_heavy), 0
     else:
-        situation = Situation.of(
-            problem, airspace or Airspace.of(problem.network), booked, hierarchy=hierarchy
-        )
-        findings = strategy(situation, effort)
-        plan, searched = _plan_of(situation, findings, stop), findings.stations_searched
+        try:
+            sky = airspace or Airspace.of(problem.network, stop=stop)
+        except OutOfTime:
+            plan, searched = Plan(status=PlanStatus.UNKNOWN), 0
+        else:
+            situation = Situation.of(problem, sky, booked, hierarchy=hierarchy)
+            findings = strategy(situation, effort)
+            plan, searched = _plan_of(situation, findings, stop), findings.stations_searched
 
     stats = {
         "strategy": name,

@@ -14,6 +14,10 @@ Stop = Callable[[int], bool]
 _VERY_MANY = 1 << 40
 
 
+class OutOfTime(Exception):
+    """Ends the preparation of a search."""
+
+
 def never(_labels: int) -> bool:
     """Let the search run to its own end."""
     return False

@@ -20,6 +20,7 @@ from skyway_composition.missions.timeouts import LateMissions, OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.parts import Parts
 from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.strategy_rights import StrategyRights
 from skyway_composition.quarantine.set_aside import Quarantine
 from skyway_composition.tables import outbox
 from skyway_composition.verify.rules import RULES
@@ -269,6 +270,7 @@ async def unpublished(
     async with (
         SolverPool(threads=2, time_limit_s=5.0) as solver,
         SolverPool(threads=2, time_limit_s=600.0) as inquiries,
+        SolverPool(threads=2, time_limit_s=600.0) as problems,
     ):
         parts = Parts(
             db=db,
@@ -278,6 +280,8 @@ async def unpublished(
             networks=PreparedNetworks(db),
             solver=solver,
             inquiries=inquiries,
+            problems=problems,
+            rights=StrategyRights.read("exact, heuristic"),
             published=Wake(),
             stuck=Wake(),
             calendars=Wake(),

@@ -11,6 +11,7 @@ from fastapi.responses import StreamingResponse
 from skyway.ids import SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
+from skyway.runtime.fair_queue import FairQueue
 from skyway.runtime.http.answers import IdempotencyKey, response_of
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.client_disconnect import cancel_on_disconnect
@@ -35,7 +36,12 @@ class Changes(Protocol):
 
 
 def forward_routes(
-    *, gate: KeyGate, clients: Mapping[str, ServiceClient], changes: Changes, meters: Meters
+    *,
+    gate: KeyGate,
+    clients: Mapping[str, ServiceClient],
+    changes: Changes,
+    meters: Meters,
+    planning: FairQueue,
 ) -> ServiceRouter:
     """Every row of the table; `changes` notes each call that may have changed something.
 
@@ -45,7 +51,7 @@ def forward_routes(
     for row in FORWARDED:
         router.add_api_route(
             row.path,
-            _handler(row, gate, clients[row.service], changes, meters),
+            _handler(row, gate, clients[row.service], changes, meters, planning),
             methods=[row.method],
             response_class=StreamingResponse,
             # The whole document takes its operation from the service's own.
@@ -55,7 +61,12 @@ def forward_routes(
 
 
 def _handler(
-    row: Forwarded, gate: KeyGate, client: ServiceClient, changes: Changes, meters: Meters
+    row: Forwarded,
+    gate: KeyGate,
+    client: ServiceClient,
+    changes: Changes,
+    meters: Meters,
+    planning: FairQueue,
 ) -> Callable[..., Awaitable[Response]]:
     async def pass_on(request: Request, caller: Caller | None) -> Response:
         path = request.scope["path"]
@@ -69,7 +80,10 @@ def _handler(
     async def for_caller(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Response:
         caller.must_be(*row.roles)
         _refuse_foreign(caller, request)
-        return await pass_on(request, caller)
+        if not row.is_planning:
+            return await pass_on(request, caller)
+        async with planning.turn(str(caller)):
+            return await pass_on(request, caller)
 
     async def for_anybody(request: Request) -> Response:
         answer = await pass_on(request, None)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from skyway.runtime.http.identity import CallerRole
+from skyway.runtime.http.request_boundary import BODY_LIMIT_BYTES
 
 Method = Literal["GET", "POST", "PUT", "PATCH", "DELETE"]
 Service = Literal["registry", "composition"]
@@ -19,6 +20,8 @@ _OPERATOR: Final[tuple[CallerRole, ...]] = ("operator",)
 _NETWORK_BYTES: Final = 256 * 1024 * 1024
 _FLEET_BYTES: Final = 8 * 1024 * 1024
 _HEAVY_S: Final = 180.0
+#: Bytes of a station with its segments in a network's GeoJSON; a city's have 900.
+_STATION_BYTES: Final = 1024
 #: Bytes of a body that comes without a key: a token and a certificate request.
 _KEYLESS_BYTES: Final = 16 * 1024
 
@@ -36,6 +39,8 @@ class Forwarded:
     roles: tuple[CallerRole, ...]
     limit_bytes: int | None = None
     timeout_s: float = 30.0
+    #: Whether it keeps composition busy, so that tenants take turns.
+    is_planning: bool = False
 
 
 def _world_rows(path: str) -> tuple[Forwarded, ...]:
@@ -109,6 +114,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         _ANY,
         limit_bytes=_NETWORK_BYTES,
         timeout_s=_HEAVY_S,
+        is_planning=True,
     ),
     Forwarded("GET", "/v1/missions", "composition", _FLEETS_OR_DRONE),
     Forwarded("GET", "/v1/missions/{mission_id}", "composition", _FLEETS_OR_DRONE),
@@ -141,6 +147,11 @@ def own_body_limits() -> dict[str, int]:
         for row in FORWARDED
         if row.limit_bytes is not None
     }
+
+
+def tenants_body_limits(stations: int) -> dict[str, int]:
+    """The limits of customers and providers: a problem may have a network of so many stations."""
+    return {"POST /v1/compositions": BODY_LIMIT_BYTES + stations * _STATION_BYTES}
 
 
 def open_calls() -> frozenset[str]:

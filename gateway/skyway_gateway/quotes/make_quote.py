@@ -15,6 +15,7 @@ from skyway.geo import Position
 from skyway.ids import HoldId, OfferId, QuoteId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
+from skyway.runtime.fair_queue import FairQueue
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.idempotency import Answer, answered_before, once
 from skyway.runtime.metrics import count
@@ -77,6 +78,7 @@ class QuoteMaker:
     mint: Mint
     horizon: timedelta
     limits: HoldLimits
+    planning: FairQueue
 
     async def make(
         self,
@@ -95,6 +97,8 @@ class QuoteMaker:
             offers are to be held for a pickup beyond the booking horizon.
         Conflict
             TOO_MANY_HOLDS: the customer holds as many quotes as it may.
+        BudgetSpent
+            PLANNING: too many quotes and compositions of the caller wait.
         ServiceUnavailable
             The registry or composition does not answer now.
         """
@@ -153,7 +157,8 @@ class QuoteMaker:
         answer = QuoteAnswer(offers=(), infeasible=())
         if not found.shortlist.is_empty:
             query = QuoteQuery(request=request, shortlist=found.shortlist, hold=hold)
-            answer = await self.composition.quote(query)
+            async with self.planning.turn(str(caller)):
+                answer = await self.composition.quote(query)
         infeasible = (*answer.infeasible, *found.infeasible)
         if not answer.offers and not infeasible:
             infeasible = (NO_PROVIDER,)

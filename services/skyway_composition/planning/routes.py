@@ -33,6 +33,7 @@ from skyway_composition.networks.prepared import NOTHING_PUBLISHED, PreparedNetw
 from skyway_composition.networks.settings import NetworkDocument
 from skyway_composition.networks.store import has_networks
 from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.strategy_rights import StrategyRights
 from skyway_composition.planning.world import World, compose_in
 
 #: The most bytes of a problem with its network (docs/reference/rest.md).
@@ -150,9 +151,9 @@ def quote_routes(*, gate: ServiceGate, quotes: QuoteAnswerer) -> ServiceRouter:
 
 
 def composition_routes(
-    *, gate: ServiceGate, problems: ProblemReader, solver: SolverPool
+    *, gate: ServiceGate, problems: ProblemReader, solver: SolverPool, rights: StrategyRights
 ) -> ServiceRouter:
-    """POST /v1/compositions."""
+    """POST /v1/compositions; `rights` say who may ask for which strategy."""
     router = ServiceRouter(tags=("compositions",))
 
     @router.post(
@@ -164,10 +165,11 @@ def composition_routes(
     async def compose_plan(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Plan:
         """Compose the plan for a problem, or say why no plan exists."""
         caller.must_be("customer", "provider", "operator", "service")
-        return await cancel_on_disconnect(request, plan_for)
+        return await cancel_on_disconnect(request, lambda read: plan_for(read, caller))
 
-    async def plan_for(request: Request) -> Plan:
+    async def plan_for(request: Request, caller: Caller) -> Plan:
         document = await read_json(request)
+        rights.check(document, caller)
         network = document.get("network") if isinstance(document, dict) else None
         if isinstance(network, dict) and "network_id" in network:
             problem, world = await problems.problem(document, NetworkReference.of(network))

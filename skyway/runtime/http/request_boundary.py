@@ -19,6 +19,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from skyway.contracts.problem_details import ProblemDetails
 from skyway.errors import SkywayError
 from skyway.runtime.errors import TooLarge
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.problems import (
     our_failure,
     problem_headers,
@@ -58,18 +59,29 @@ _DEFAULT_HEADERS: Final = (
     (b"x-content-type-options", b"nosniff"),
 )
 
+_TENANTS: Final = ("customer", "provider")
+
 #: A service behind must not find another path than the one that was looked at here.
 _ENCODED_SLASHES: Final = (b"%2f", b"%5c")
 
 
-def body_limits(larger: Mapping[str, int]) -> BodyLimit:
-    """256 KiB, except for the `larger` routes, named like ``PUT /v1/networks/{network_id}``."""
+def body_limits(
+    larger: Mapping[str, int], *, of_tenants: Mapping[str, int] | None = None
+) -> BodyLimit:
+    """256 KiB, except for the `larger` routes, named like ``PUT /v1/networks/{network_id}``.
+
+    Customers and providers have the limits of `of_tenants` where one is given.
+    """
+    tenants = None if of_tenants is None else body_limits({**larger, **of_tenants})
     routes = tuple(
         (method, compile_path(path)[0], limit_bytes)
         for (method, path), limit_bytes in ((name.split(" "), n) for name, n in larger.items())
     )
 
     def limit_of(request: Request) -> int:
+        caller = getattr(request.state, "caller", None)
+        if tenants is not None and isinstance(caller, Caller) and caller.role in _TENANTS:
+            return tenants(request)
         fitting = (
             limit_bytes
             for method, pattern, limit_bytes in routes
@@ -104,7 +116,7 @@ class RequestBoundary:
         request = Request(scope)
         started_at = time.monotonic()
         with tracing(request.headers.get("traceparent")):
-            exchange = _Exchange(self._body_limit(request), scope, receive, send)
+            exchange = _Exchange(BODY_LIMIT_BYTES, scope, receive, send)
             await self._serve(request, exchange)
         _count_request(request, exchange.status, time.monotonic() - started_at)
 
@@ -117,6 +129,7 @@ class RequestBoundary:
         except SkywayError as refusal:
             await exchange.answer(problem_of(refusal), problem_headers(refusal))
             return
+        exchange.limit_bytes = self._body_limit(request)
         if _announced_bytes(request) > exchange.limit_bytes:
             await exchange.refuse_body()
             return

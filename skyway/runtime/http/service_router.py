@@ -4,6 +4,7 @@ Python's parser accepts more than JSON allows (NaN, UTF-16) and more than a data
 lone surrogates, integers beyond 64 bits). Such values would fail far from here, as a 500.
 """
 
+import asyncio
 import json
 import math
 import re
@@ -26,6 +27,9 @@ Path = tuple[int | str, ...]
 MAX_DEPTH: Final = 100
 
 _MAX_INTEGER: Final = 2**63 - 1
+
+#: Bodies up to this are read without a thread.
+_SMALL_BYTES: Final = 256 * 1024
 
 _SURROGATES = re.compile("[\ud800-\udfff]")
 
@@ -83,6 +87,11 @@ async def read_json(request: Request) -> Any:  # a JSON value of any type
     raw = await request.body()
     if raw:
         require_json_type(request)
+    # A body of megabytes would stop all other requests meanwhile.
+    return _parsed(raw) if len(raw) <= _SMALL_BYTES else await asyncio.to_thread(_parsed, raw)
+
+
+def _parsed(raw: bytes) -> Any:  # a JSON value of any type
     try:
         value = json.loads(raw)
     except RecursionError as error:

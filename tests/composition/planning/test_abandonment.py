@@ -61,7 +61,7 @@ async def post_and_leave(composition: Any, body: bytes) -> None:
 
     headers = [
         (b"authorization", b"Bearer secret of gateway"),
-        (b"skyway-caller", b"customer:c"),
+        (b"skyway-caller", b"operator:op"),
         (b"content-type", b"application/json"),
     ]
     scope = {

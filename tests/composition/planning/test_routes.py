@@ -27,7 +27,7 @@ def problem(network: Any, **members: Any) -> dict[str, Any]:
 
 
 async def compose(composition: Any, body: Any) -> Any:
-    return await composition("customer:c", "POST", "/v1/compositions", body)
+    return await composition("operator:op", "POST", "/v1/compositions", body)
 
 
 async def test_a_problem_with_an_inline_network_gets_a_plan(composition: Any, make: Any) -> None:
@@ -181,3 +181,23 @@ async def test_no_booking_waits_behind_pure_compositions(composition: Any) -> No
     for each in asked:
         each.cancel()
     await asyncio.gather(*asked, return_exceptions=True)
+
+
+@pytest.mark.parametrize(
+    ("caller", "strategy", "status"),
+    [
+        ("customer:c", "exhaustive", 403),
+        ("provider:p", "exhaustive_with_walks", 403),
+        ("operator:op", "exhaustive", 200),
+        ("customer:c", "heuristic", 200),
+        ("customer:c", "magic", 422),
+    ],
+)
+async def test_strategies_that_try_everything_are_for_operators(
+    composition: Any, caller: str, strategy: str, status: int
+) -> None:
+    body = problem({"network_id": "row"}, strategy=strategy)
+
+    answer = await composition(caller, "POST", "/v1/compositions", body)
+
+    assert answer.status_code == status, answer.text

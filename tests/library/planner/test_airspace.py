@@ -1,12 +1,19 @@
 import random
+from collections.abc import Callable
 from itertools import pairwise
 
+import pytest
+
+from skyway.delivery.plan import PlanStatus
 from skyway.geo import Position
 from skyway.ids import ZoneId
 from skyway.network.network import Network, Zone
 from skyway.network.synthetic import CITY_CENTRE, synthetic_city
 from skyway.network.zones import contains, crosses
+from skyway.planner import compose
 from skyway.planner.airspace import Airspace
+from skyway.planner.problem import Problem
+from skyway.planner.stop import OutOfTime
 
 
 def make_zone(number: int, *, chance: random.Random) -> Zone:
@@ -52,3 +59,28 @@ def test_rows_are_the_rows_of_stations_and_segments_in_ascending_order() -> None
 
 def test_without_zones_nothing_is_reached() -> None:
     assert Airspace.of(synthetic_city(stations=3, seed=1)).reaches == ()
+
+
+def test_a_stop_ends_the_preparation_between_two_lines_of_a_zone() -> None:
+    city = synthetic_city(stations=300, seed=1)
+    zone = make_zone(1, chance=random.Random(2))
+    asked = 0
+
+    def third_time(_labels: int) -> bool:
+        nonlocal asked
+        asked += 1
+        return asked == 3
+
+    with pytest.raises(OutOfTime):
+        Airspace.of(Network(city.stations, city.segments, [zone]), stop=third_time)
+    assert asked == 3
+
+
+def test_a_plan_whose_time_is_up_before_the_search_is_unknown(
+    make_network: Callable[..., Network], make_problem: Callable[..., Problem]
+) -> None:
+    network = make_network("a-b:5", pads={"a": 1, "b": 1})
+    zoned = Network(network.stations, network.segments, [make_zone(1, chance=random.Random(2))])
+    problem = make_problem(zoned, "b", source="a")
+
+    assert compose(problem, stop=lambda _labels: True).status is PlanStatus.UNKNOWN

@@ -1,0 +1,61 @@
+"""Compositions and quotes: sizes of tenants, and turns between them."""
+
+from collections.abc import AsyncIterator
+
+import pytest
+
+from skyway.runtime.fair_queue import FairQueue
+from tests.gateway.whole_gateway import Gateway, make_request
+
+#: 256 KiB, and 1 KiB for each of 2,000 stations.
+TENANTS_BYTES = 256 * 1024 + 2_000 * 1024
+
+
+@pytest.fixture
+def full(gateway: Gateway) -> FairQueue:
+    """A queue in which no work may wait; one may run."""
+    queue = FairQueue("PLANNING", at_once=1, per_tenant=1, most_waiting=0)
+    object.__setattr__(gateway.parts, "planning", queue)  # parts are frozen
+    return queue
+
+
+async def padded(size: int) -> AsyncIterator[bytes]:
+    """A problem of so many bytes."""
+    yield b'{"a":"'
+    left = size - len(b'{"a":""}')
+    while left:
+        part = min(left, 65_536)
+        yield b"x" * part
+        left -= part
+    yield b'"}'
+
+
+@pytest.mark.parametrize("is_announced", [True, False])
+async def test_a_tenants_problem_has_a_limit_and_an_operators_a_larger_one(
+    gateway: Gateway, *, is_announced: bool
+) -> None:
+    async def send(size: int, headers: dict[str, str]) -> int:
+        given = {**headers, "content-type": "application/json"}
+        if is_announced:
+            given["content-length"] = str(size)
+        answer = await gateway.http.post("/v1/compositions", content=padded(size), headers=given)
+        return answer.status_code
+
+    assert await send(TENANTS_BYTES, gateway.customer) == 200
+    assert await send(TENANTS_BYTES + 1, gateway.customer) == 413
+    assert await send(TENANTS_BYTES + 1, gateway.provider) == 413
+    assert await send(TENANTS_BYTES + 1, gateway.operator) == 200
+
+
+async def test_a_tenant_with_too_many_waiting_plans_is_refused(
+    gateway: Gateway, full: FairQueue
+) -> None:
+    async with full.turn("customer:alice"):
+        composition = await gateway.http.post("/v1/compositions", json={}, headers=gateway.customer)
+        quote = await gateway.http.post("/v1/quotes", json=make_request(), headers=gateway.customer)
+
+    for answer in (composition, quote):
+        assert answer.status_code == 429
+        assert answer.json()["code"] == "PLANNING"
+        assert answer.headers["retry-after"] == "1"
+    assert gateway.forwarded == []
