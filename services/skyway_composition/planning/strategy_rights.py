@@ -13,7 +13,7 @@ from skyway.runtime.http.identity import Caller
 class StrategyRights:
     """The strategies for everybody; operators and other services may ask for all."""
 
-    for_everybody: Set[str]
+    open_to_all: Set[str]
 
     @classmethod
     def read(cls, names: str) -> Self:
@@ -31,5 +31,5 @@ class StrategyRights:
         strategy = document.get("strategy") if isinstance(document, dict) else None
         if not isinstance(strategy, str) or strategy not in STRATEGIES:
             return
-        if strategy not in self.for_everybody and caller.role in ("customer", "provider"):
+        if strategy not in self.open_to_all and caller.role in ("customer", "provider"):
             raise AccessDenied(f"the strategy {strategy} is for operators")
