@@ -9,6 +9,7 @@ from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.senders import MqttSender, ReportSender
 from skyway.runtime.outbox.stream_sender import hint_pace
+from skyway_composition.missions.calendar.give_up_withdrawn import WithdrawnDrones
 from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer
 from skyway_composition.missions.following.follow import Follower
@@ -24,6 +25,8 @@ from skyway_composition.parts import Parts
 
 #: Seconds of wall time after which a loop runs again without being woken.
 _STEP_EVERY_S: Final = 1.0
+#: Seconds of wall time between two questions to the registry about drones with QUEUED missions.
+_ASK_REGISTRY_EVERY_S: Final = 3.0
 
 
 class Work:
@@ -59,6 +62,7 @@ class Work:
             db, parts.networks, parts.solver, clock, mint, replica, OccupiedPads(parts.closings)
         )
         self._calendars = Calendars(db, parts.networks, parts.solver, clock, mint)
+        self._withdrawn = WithdrawnDrones(db, clients["registry"], clock, mint)
         self._loading_timeouts = LoadingTimeouts(db, parts.networks, clock, mint)
         self._keeper = parts.keeper
         self._ground_stops = GroundStopEnforcer(db, parts.closings, clock)
@@ -99,3 +103,7 @@ class Work:
             ("quarantine", self._parts.quarantine.step, self._parts.quarantine.wake),
         ):
             loops.start(name, repeat(name, step, every_s=_STEP_EVERY_S, wake=wake))
+        loops.start(
+            "withdrawn drones",
+            repeat("withdrawn drones", self._withdrawn.step, every_s=_ASK_REGISTRY_EVERY_S),
+        )

@@ -35,6 +35,7 @@ from skyway_provider_registry.fleets.routes import (
     fleet_routes,
     fleet_statistics_routes,
     registration_routes,
+    service_state_routes,
 )
 from skyway_provider_registry.parts import SERVICE, Parts, composition_client, parts_in_life
 from skyway_provider_registry.presence.announce_alarms import AlarmAnnouncer
@@ -84,6 +85,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             fleet_routes(
                 db=db, gate=gate, clock=clock, stations=stations, password_file=password_file
             ),
+            service_state_routes(db=db, gate=gate),
             fleet_statistics_routes(db=db, gate=gate, clock=clock),
             credential_routes(
                 db=db, gate=gate, clock=clock, password_file=password_file, issuer=parts.issuer

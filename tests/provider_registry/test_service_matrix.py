@@ -9,7 +9,11 @@ from tests.service_matrix import guarded_calls
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 CALLS = list(guarded_calls("provider-registry"))
 #: What composition asks of the registry.
-OF_COMPOSITION = {"/internal/mission-reports", "/internal/mission-reports/many"}
+OF_COMPOSITION = {
+    "/internal/mission-reports",
+    "/internal/mission-reports/many",
+    "/internal/drones-out-of-service",
+}
 
 
 @pytest.mark.parametrize(("method", "path", "body"), CALLS, ids=lambda each: str(each)[:60])

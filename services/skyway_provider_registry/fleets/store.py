@@ -1,6 +1,6 @@
 """All SQL of the fleets and of drone models; a query finds only drones that its caller may see."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 from sqlalchemy import ColumnElement, delete, select, update
@@ -15,6 +15,7 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.change_store import mark_removal
 from skyway_provider_registry.fleets.drone import FleetDrone
@@ -27,7 +28,7 @@ from skyway_provider_registry.presence.store import (
     touch,
 )
 from skyway_provider_registry.providers.store import owned
-from skyway_provider_registry.tables import drone_models, drones
+from skyway_provider_registry.tables import drone_models, drones, providers
 
 #: Registrations in one IN list.
 _CHUNK: Final = 500
@@ -240,3 +241,22 @@ async def _has_drones(tx: Tx, model_id: DroneModelId) -> bool:
     statement = select(drones.c.drone_id).where(drones.c.model_id == model_id).limit(1)
     row: AnyRow | None = (await tx.execute(statement)).one_or_none()
     return row is not None
+
+
+async def out_of_service(
+    connection: AsyncConnection, drone_ids: Collection[DroneId]
+) -> list[DroneId]:
+    """Those of these drones that are in maintenance, of a suspended provider, or not registered."""
+    is_in_service = (
+        in_list(drones.c.drone_id, "drone_ids"),
+        drones.c.is_in_maintenance.is_(False),
+        providers.c.state == "ACTIVE",
+    )
+    query = (
+        select(drones.c.drone_id)
+        .join(providers, providers.c.provider_id == drones.c.provider_id)
+        .where(*is_in_service)
+    )
+    found = await connection.execute(query, {"drone_ids": sorted(drone_ids)})
+    in_service = set(found.scalars())
+    return [each for each in drone_ids if each not in in_service]

@@ -64,6 +64,12 @@ async def drones_to_look_at(
     return list(found.scalars())
 
 
+async def drones_with_queue(connection: AsyncConnection) -> list[DroneId]:
+    """The drones that have a QUEUED mission."""
+    found = await connection.execute(select(missions.c.drone_id).distinct().where(is_queued))
+    return [DroneId(each) for each in found.scalars()]
+
+
 async def save_start(tx: Tx, record: MissionRecord) -> None:
     """Save where and with what charge the drone begins a QUEUED mission that was planned again."""
     await tx.execute(
