@@ -24,7 +24,7 @@ from skyway.runtime.idempotency_store import sweep
 from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.migrations import migrate
-from skyway_provider_registry.candidates.routes import candidate_routes
+from skyway_provider_registry.candidates.routes import candidate_routes, service_state_routes
 from skyway_provider_registry.enrolment.routes import drone_key_routes, enrolment_routes
 from skyway_provider_registry.fleets.announce_renewals import CompositionNotice, RenewalAnnouncer
 from skyway_provider_registry.fleets.credential_routes import credential_routes
@@ -35,7 +35,6 @@ from skyway_provider_registry.fleets.routes import (
     fleet_routes,
     fleet_statistics_routes,
     registration_routes,
-    service_state_routes,
 )
 from skyway_provider_registry.parts import SERVICE, Parts, composition_client, parts_in_life
 from skyway_provider_registry.presence.announce_alarms import AlarmAnnouncer

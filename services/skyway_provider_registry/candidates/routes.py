@@ -1,4 +1,4 @@
-"""The gateway asks for the drones that could fly a request."""
+"""The gateway asks for drones that could fly a request, composition for those that may not."""
 
 from typing import Annotated
 
@@ -9,14 +9,21 @@ from skyway.contracts.candidate import (
     PayloadLimit,
     PayloadLimitQuery,
 )
+from skyway.contracts.drones_in_service import (
+    OUT_OF_SERVICE,
+    OutOfServiceAnswer,
+    OutOfServiceQuery,
+)
 from skyway.contracts.shortlist import Candidates
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.selection import payload_limit, select
+from skyway_provider_registry.fleets import store as fleets
 
 
 def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
@@ -48,5 +55,23 @@ def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -
         """The heaviest payload that any admitted provider's drones can lift, busy or not."""
         caller.must_be_service("gateway")
         return payload_limit(await view.refreshed(), query.providers)
+
+    return router
+
+
+def service_state_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
+    """POST /internal/drones-out-of-service."""
+    router = ServiceRouter(tags=("internal",))
+
+    @router.post(OUT_OF_SERVICE)
+    async def find_drones_out_of_service(
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[OutOfServiceQuery, Depends(internal_body(OutOfServiceQuery))],
+    ) -> OutOfServiceAnswer:
+        """Which of these drones may not begin a mission."""
+        caller.must_be_service("composition")
+        async with db.read() as connection:
+            found = await fleets.out_of_service(connection, query.drone_ids)
+        return OutOfServiceAnswer(drone_ids=tuple(found))
 
     return router

@@ -8,11 +8,6 @@ from fastapi import Depends, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from pydantic import Discriminator, Field, Tag
 
-from skyway.contracts.drones_in_service import (
-    OUT_OF_SERVICE,
-    OutOfServiceAnswer,
-    OutOfServiceQuery,
-)
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock
@@ -20,7 +15,7 @@ from skyway.runtime.errors import Conflict
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
-from skyway.runtime.http.service_router import ServiceRouter, internal_body
+from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
@@ -180,24 +175,6 @@ def fleet_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetCloc
                 connection, provider_id, now_ms=moment_to_ms(now)
             )
         return totals(rows, at=now, rate=clock.rate, next_free_ms=next_free_ms)
-
-    return router
-
-
-def service_state_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
-    """POST /internal/drones-out-of-service."""
-    router = ServiceRouter(tags=("internal",))
-
-    @router.post(OUT_OF_SERVICE)
-    async def find_drones_out_of_service(
-        caller: Annotated[Caller, Depends(gate)],
-        query: Annotated[OutOfServiceQuery, Depends(internal_body(OutOfServiceQuery))],
-    ) -> OutOfServiceAnswer:
-        """Which of these drones may not begin a mission."""
-        caller.must_be_service("composition")
-        async with db.read() as connection:
-            found = await store.out_of_service(connection, query.drone_ids)
-        return OutOfServiceAnswer(drone_ids=tuple(found))
 
     return router
 
