@@ -64,14 +64,14 @@ class GatewaySettings(ServiceSettings):
         description="Requests that a tenant may send together after a pause.",
     )
     address_requests_per_s: float = Field(
-        default=100.0,
+        default=200.0,
         ge=1.0,
         le=100_000.0,
         description="Requests a second without a known key from one address (IPv6: one /64). A "
         "refused one, and one for a page of documentation, counts as ten.",
     )
     address_requests_burst: int = Field(
-        default=1_000,
+        default=10_000,
         ge=10,
         le=1_000_000,
         description="Requests without a known key that one address may send together.",

@@ -21,6 +21,7 @@ class FakeCloud:
     answered: dict[str, dict[str, Any]] = field(default_factory=dict)
     loses: int = 0
     is_down: bool = False
+    is_busy: bool = False
     asked: list[str] = field(default_factory=list)
     made: int = 0
 
@@ -32,6 +33,8 @@ class FakeCloud:
     def answer(self, method: str, path: str, headers: Any, body: Any) -> tuple[int, Any]:
         self.asked.append(f"{method} {path}")
         bearer = str(headers.get("Authorization", "")).removeprefix("Bearer ")
+        if self.is_busy:
+            return 429, {"code": "ADDRESS_REQUESTS", "detail": "spent in this test"}
         if self.is_down:
             return 503, {"code": "", "detail": "down in this test"}
         if (method, path) == ("POST", "/v1/enrolments"):

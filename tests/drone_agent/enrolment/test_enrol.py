@@ -52,6 +52,18 @@ def test_a_lost_answer_is_asked_for_again(tmp_path: Path, cloud: Any) -> None:
     assert cloud.made == 1
 
 
+def test_a_cloud_that_has_no_budget_left_for_the_address_is_asked_again_later(
+    tmp_path: Path, cloud: Any
+) -> None:
+    folder = CredentialsFolder(tmp_path)
+    cloud.is_busy = True
+    with pytest.raises(CloudUnreachable, match="spent"):
+        enrol("enr_good", api_url=cloud.url, folder=folder)
+    cloud.is_busy = False
+
+    assert enrol("enr_good", api_url=cloud.url, folder=folder).drone.mqtt.password == cloud.password
+
+
 def test_a_used_token_is_worthless_to_a_thief(tmp_path: Path, cloud: Any) -> None:
     enrol("enr_good", api_url=cloud.url, folder=CredentialsFolder(tmp_path / "ours"))
 
