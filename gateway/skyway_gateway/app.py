@@ -123,7 +123,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 clients=parts.clients,
                 changes=parts.waker,
                 meters=parts.meters,
-                planning=parts.planning,
+                planning=parts.composing,
             ),
         ],
         lifespan=lifespan,

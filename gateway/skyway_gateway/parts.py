@@ -46,6 +46,10 @@ from skyway_gateway.tables import outbox
 
 SERVICE: Final = "gateway"
 
+#: Quotes and problems of one tenant that are planned at the same time.
+_QUOTES_PER_TENANT: Final = 2
+_COMPOSITIONS_PER_TENANT: Final = 1
+
 #: Test events of one customer that may be on their way at the same time.
 _TRIALS_AT_ONCE: Final = 4
 
@@ -80,7 +84,9 @@ class Parts:
     webhook_quota: WebhookQuota
     streams: Slots
     trials: Slots
-    planning: FairQueue
+    #: Two queues: a problem may take seconds, and no quote waits for it.
+    quoting: FairQueue
+    composing: FairQueue
     stream_usage: StreamUsage
     drone_usage: DroneUsage
     waker: Waker
@@ -133,7 +139,7 @@ class Parts:
             mint,
             self.horizon,
             self.hold_limits,
-            self.planning,
+            self.quoting,
         )
 
     @property
@@ -228,10 +234,16 @@ def build_parts(
         ),
         webhook_quota=WebhookQuota(db, settings.webhooks_per_customer),
         streams=streams,
-        planning=FairQueue(
-            "PLANNING",
-            at_once=settings.plans_at_once,
-            per_tenant=settings.plans_at_once_per_tenant,
+        quoting=FairQueue(
+            "QUOTES",
+            at_once=settings.quotes_at_once,
+            per_tenant=_QUOTES_PER_TENANT,
+            most_waiting=settings.plans_waiting_per_tenant,
+        ),
+        composing=FairQueue(
+            "COMPOSITIONS",
+            at_once=settings.compositions_at_once,
+            per_tenant=_COMPOSITIONS_PER_TENANT,
             most_waiting=settings.plans_waiting_per_tenant,
         ),
         trials=Slots("WEBHOOK_TESTS", _TRIALS_AT_ONCE),

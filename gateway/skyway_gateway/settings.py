@@ -112,21 +112,25 @@ class GatewaySettings(ServiceSettings):
         description="Stations of a network that a customer or provider may send to "
         "`POST /v1/compositions`: its body has 256 KiB, and 1 KiB for each of them.",
     )
-    plans_at_once: int = Field(
-        default=12,
+    quotes_at_once: int = Field(
+        default=3,
         ge=1,
         le=1_000,
-        description="Quotes and compositions that the gateway asks for at the same time. Tenants "
+        description="Quotes that are planned at the same time, at most two of one tenant. Tenants "
         "that wait take turns.",
     )
-    plans_at_once_per_tenant: int = Field(
-        default=4, ge=1, le=1_000, description="Of these, those of one tenant."
+    compositions_at_once: int = Field(
+        default=2,
+        ge=1,
+        le=1_000,
+        description="Problems of `POST /v1/compositions` that are planned at the same time, at "
+        "most one of one tenant. Tenants that wait take turns.",
     )
     plans_waiting_per_tenant: int = Field(
-        default=200,
+        default=100,
         ge=1,
         le=10_000,
-        description="Quotes and compositions of one tenant that may wait for their turn.",
+        description="Quotes of one tenant that may wait for their turn, and as many compositions.",
     )
     keys_per_subject: int = Field(
         default=100,

@@ -14,7 +14,7 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.fair_queue import FairQueue
 from skyway.runtime.http.answers import IdempotencyKey, response_of
 from skyway.runtime.http.client import ServiceClient
-from skyway.runtime.http.client_disconnect import cancel_on_disconnect
+from skyway.runtime.http.client_disconnect import cancel_on_disconnect, refuse_gone
 from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
@@ -83,6 +83,7 @@ def _handler(
         if not row.is_planning:
             return await pass_on(request, caller)
         async with planning.turn(str(caller)):
+            refuse_gone(request)
             return await pass_on(request, caller)
 
     async def for_anybody(request: Request) -> Response:

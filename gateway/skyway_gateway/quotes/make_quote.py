@@ -98,7 +98,7 @@ class QuoteMaker:
         Conflict
             TOO_MANY_HOLDS: the customer holds as many quotes as it may.
         BudgetSpent
-            PLANNING: too many quotes and compositions of the caller wait.
+            QUOTES: too many quotes of the caller wait.
         ServiceUnavailable
             The registry or composition does not answer now.
         """

@@ -6,13 +6,16 @@ something here goes on: the client who comes back finds it done.
 
 import asyncio
 from collections.abc import Callable, Coroutine
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from fastapi import Request
 from starlette.requests import ClientDisconnect
 from starlette.types import Message
 
 T = TypeVar("T")
+
+#: The ASGI extension in which the server says whether a client has closed the connection.
+CALLER_GONE: Final = "skyway.caller_gone"
 
 
 async def cancel_on_disconnect(
@@ -40,6 +43,19 @@ async def cancel_on_disconnect(
         working.cancel()
         leaving.cancel()
         await asyncio.wait({working, leaving})
+
+
+def refuse_gone(request: Request) -> None:
+    """Go on only while the client is there, as far as the server can say without reading.
+
+    Raises
+    ------
+    ClientDisconnect
+        The client has closed the connection.
+    """
+    extension = request.scope.get("extensions", {}).get(CALLER_GONE)
+    if extension is not None and extension["is_gone"]():
+        raise ClientDisconnect
 
 
 class _WatchedRequest:

@@ -15,7 +15,8 @@ TENANTS_BYTES = 256 * 1024 + 2_000 * 1024
 def full(gateway: Gateway) -> FairQueue:
     """A queue in which no work may wait; one may run."""
     queue = FairQueue("PLANNING", at_once=1, per_tenant=1, most_waiting=0)
-    object.__setattr__(gateway.parts, "planning", queue)  # parts are frozen
+    for name in ("composing", "quoting"):
+        object.__setattr__(gateway.parts, name, queue)  # parts are frozen
     return queue
 
 

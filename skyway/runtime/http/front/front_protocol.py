@@ -1,6 +1,7 @@
 """uvicorn's protocol with limits: what is too large or too slow ends before it is collected."""
 
 import json
+import socket
 from asyncio import AbstractEventLoop, TimerHandle, Transport
 from http import HTTPStatus
 from typing import Any, Final
@@ -11,9 +12,15 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.server import ServerState
 
 from skyway.contracts.problem_details import PROBLEM_MEDIA_TYPE
+from skyway.runtime.http.client_disconnect import CALLER_GONE
 from skyway.runtime.http.front.connection_table import ConnectionTable
 from skyway.runtime.http.front.front_limits import FrontLimits
 from skyway.runtime.metrics import count
+
+#: Linux only: elsewhere a caller counts as there until something is read.
+_TCP_INFO: Final[int | None] = getattr(socket, "TCP_INFO", None)
+#: The state of a connection that neither side has closed (Linux, tcp_states.h).
+_ESTABLISHED: Final = 1
 
 #: How long a refused caller may go on sending before its connection is cut, seconds.
 _LINGER_S: Final = 1.0
@@ -108,9 +115,23 @@ class FrontProtocol(HttpToolsProtocol):
         if not self._is_refused and self._caller_timer is None:
             self._time_caller()
 
+    def is_caller_gone(self) -> bool:
+        """Whether the caller has closed its side, which is not seen while nothing is read."""
+        opened = self.transport.get_extra_info("socket")
+        if opened is None or self.transport.is_closing():
+            return True
+        if _TCP_INFO is None:
+            return False
+        try:
+            info: bytes = opened.getsockopt(socket.IPPROTO_TCP, _TCP_INFO, 1)
+        except OSError:
+            return True
+        return info[0] != _ESTABLISHED
+
     def on_message_begin(self) -> None:
         """Begin to count a request."""
         super().on_message_begin()
+        self.scope["extensions"] = {CALLER_GONE: {"is_gone": self.is_caller_gone}}
         self._is_in_head = self._began_in_this_part = True
         self._head_bytes = self._header_lines = self._body_bytes = self._framed_bytes = 0
 

@@ -1,6 +1,7 @@
 """Requests that are too large, too slow or too many, sent to a server on loopback."""
 
 import asyncio
+import socket
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -9,6 +10,7 @@ import pytest
 import uvicorn
 from starlette.types import Receive, Scope, Send
 
+from skyway.runtime.http.client_disconnect import CALLER_GONE
 from skyway.runtime.http.front.connection_table import ConnectionTable
 from skyway.runtime.http.front.front_limits import FrontLimits
 from skyway.runtime.http.front.front_protocol import FrontProtocol
@@ -25,10 +27,20 @@ LIMITS = FrontLimits(
 )
 OK = b"HTTP/1.1 200"
 
+#: What the app was told about the caller of `/gone`.
+gone: list[bool] = []
+
 
 async def app(scope: Scope, receive: Receive, send: Send) -> None:
     """Answers how long the body was; `/early` does not read it, `/never` gives no answer."""
     if scope["type"] != "http":
+        return
+    if scope["path"] == "/gone":
+        is_gone = scope["extensions"][CALLER_GONE]["is_gone"]
+        gone.append(is_gone())
+        while not is_gone():  # noqa: ASYNC110 - of another process
+            await asyncio.sleep(0)
+        gone.append(is_gone())
         return
     size, has_more = 0, scope["path"] != "/early"
     while has_more:
@@ -245,3 +257,20 @@ async def test_silent_connections_make_room_for_a_new_one(front: Front) -> None:
     assert front.table.open <= LIMITS.per_address
     for _, writer in silent:
         writer.close()
+
+
+@pytest.mark.skipif(not hasattr(socket, "TCP_INFO"), reason="only Linux says so without reading")
+async def test_an_app_that_reads_nothing_can_see_that_its_caller_has_left(front: Front) -> None:
+    gone.clear()
+    _, writer = await front.connect()
+    writer.write(b"POST /gone HTTP/1.1\r\nHost: x\r\nContent-Length: 900000\r\n\r\n")
+    writer.write(b"a" * 500_000)
+    while not gone:  # noqa: ASYNC110 - of the server
+        await asyncio.sleep(0)
+    writer.transport.abort()
+
+    async with asyncio.timeout(60):
+        while len(gone) < 2:  # noqa: ASYNC110 - of the server
+            await asyncio.sleep(0)
+
+    assert gone == [False, True]
