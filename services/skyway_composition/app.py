@@ -82,7 +82,11 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             statistics_routes(db=db, gate=gate, clock=clock),
             mission_statistics_routes(db=db, gate=gate, clock=clock),
             composition_routes(
-                gate=gate, problems=problems, solver=parts.problems, rights=parts.rights
+                gate=gate,
+                problems=problems,
+                solver=parts.problems,
+                rights=parts.rights,
+                reading=parts.reading,
             ),
             quote_routes(gate=gate, quotes=parts.quotes),
             intervention_routes(

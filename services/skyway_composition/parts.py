@@ -18,6 +18,7 @@ from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.plan_offers import Quotes
+from skyway_composition.planning.reading_turn import ReadingTurn
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.strategy_rights import StrategyRights
 from skyway_composition.quarantine.set_aside import Quarantine
@@ -52,6 +53,7 @@ class Parts:
     listening: Listening
     quarantine: Quarantine
     turns: Turns = field(default_factory=Turns)
+    reading: ReadingTurn = field(default_factory=ReadingTurn)
 
     @property
     def handler(self) -> ReportHandler:

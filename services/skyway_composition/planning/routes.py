@@ -32,6 +32,7 @@ from skyway.units import moment_to_ms
 from skyway_composition.networks.prepared import NOTHING_PUBLISHED, PreparedNetworks
 from skyway_composition.networks.settings import NetworkDocument
 from skyway_composition.networks.store import has_networks
+from skyway_composition.planning.reading_turn import ReadingTurn
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.strategy_rights import StrategyRights
 from skyway_composition.planning.world import World, compose_in
@@ -151,7 +152,12 @@ def quote_routes(*, gate: ServiceGate, quotes: QuoteAnswerer) -> ServiceRouter:
 
 
 def composition_routes(
-    *, gate: ServiceGate, problems: ProblemReader, solver: SolverPool, rights: StrategyRights
+    *,
+    gate: ServiceGate,
+    problems: ProblemReader,
+    solver: SolverPool,
+    rights: StrategyRights,
+    reading: ReadingTurn,
 ) -> ServiceRouter:
     """POST /v1/compositions; `rights` say who may ask for which strategy."""
     router = ServiceRouter(tags=("compositions",))
@@ -168,12 +174,12 @@ def composition_routes(
         return await cancel_on_disconnect(request, lambda read: plan_for(read, caller))
 
     async def plan_for(request: Request, caller: Caller) -> Plan:
-        document = await read_json(request)
+        document = await read_json(request, in_thread=reading.run)
         rights.check(document, caller)
         network = document.get("network") if isinstance(document, dict) else None
         if isinstance(network, dict) and "network_id" in network:
             problem, world = await problems.problem(document, NetworkReference.of(network))
             return await compose_in(solver, world, problem)
-        return await solver.compose(await asyncio.to_thread(read_problem, document))
+        return await solver.compose(await reading.run(read_problem, document))
 
     return router

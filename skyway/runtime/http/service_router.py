@@ -8,7 +8,7 @@ import asyncio
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from email.message import Message as Header
 from typing import Any, Final, Generic, TypeVar
 
@@ -22,6 +22,9 @@ from starlette.exceptions import HTTPException
 M = TypeVar("M", bound=BaseModel)
 
 Path = tuple[int | str, ...]
+
+#: Calls a function with a body, in a thread. Any: what the function makes of it.
+InThread = Callable[[Callable[[bytes], Any], bytes], Awaitable[Any]]
 
 #: Our own bodies nest at most about ten levels.
 MAX_DEPTH: Final = 100
@@ -82,13 +85,16 @@ def require_json_type(request: Request) -> None:
         raise HTTPException(415, f"the Content-Type must be application/json; it is {kind}")
 
 
-async def read_json(request: Request) -> Any:  # a JSON value of any type
-    """The body of a route that reads it by itself; complaints as FastAPI makes them."""
+async def read_json(request: Request, *, in_thread: InThread = asyncio.to_thread) -> Any:
+    """The body of a route that reads it by itself; complaints as FastAPI makes them.
+
+    A large body is read by `in_thread`. Any: a JSON value of any type.
+    """
     raw = await request.body()
     if raw:
         require_json_type(request)
     # A body of megabytes would stop all other requests meanwhile.
-    return _parsed(raw) if len(raw) <= _SMALL_BYTES else await asyncio.to_thread(_parsed, raw)
+    return _parsed(raw) if len(raw) <= _SMALL_BYTES else await in_thread(_parsed, raw)
 
 
 def _parsed(raw: bytes) -> Any:  # a JSON value of any type
