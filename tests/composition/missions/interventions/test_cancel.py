@@ -10,7 +10,10 @@ PATH = "/internal/deliveries/dlv_1/cancellations"
 
 
 async def cancel(
-    composition: Any, *package_ids: str, cancellation_id: str = "cnl_1", caller: str = "service:g"
+    composition: Any,
+    *package_ids: str,
+    cancellation_id: str = "cnl_1",
+    caller: str = "service:gateway",
 ) -> Any:
     body = {
         "cancellation_id": cancellation_id,
@@ -68,7 +71,7 @@ async def test_a_delivery_whose_mission_has_ended_is_not_closed_and_too_late_to_
     instruction = await begin.accepted(composition, drone, make)
     await composition.receive(*drone.flown(instruction))
 
-    closed = await composition("service:g", "PUT", "/internal/deliveries/dlv_1/closed")
+    closed = await composition("service:gateway", "PUT", "/internal/deliveries/dlv_1/closed")
     answer = await cancel(composition)
 
     assert closed.json()["is_closed"] is False
