@@ -6,6 +6,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
+from skyway.bounds import EARLIEST
 from skyway.contracts.message import FleetMoment
 from skyway.errors import InvalidInput
 from skyway.ids import ProviderId
@@ -55,7 +56,7 @@ class SpanQuery(JsonModel):
             It would end before it begins.
         """
         to_at = self.to_at or now
-        from_at = self.from_at or to_at - _DEFAULT_SPAN
+        from_at = self.from_at or max(EARLIEST, to_at - _DEFAULT_SPAN)
         if from_at >= to_at:
             raise InvalidInput("from", f"{from_at} must be before the end of the span, {to_at}")
         return Span(moment_to_ms(from_at), moment_to_ms(to_at))

@@ -81,3 +81,14 @@ async def test_unsent_messages_are_counted_by_channel(busy: Any) -> None:
 
 async def test_customers_may_not_see_mission_statistics(busy: Any) -> None:
     assert (await busy("customer:c1", "GET", "/v1/stats/missions")).status_code == 403
+
+
+@pytest.mark.parametrize("path", ["drones", "missions", "pads"])
+async def test_a_span_does_not_begin_before_the_calendar(composition: Any, path: str) -> None:
+    at_its_begin = await composition(
+        "operator:op", "GET", f"/v1/stats/{path}?to=1970-01-01T06:00:00Z"
+    )
+    empty = await composition("operator:op", "GET", f"/v1/stats/{path}?to=1970-01-01T00:00:00Z")
+
+    assert at_its_begin.status_code < 500, at_its_begin.text
+    assert empty.status_code in (200, 422), empty.text

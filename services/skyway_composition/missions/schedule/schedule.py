@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final
 
 from pydantic import Field
 
+from skyway.bounds import LATEST
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.mission import OPEN_MISSION_STATES, MissionState
 from skyway.contracts.mission_reports import FreeFrom
@@ -68,10 +69,7 @@ class FutureSpanQuery(JsonModel):
             It ends before it begins, or it is too long.
         """
         from_at = self.from_at or now
-        try:
-            to_at = self.to_at or from_at + LONGEST_SPAN
-        except OverflowError as error:
-            raise InvalidInput("from", f"{from_at.isoformat()} is too late a moment") from error
+        to_at = self.to_at or min(from_at + LONGEST_SPAN, LATEST)
         if from_at >= to_at:
             raise InvalidInput(
                 "from", f"{from_at.isoformat()} must be before `to`, {to_at.isoformat()}"

@@ -182,3 +182,11 @@ async def test_a_span_that_cannot_be_shown_is_refused_with_its_limit(
     (error,) = answer.json()["errors"]
     assert error["field"].split(".")[-1] == field
     assert words in error["detail"]
+
+
+async def test_a_span_that_begins_at_the_end_of_the_calendar_ends_there(composition: Any) -> None:
+    answer = await composition(
+        OPERATOR, "GET", "/v1/providers/prv_1/schedule?from=8999-12-30T00:00:00Z"
+    )
+
+    assert answer.status_code == 200, answer.text
