@@ -42,6 +42,7 @@ class Answers:
     broken: list[str] = field(default_factory=list)
     #: Deliveries that rogues requested themselves, without a fault.
     deliveries: set[DeliveryId] = field(default_factory=set)
+    is_over: bool = False
     messages: int = 0
 
 
@@ -115,24 +116,25 @@ def _known(cast: Cast) -> dict[str, tuple[str, ...]]:
 async def attacking(cast: Cast, rogues: Rogues, *, seed: int) -> AsyncIterator[Answers]:
     """Let all rogues call and publish while the block lasts."""
     answers = Answers()
-    attacks = [
-        asyncio.create_task(_call_without_end(cast, rogue, rogues, answers, f"{seed} {number}"))
+    calling = [
+        asyncio.create_task(_call_again_and_again(cast, rogue, rogues, answers, f"{seed} {number}"))
         for rogue in rogues.callers
         for number in range(_TOGETHER)
     ]
-    attacks.append(asyncio.create_task(_publish_without_end(cast, rogues, answers, seed)))
+    publishing = asyncio.create_task(_publish_without_end(cast, rogues, answers, seed))
     try:
         yield answers
     finally:
-        for attack in attacks:
-            attack.cancel()
-        ends = await asyncio.gather(*attacks, return_exceptions=True)
+        # Each rogue waits for its last answer: it may be a delivery.
+        answers.is_over = True
+        publishing.cancel()
+        ends = await asyncio.gather(*calling, publishing, return_exceptions=True)
     for end in ends:
         if isinstance(end, Exception):
             raise end
 
 
-async def _call_without_end(
+async def _call_again_and_again(
     cast: Cast, rogue: Rogue, rogues: Rogues, answers: Answers, seed: str
 ) -> None:
     chance = random.Random(f"{rogue.name} {seed}")
@@ -143,6 +145,8 @@ async def _call_without_end(
         connector=connector, timeout=timeout, headers=rogue.headers
     ) as client:
         for forged in forged_calls(all_calls(), rogues.known, chance):
+            if answers.is_over:
+                return
             await _send(client, url, rogue, forged, answers)
 
 
