@@ -57,6 +57,7 @@ PACKAGE: Final = "skyway_gateway"
 
 #: Seconds of wall time between two steps of a loop that nothing has woken.
 _ACCOUNTS_EVERY_S: Final = 10.0
+_KEYS_EVERY_S: Final = 0.5
 _SWEEP_EVERY_S: Final = 600.0
 _OVERDUE_EVERY_S: Final = 1.0
 _SCHEDULED_EVERY_S: Final = 0.5
@@ -100,7 +101,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 clock=clock,
                 mint=mint,
             ),
-            key_routes(db=db, gate=gate, keys=keys),
+            key_routes(db=db, gate=gate, keys=keys, clock=clock),
             clock_routes(gate=gate, anchor=parts.anchor),
             provider_routes(
                 db=db, gate=gate, registry=parts.clients["registry"], keys=keys, clock=clock
@@ -220,6 +221,7 @@ def _start_sweeping(loops: Loops, parts: Parts) -> None:
         "accounts", keys.close_orphaned_accounts, every_s=_ACCOUNTS_EVERY_S, wake=keys.wake
     )
     loops.start("accounts", accounts)
+    loops.start("keys", repeat("keys", keys.end_expired_keys, every_s=_KEYS_EVERY_S))
     late = repeat("overdue", parts.overdue_notifier.step, every_s=_OVERDUE_EVERY_S)
     loops.start("overdue", late)
     waker = parts.waker

@@ -18,7 +18,8 @@ from skyway.runtime.meter import Budget, Meter
 from skyway.runtime.minting import mint
 from skyway.runtime.slots import Slots
 from skyway.runtime.sql.database import Database
-from skyway_gateway.access.keys import AllKeys, CachedKeys, DroneKeys, Keys
+from skyway_gateway.access.keys import Keys
+from skyway_gateway.access.recognise import AllKeys, CachedKeys, DroneKeys
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
 from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry

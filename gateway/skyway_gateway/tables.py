@@ -38,13 +38,37 @@ api_keys = Table(
     Column("key_hash", Text, nullable=False),
     Column("role", Text, nullable=False),
     Column("subject_id", Text, nullable=False),
+    Column("name", Text),
+    Column("scopes", Text),  # JSON list; null means all of the role
     Column("created_wall_ms", BigInteger, nullable=False),
+    # As it was issued; null means never.
+    Column("expires_wall_ms", BigInteger),
+    # Not after `expires_wall_ms`; a rotation brings it near.
+    Column("ends_wall_ms", BigInteger),
     Column("deleted_wall_ms", BigInteger),
+    # The key from which it was rotated, which ends when this one is first used.
+    Column("replaces_key_id", Text),
+    # Whether this has not happened yet.
+    Column("is_next", Boolean, nullable=False, server_default=false()),
     # Whether the registry has the broker account that was issued with the key.
     Column("is_account_open", Boolean, nullable=False),
     UniqueConstraint("key_hash", name="api_key_hash"),
     CheckConstraint("role IN ('customer', 'provider', 'operator')", name="api_key_role"),
     Index("api_keys_by_subject", "role", "subject_id"),
+    Index(
+        "api_keys_ending",
+        "ends_wall_ms",
+        sqlite_where=text("deleted_wall_ms IS NULL AND ends_wall_ms IS NOT NULL"),
+        postgresql_where=text("deleted_wall_ms IS NULL AND ends_wall_ms IS NOT NULL"),
+    ),
+    # A key has at most one next key.
+    Index(
+        "api_key_next",
+        "replaces_key_id",
+        unique=True,
+        sqlite_where=text("is_next AND deleted_wall_ms IS NULL"),
+        postgresql_where=text("is_next AND deleted_wall_ms IS NULL"),
+    ),
 )
 
 #: The calls of operators and providers: one row for each answered call. Rows are only added.

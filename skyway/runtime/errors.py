@@ -3,6 +3,7 @@
 SkywayError
 ├── Unauthenticated         the caller is unknown
 ├── AccessDenied            the caller may not do this
+│   └── ScopeMissing        the caller's key does not have the scope that this needs
 ├── NotFound                also for things of other callers
 ├── Conflict                the present state forbids it; `code` names the reason
 ├── PreconditionFailed      If-Match named another version
@@ -42,6 +43,14 @@ class AccessDenied(SkywayError):
     def __init__(self, detail: str) -> None:
         super().__init__(detail)
         self.detail = detail
+
+
+class ScopeMissing(AccessDenied):
+    """The caller's role may do this, but the key that is shown may not; `scope` is needed."""
+
+    def __init__(self, scope: str) -> None:
+        super().__init__(f"this key does not have the scope {scope}")
+        self.scope = scope
 
 
 class NotFound(SkywayError):

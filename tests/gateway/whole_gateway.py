@@ -11,8 +11,8 @@ from typing import Any
 
 import httpx
 from pydantic import TypeAdapter, ValidationError
-from skyway_gateway.access.keys import secret_hash
-from skyway_gateway.access.store import ApiKey
+from skyway_gateway.access.api_key import ApiKey
+from skyway_gateway.access.recognise import secret_hash
 from skyway_gateway.access.store import add as add_key
 from skyway_gateway.app import gateway_app, take_over
 from skyway_gateway.deliveries.records.delivery_rows import changing, package_values

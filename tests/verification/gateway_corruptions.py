@@ -410,6 +410,26 @@ _CALLS: Final = (
         gateway="DELETE FROM api_keys WHERE role = 'customer'",
     ),
     Corruption(
+        "a key with a scope that does not exist",
+        "every stored text has its form",
+        gateway="UPDATE api_keys SET scopes = '[\"everything:write\"]' WHERE role = 'customer'",
+    ),
+    Corruption(
+        "an operator's key that replaces a customer's",
+        "a key that was rotated has the rights of the key that it replaces",
+        gateway="UPDATE api_keys SET replaces_key_id = 'key_of_nobody' WHERE role = 'operator'",
+    ),
+    Corruption(
+        "a key that goes on after its rotation",
+        "a key ends when the key that replaces it is first used",
+        gateway="UPDATE api_keys SET replaces_key_id = key_id WHERE role = 'customer'",
+    ),
+    Corruption(
+        "a key without an end after its expiry",
+        "a key does not end after its expiry",
+        gateway="UPDATE api_keys SET expires_wall_ms = 1 WHERE role = 'customer'",
+    ),
+    Corruption(
         "the key of an operator deleted",
         _KEYS,
         gateway="DELETE FROM api_keys WHERE role = 'operator'",

@@ -18,7 +18,7 @@ from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_gateway.access.store import KeyRole
+from skyway_gateway.access.api_key import KeyRole
 from skyway_gateway.tables import audit, audit_head
 
 #: The longest body (bytes) and path (characters) in an entry; longer ones are cut.

@@ -1,35 +1,24 @@
-"""API keys: issued and deleted with the broker accounts that belong to them, and recognised.
+"""API keys: issued, rotated and deleted, with the broker accounts that belong to them."""
 
-A busy caller shows its key with each request, so a key is looked up twice a second at most. A key
-that this process deletes stops immediately; a key that another replica deletes stops within half a
-second.
-"""
-
-import hashlib
 import secrets
 from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
 from typing import Final, Protocol
 
-from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.errors import InvalidInput
-from skyway.ids import DroneId, KeyId, ProviderId, SubjectId
-from skyway.runtime.answer_cache import AnswerCache
+from skyway.ids import KeyId, ProviderId, SubjectId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import Conflict
-from skyway.runtime.http.identity import Caller, read_secret
+from skyway.runtime.errors import Conflict, Unauthenticated
+from skyway.runtime.http.identity import Caller, KeyHolder, read_secret
 from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
-from skyway_gateway.access import store
-from skyway_gateway.access.store import ApiKey, BrokerLogin, IssuedKey, KeyRole, NewKey
+from skyway_gateway.access import rotation_store, store
+from skyway_gateway.access.api_key import ApiKey, BrokerLogin, IssuedKey, KeyRole, NewKey
+from skyway_gateway.access.recognise import CachedKeys, secret_hash
 from skyway_gateway.access.usage import UsageQuota
-
-#: How long a caller is cached, wall time.
-_KEPT: Final = timedelta(seconds=0.5)
-_MOST_CACHED: Final = 10_000
 
 _PREFIX: Final = "sk_"
 #: 256 bits cannot be guessed, so a fast hash is enough.
@@ -46,68 +35,13 @@ _FIRST_KEYS: Final[tuple[tuple[str, KeyRole, str], ...]] = (
 )
 
 
+#: How long a key that was rotated lasts if the next key is not used, wall time.
+_OVERLAP: Final = timedelta(days=1)
+
+
 def _new_secret() -> str:
     """A new API key."""
     return _PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
-
-
-def secret_hash(secret: str) -> str:
-    """The hash of an API key: it is stored instead of the key, and finds a shown key."""
-    return hashlib.sha256(secret.encode()).hexdigest()
-
-
-class CachedKeys:
-    """Recognises keys of customers, providers and operators; unknown keys are never cached."""
-
-    def __init__(self, db: Database, clock: FleetClock) -> None:
-        self._db = db
-        self._cached = AnswerCache(self._look_up, clock=clock, kept=_KEPT, most=_MOST_CACHED)
-
-    async def caller_of(self, secret: str) -> Caller | None:
-        """The caller with this key; None when the key is unknown or deleted."""
-        key_hash = secret_hash(secret)
-        return self._cached.cached(key_hash) or await self._cached.ask(key_hash)
-
-    def forget(self) -> None:
-        """Empty the cache, because a key was deleted."""
-        self._cached.clear()
-
-    async def _look_up(self, key_hash: str) -> Caller | None:
-        async with self._db.read() as connection:
-            return await store.caller_of(connection, key_hash)
-
-
-class DroneKeyRegistry(Protocol):
-    """The registry, which issues the keys of drones."""
-
-    async def drone_of(self, key_hash: str) -> DroneId | None:
-        """The drone with this key; None when the key is unknown or no longer valid."""
-        ...
-
-
-class DroneKeys:
-    """Recognises keys of drones; the registry is asked each time, so a revoked key stops."""
-
-    def __init__(self, registry: DroneKeyRegistry) -> None:
-        self._registry = registry
-
-    async def caller_of(self, secret: str) -> Caller | None:
-        """The drone that calls; None when the key is unknown or no longer valid."""
-        drone_id = await self._registry.drone_of(secret_hash(secret))
-        return None if drone_id is None else Caller("drone", drone_id)
-
-
-class AllKeys:
-    """The keys of all callers; how a key begins says whose it is."""
-
-    def __init__(self, people: CachedKeys, drones: DroneKeys) -> None:
-        self._people = people
-        self._drones = drones
-
-    async def caller_of(self, secret: str) -> Caller | None:
-        """The caller with this key; None when the key is unknown or no longer valid."""
-        is_drones = secret.startswith(DRONE_KEY_PREFIX)
-        return await (self._drones if is_drones else self._people).caller_of(secret)
 
 
 class Accounts(Protocol):
@@ -159,38 +93,42 @@ class Keys:
             for name, role, subject_id in _FIRST_KEYS:
                 if (self._secrets_dir / name).exists():
                     secret = read_secret(self._secrets_dir, name)
-                    key = self._key(role, SubjectId(subject_id))
+                    key = self._key(NewKey(role=role, subject_id=SubjectId(subject_id)))
                     await store.add_if_new(tx, key, key_hash=secret_hash(secret))
 
     async def issue(
-        self, caller: Caller, requested: NewKey, *, idempotency_key: str | None, body: bytes
+        self, holder: KeyHolder, requested: NewKey, *, idempotency_key: str | None, body: bytes
     ) -> Answer:
         """A new key, with a broker account for a customer; only this answer shows the secrets.
 
         Raises
         ------
         InvalidInput
-            The customer's name is reserved for Skyway's own processes or for drones, or no such
-            provider is registered.
+            The customer's name is reserved for Skyway's own processes or for drones, no such
+            provider is registered, or the expiry is past or too far ahead.
+        AccessDenied
+            The key would have more scopes or a later end than the holder's own.
         Conflict
             TOO_MANY_KEYS: so many keys of the subject are in use.
         ServiceUnavailable
             The registry could not open the account: repeat the call.
         """
+        requested.refuse_unless_within(holder)
         if requested.role == "customer" and _is_reserved(requested.subject_id):
             detail = f"{requested.subject_id!r} is reserved for Skyway's own processes"
             raise InvalidInput("subject_id", detail)
-        await self._must_be_registered(requested, caller)
+        await self._must_be_registered(requested, holder.caller)
 
         async def write(tx: Tx) -> Answer:
+            requested.refuse_bad_end(self._clock.wall_now())
             await self._refuse_too_many(tx, requested.role, requested.subject_id)
-            issued = await self.add(tx, requested.role, requested.subject_id)
+            issued = await self.add(tx, requested)
             location = {"Location": f"/v1/keys/{issued.key_id}"}
             return Answer(201, issued.model_dump_json().encode(), location)
 
         answer = await once(
             self._db,
-            caller=str(caller),
+            caller=str(holder.caller),
             route="POST /v1/keys",
             key=idempotency_key,
             body=body,
@@ -212,19 +150,76 @@ class Keys:
         if caller.role not in ("customer", "provider", "operator"):
             return ()
         async with self._db.read() as connection:
-            used = await store.used(connection, caller.role, SubjectId(caller.subject_id))
+            now = self._clock.wall_now()
+            used = await store.used(connection, caller.role, SubjectId(caller.subject_id), at=now)
         return (UsageQuota(code="TOO_MANY_KEYS", most=self._most_per_subject, used=used),)
 
     async def _refuse_too_many(self, tx: Tx, role: KeyRole, subject_id: SubjectId) -> None:
-        most = self._most_per_subject
-        if await store.used(tx.connection, role, subject_id) >= most:
+        most, now = self._most_per_subject, self._clock.wall_now()
+        if await store.used(tx.connection, role, subject_id, at=now) >= most:
             raise Conflict("TOO_MANY_KEYS", f"{subject_id} has {most} keys: delete one first")
 
-    async def add(self, tx: Tx, role: KeyRole, subject_id: SubjectId) -> IssuedKey:
+    async def add(self, tx: Tx, requested: NewKey) -> IssuedKey:
         """A new key, added in this transaction."""
-        key, secret = self._key(role, subject_id), _new_secret()
-        await store.add(tx, key, key_hash=secret_hash(secret), is_account_open=role != "customer")
-        return IssuedKey(**dict(key), key=secret, mqtt=self._login(role, subject_id))
+        key, secret = self._key(requested), _new_secret()
+        is_open = requested.role != "customer"
+        await store.add(tx, key, key_hash=secret_hash(secret), is_account_open=is_open)
+        return IssuedKey(**dict(key), key=secret, mqtt=self._login(requested))
+
+    async def rotate(
+        self, holder: KeyHolder, *, idempotency_key: str | None, body: bytes
+    ) -> Answer:
+        """The next key of a key, with the same name, scopes and expiry; shown only in this answer.
+
+        The present key ends when the next one is first used, at the latest after a day. Another
+        rotation before that replaces the next key. The broker account stays as it is.
+
+        Raises
+        ------
+        Unauthenticated
+            The key has ended meanwhile.
+        """
+        caller, key_id = holder.caller, KeyId(holder.key_id)
+        if caller.role not in ("customer", "provider", "operator"):
+            raise Unauthenticated
+        role: KeyRole = caller.role
+
+        async def write(tx: Tx) -> Answer:
+            now = self._clock.wall_now()
+            old = await rotation_store.begin(tx, key_id, at=now, until=now + _OVERLAP)
+            if old is None:
+                raise Unauthenticated
+            key = ApiKey(
+                key_id=KeyId(self._mint("key")),
+                role=role,
+                subject_id=SubjectId(caller.subject_id),
+                name=old.name,
+                scopes=old.scopes,
+                created_at=now,
+                expires_at=old.expires_at,
+                replaces=key_id,
+            )
+            secret = _new_secret()
+            await store.add(
+                tx,
+                key,
+                key_hash=secret_hash(secret),
+                is_account_open=old.is_account_open,
+                is_next=True,
+            )
+            issued = IssuedKey(**dict(key), key=secret, mqtt=None)
+            return Answer(201, issued.model_dump_json().encode())
+
+        return await once(
+            self._db,
+            # The answer belongs to this key: another key of the caller must not get it.
+            caller=f"{caller}:{key_id}",
+            route="POST /v1/keys/rotations",
+            key=idempotency_key,
+            body=body,
+            act=write,
+            clock=self._clock,
+        )
 
     async def delete(self, key_id: KeyId) -> None:
         """Delete a key; a customer without keys loses the broker account, too."""
@@ -232,6 +227,17 @@ class Keys:
             await store.delete(tx, key_id, at=self._clock.wall_now())
             tx.after_commit(self._cached.forget)
         self.wake.set()
+
+    async def end_expired_keys(self) -> bool:
+        """One step of the loop: end the keys whose time is over."""
+        async with self._db.read() as connection:
+            has_expired = await store.has_expired(connection, at=self._clock.wall_now())
+        if has_expired:
+            async with self._db.write() as tx:
+                await store.end_expired(tx, at=self._clock.wall_now())
+                tx.after_commit(self._cached.forget)
+            self.wake.set()
+        return False
 
     async def close_orphaned_accounts(self) -> bool:
         """One step of the loop: close the broker accounts of customers without a key."""
@@ -256,20 +262,21 @@ class Keys:
         async with self._db.write() as tx:
             await store.account_is_open(tx, issued.key_id)
 
-    def _login(self, role: KeyRole, subject_id: SubjectId) -> BrokerLogin | None:
-        if role == "operator":
-            # All operators read with one account, whose password the deployment made.
+    def _login(self, requested: NewKey) -> BrokerLogin | None:
+        scopes = requested.scopes
+        if requested.role == "operator" and scopes is None and requested.expires_at is None:
+            # All operators read with one account, whose password the deployment made. It does not
+            # end with the key, so a limited key does not show it.
             password = read_secret(self._secrets_dir, "mqtt_operator")
             return BrokerLogin(user_name="operator", password=password)
-        if role == "customer":
-            return BrokerLogin(user_name=subject_id, password=secrets.token_urlsafe(24))
+        if requested.role == "customer" and (scopes is None or "deliveries:read" in scopes):
+            return BrokerLogin(user_name=requested.subject_id, password=secrets.token_urlsafe(24))
         return None
 
-    def _key(self, role: KeyRole, subject_id: SubjectId) -> ApiKey:
+    def _key(self, requested: NewKey) -> ApiKey:
         return ApiKey(
             key_id=KeyId(self._mint("key")),
-            role=role,
-            subject_id=subject_id,
+            **requested.model_dump(),
             created_at=self._clock.wall_now(),
         )
 

@@ -7,16 +7,19 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from pydantic import Field
 
 from skyway.ids import KeyId, SubjectId
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Unauthenticated
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
-from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.identity import Caller, KeyHolder
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import audit_store, store
+from skyway_gateway.access.api_key import ApiKey, IssuedKey, KeyRole, NewKey
 from skyway_gateway.access.audit_store import LONGEST_PATH, AuditEntry, AuditFilter
 from skyway_gateway.access.keys import Keys
-from skyway_gateway.access.store import ApiKey, IssuedKey, KeyFilter, KeyRole, NewKey
+from skyway_gateway.access.scopes import require_scope
+from skyway_gateway.access.store import KeyFilter
 
 _bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a drone's: dk_...")
 
@@ -29,11 +32,24 @@ class KeyGate:
         request: Request,
         _shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
     ) -> Caller:
-        """The caller whose key is shown."""
-        caller = getattr(request.state, "caller", None)
-        if not isinstance(caller, Caller):
-            raise Unauthenticated
-        return caller
+        """The caller whose key is shown, if the key has the scope of this call."""
+        holder = holder_of(request)
+        require_scope(holder, f"{request.method} {request.scope['route'].path}")
+        return holder.caller
+
+
+def holder_of(request: Request) -> KeyHolder:
+    """The holder of the key that the entrance has recognised.
+
+    Raises
+    ------
+    Unauthenticated
+        No key was shown.
+    """
+    holder = getattr(request.state, "holder", None)
+    if not isinstance(holder, KeyHolder):
+        raise Unauthenticated
+    return holder
 
 
 class KeyListQuery(PageQuery):
@@ -45,8 +61,8 @@ class KeyListQuery(PageQuery):
     ] = None
 
 
-def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
-    """POST, GET and DELETE /v1/keys; operators only."""
+def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) -> ServiceRouter:
+    """POST, GET and DELETE /v1/keys, for operators; POST /v1/keys/rotations, for each holder."""
     router = ServiceRouter(tags=("keys",))
 
     @router.post(
@@ -63,11 +79,34 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
     ) -> Response:
         """Make an API key; its secrets are shown only in this answer.
 
+        A key can give no more scopes and no later end than its own.
+
         Callers: operator.
         """
         caller.must_be("operator")
         answer = await keys.issue(
-            caller, requested, idempotency_key=idempotency_key, body=await request.body()
+            holder_of(request),
+            requested,
+            idempotency_key=idempotency_key,
+            body=await request.body(),
+        )
+        return response_of(answer)
+
+    @router.post("/v1/keys/rotations", status_code=201, response_model=IssuedKey)
+    async def rotate_key(
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        idempotency_key: IdempotencyKey = None,
+    ) -> Response:
+        """Get the next key of the key that is shown, with the same name, scopes and expiry.
+
+        The present key ends when the next one is first used, at the latest after a day.
+
+        Callers: customer, provider, operator.
+        """
+        caller.must_be("customer", "provider", "operator")
+        answer = await keys.rotate(
+            holder_of(request), idempotency_key=idempotency_key, body=await request.body()
         )
         return response_of(answer)
 
@@ -82,7 +121,7 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
         caller.must_be("operator")
         filters = KeyFilter(query.role, query.subject_id)
         async with db.read() as connection:
-            found = await store.page(connection, query, filters)
+            found = await store.page(connection, query, filters, at=clock.wall_now())
         return page_of(found, query, item=lambda key: key, sort_key=lambda key: (key.key_id,))
 
     @router.get("/v1/keys/{key_id}")
@@ -93,7 +132,7 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
         """
         caller.must_be("operator")
         async with db.read() as connection:
-            return await store.one(connection, key_id)
+            return await store.one(connection, key_id, at=clock.wall_now())
 
     @router.delete("/v1/keys/{key_id}", status_code=204)
     async def delete_key(key_id: KeyId, caller: Annotated[Caller, Depends(gate)]) -> Response:

@@ -1,11 +1,11 @@
-"""API keys as operators see them, their SQL, and the condition for what belongs to a customer."""
+"""The SQL of API keys, and the condition for what belongs to a customer."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Final, Literal
+from typing import Final
 
-from pydantic import Field
 from sqlalchemy import (
     Column,
     ColumnElement,
@@ -15,73 +15,47 @@ from sqlalchemy import (
     false,
     func,
     insert,
+    or_,
     select,
     true,
     update,
 )
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.bounds import Moment
 from skyway.ids import KeyId, SubjectId
-from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound
-from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.identity import Caller, KeyHolder
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_gateway.access.api_key import ApiKey, KeyRole
 from skyway_gateway.tables import api_keys
 
-KeyRole = Literal["customer", "provider", "operator"]
 
+@dataclass(frozen=True, slots=True)
+class StoredKey:
+    """A key as a request finds it: whose it is, and how it has ended or will end."""
 
-class NewKey(JsonModel):
-    """The key to issue: its role, and the customer, provider or operator that it is for."""
-
-    role: Annotated[KeyRole, Field(description="Who the key is for.")]
-    subject_id: Annotated[
-        SubjectId,
-        Field(description="A customer's own name, a provider's id, or an operator's name."),
-    ]
-
-
-class ApiKey(JsonModel):
-    """A key, without its secret."""
-
-    key_id: Annotated[KeyId, Field(description="The id of the key, which is not secret.")]
-    role: Annotated[KeyRole, Field(description="Who the key is for.")]
-    subject_id: Annotated[
-        SubjectId,
-        Field(description="The customer's name, the provider's id or the operator's name."),
-    ]
-    created_at: Annotated[Moment, Field(description="RFC 3339 UTC, wall time")]
-
-
-class BrokerLogin(JsonModel):
-    """A broker account; each new key of a customer gives the same account a new password."""
-
-    user_name: Annotated[str, Field(description="The user name at the broker.")]
-    password: Annotated[
-        str, Field(description="The password; a later key of the same customer replaces it.")
-    ]
-
-
-class IssuedKey(ApiKey):
-    """A new key with its secrets, which are shown only once."""
-
-    key: Annotated[
-        str, Field(description="The secret key for `Authorization: Bearer`; it is shown only once.")
-    ]
-    mqtt: Annotated[
-        BrokerLogin | None,
-        Field(description="The broker account; null for providers, which have none."),
-    ]
+    holder: KeyHolder
+    is_deleted: bool
+    ends_at: datetime | None
+    #: The key that ends when this one is first used; None when that has happened.
+    ends_first: KeyId | None
 
 
 #: Runs with each request, so it is built once.
-_CALLER: Final = select(api_keys.c.role, api_keys.c.subject_id).where(
-    api_keys.c.key_hash == bindparam("key_hash"), api_keys.c.deleted_wall_ms.is_(None)
-)
+_SHOWN: Final = select(
+    api_keys.c.key_id,
+    api_keys.c.role,
+    api_keys.c.subject_id,
+    api_keys.c.scopes,
+    api_keys.c.expires_wall_ms,
+    api_keys.c.ends_wall_ms,
+    api_keys.c.deleted_wall_ms,
+    api_keys.c.replaces_key_id,
+    api_keys.c.is_next,
+).where(api_keys.c.key_hash == bindparam("key_hash"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,36 +66,32 @@ class KeyFilter:
     subject_id: SubjectId | None = None
 
 
-async def add(tx: Tx, key: ApiKey, *, key_hash: str, is_account_open: bool) -> None:
-    """Add a new key."""
-    row = {
-        "key_id": key.key_id,
-        "key_hash": key_hash,
-        "role": key.role,
-        "subject_id": key.subject_id,
-        "created_wall_ms": moment_to_ms(key.created_at),
-        "is_account_open": is_account_open,
-    }
-    await tx.execute(insert(api_keys).values(row))
+async def add(
+    tx: Tx, key: ApiKey, *, key_hash: str, is_account_open: bool, is_next: bool = False
+) -> None:
+    """Add a new key; a next key ends the key that it replaces when it is first used."""
+    await tx.execute(insert(api_keys).values(_row(key, key_hash, is_account_open, is_next)))
 
 
 async def add_if_new(tx: Tx, key: ApiKey, *, key_hash: str) -> None:
     """Add a key with a given secret, unless it was added before, even if it is deleted now."""
-    row = {
-        "key_id": key.key_id,
-        "key_hash": key_hash,
-        "role": key.role,
-        "subject_id": key.subject_id,
-        "created_wall_ms": moment_to_ms(key.created_at),
-        "is_account_open": True,
-    }
+    row = _row(key, key_hash, is_account_open=True, is_next=False)
     await tx.execute(tx.insert(api_keys).values(row).on_conflict_do_nothing())
 
 
-async def caller_of(connection: AsyncConnection, key_hash: str) -> Caller | None:
-    """The caller with this key; None when the key is unknown or deleted."""
-    row = (await connection.execute(_CALLER, {"key_hash": key_hash})).one_or_none()
-    return None if row is None else Caller(row.role, row.subject_id)
+async def shown(connection: AsyncConnection, key_hash: str) -> StoredKey | None:
+    """The key that a request shows, even if it has ended; None when there never was one."""
+    row = (await connection.execute(_SHOWN, {"key_hash": key_hash})).one_or_none()
+    if row is None:
+        return None
+    holder = KeyHolder(
+        caller=Caller(row.role, row.subject_id),
+        key_id=row.key_id,
+        scopes=None if row.scopes is None else frozenset(json.loads(row.scopes)),
+        expires_at=_moment(row.expires_wall_ms),
+    )
+    ends_first = row.replaces_key_id if row.is_next else None
+    return StoredKey(holder, row.deleted_wall_ms is not None, _moment(row.ends_wall_ms), ends_first)
 
 
 async def is_account_open(connection: AsyncConnection, key_id: KeyId) -> bool:
@@ -136,38 +106,39 @@ async def account_is_open(tx: Tx, key_id: KeyId) -> None:
     await tx.execute(update(api_keys).where(this).values(is_account_open=True))
 
 
-async def one(connection: AsyncConnection, key_id: KeyId) -> ApiKey:
-    """A key that is not deleted.
+async def one(connection: AsyncConnection, key_id: KeyId, *, at: datetime) -> ApiKey:
+    """A key that is in use.
 
     Raises
     ------
     NotFound
         There is no such key.
     """
-    statement = select(api_keys).where(
-        api_keys.c.key_id == key_id, api_keys.c.deleted_wall_ms.is_(None)
-    )
+    statement = select(api_keys).where(api_keys.c.key_id == key_id, _is_in_use(at))
     row = (await connection.execute(statement)).one_or_none()
     if row is None:
         raise NotFound("key", key_id)
     return _key(row)
 
 
-async def used(connection: AsyncConnection, role: KeyRole, subject_id: SubjectId) -> int:
-    """How many keys of a customer, provider or operator are not deleted."""
+async def used(
+    connection: AsyncConnection, role: KeyRole, subject_id: SubjectId, *, at: datetime
+) -> int:
+    """How many keys of a subject are in use; a key and its next key count as one."""
     statement = select(func.count()).where(
         api_keys.c.role == role,
         api_keys.c.subject_id == subject_id,
-        api_keys.c.deleted_wall_ms.is_(None),
+        ~api_keys.c.is_next,
+        _is_in_use(at),
     )
     return int((await connection.execute(statement)).scalar_one())
 
 
 async def page(
-    connection: AsyncConnection, query: PageQuery, requested: KeyFilter
+    connection: AsyncConnection, query: PageQuery, requested: KeyFilter, *, at: datetime
 ) -> Sequence[ApiKey]:
-    """Up to limit + 1 keys that are not deleted, sorted by id."""
-    statement = select(api_keys).where(api_keys.c.deleted_wall_ms.is_(None))
+    """Up to limit + 1 keys that are in use, sorted by id."""
+    statement = select(api_keys).where(_is_in_use(at))
     if requested.role is not None:
         statement = statement.where(api_keys.c.role == requested.role)
     if requested.subject_id is not None:
@@ -179,26 +150,42 @@ async def page(
 
 
 async def delete(tx: Tx, key_id: KeyId, *, at: datetime) -> None:
-    """Delete a key: it stops with the next call.
+    """Delete a key and its next key: they stop with the next call.
 
     Raises
     ------
     NotFound
         There is no such key.
     """
-    this = (api_keys.c.key_id == key_id) & api_keys.c.deleted_wall_ms.is_(None)
-    deleted = {"deleted_wall_ms": moment_to_ms(at)}
-    if (await tx.execute(update(api_keys).where(this).values(deleted))).rowcount == 0:
+    if not await _end(tx, api_keys.c.key_id == key_id, at):
         raise NotFound("key", key_id)
+    await end_next(tx, key_id, at=at)
+
+
+async def end_next(tx: Tx, key_id: KeyId, *, at: datetime) -> None:
+    """Delete the next key of a key if it was not used yet."""
+    await _end(tx, (api_keys.c.replaces_key_id == key_id) & api_keys.c.is_next, at)
+
+
+async def end_expired(tx: Tx, *, at: datetime) -> None:
+    """Mark the keys as deleted whose end has come: they stay ended if the clock is set back."""
+    await _end(tx, api_keys.c.ends_wall_ms <= moment_to_ms(at), at)
+
+
+async def has_expired(connection: AsyncConnection, *, at: datetime) -> bool:
+    """Whether the end of a key has come that is not marked as deleted."""
+    is_over = api_keys.c.deleted_wall_ms.is_(None) & (api_keys.c.ends_wall_ms <= moment_to_ms(at))
+    return bool((await connection.execute(select(exists().where(is_over)))).scalar())
 
 
 async def orphaned_accounts(connection: AsyncConnection) -> Sequence[SubjectId]:
-    """Customers without a key whose broker account is still open."""
+    """Customers without a key that gives a broker account, whose account is still open."""
     other = api_keys.alias("other")
     has_key = exists().where(
         other.c.role == "customer",
         other.c.subject_id == api_keys.c.subject_id,
         other.c.deleted_wall_ms.is_(None),
+        or_(other.c.scopes.is_(None), other.c.scopes.contains('"deliveries:read"')),
     )
     statement = select(api_keys.c.subject_id).distinct().where(_has_open_account(), ~has_key)
     return list((await connection.execute(statement)).scalars())
@@ -210,6 +197,20 @@ async def account_is_closed(tx: Tx, subject_id: SubjectId) -> None:
     await tx.execute(update(api_keys).where(this).values(is_account_open=False))
 
 
+async def _end(tx: Tx, which: ColumnElement[bool], at: datetime) -> bool:
+    """Mark keys as deleted; whether there were any."""
+    statement = update(api_keys).where(which, api_keys.c.deleted_wall_ms.is_(None))
+    ended = await tx.execute(statement.values(deleted_wall_ms=moment_to_ms(at)))
+    return ended.rowcount > 0
+
+
+def _is_in_use(at: datetime) -> ColumnElement[bool]:
+    return and_(
+        api_keys.c.deleted_wall_ms.is_(None),
+        or_(api_keys.c.ends_wall_ms.is_(None), api_keys.c.ends_wall_ms > moment_to_ms(at)),
+    )
+
+
 def _has_open_account() -> ColumnElement[bool]:
     return and_(
         api_keys.c.role == "customer",
@@ -218,13 +219,39 @@ def _has_open_account() -> ColumnElement[bool]:
     )
 
 
+def _row(key: ApiKey, key_hash: str, is_account_open: bool, is_next: bool) -> dict[str, object]:
+    expires_ms = None if key.expires_at is None else moment_to_ms(key.expires_at)
+    return {
+        "key_id": key.key_id,
+        "key_hash": key_hash,
+        "role": key.role,
+        "subject_id": key.subject_id,
+        "name": key.name,
+        "scopes": None if key.scopes is None else json.dumps(key.scopes),
+        "created_wall_ms": moment_to_ms(key.created_at),
+        "expires_wall_ms": expires_ms,
+        "ends_wall_ms": expires_ms,
+        "replaces_key_id": key.replaces,
+        "is_next": is_next,
+        "is_account_open": is_account_open,
+    }
+
+
 def _key(row: AnyRow) -> ApiKey:
     return ApiKey(
         key_id=row.key_id,
         role=row.role,
         subject_id=row.subject_id,
+        name=row.name,
+        scopes=None if row.scopes is None else json.loads(row.scopes),
         created_at=ms_to_moment(row.created_wall_ms),
+        expires_at=_moment(row.ends_wall_ms),
+        replaces=row.replaces_key_id,
     )
+
+
+def _moment(wall_ms: int | None) -> datetime | None:
+    return None if wall_ms is None else ms_to_moment(wall_ms)
 
 
 def owned(caller: Caller, customer_id: Column[str]) -> ColumnElement[bool]:

@@ -15,6 +15,7 @@ from skyway.ids import KeyId
 from skyway.json_model import JsonModel
 from skyway.runtime.http.openapi_document import tags_of
 from skyway.runtime.http.openapi_examples import example_of
+from skyway_gateway.access.scopes import with_scopes
 from skyway_gateway.forward.table import FORWARDED, PROVIDER_CREATION, Forwarded, Service
 
 #: A JSON document, whose members have no common static type.
@@ -88,7 +89,7 @@ def whole_document(own: Document, forwarded: Document) -> Document:
         "responses": answers,
         "schemas": dict(sorted(_needed_schemas([parts, answers], schemas).items())),
     }
-    return {**own, "tags": tags_of(parts), **parts, "components": components}
+    return with_scopes({**own, "tags": tags_of(parts), **parts, "components": components})
 
 
 def _for_callers(row: Forwarded, operation: Document) -> Document:

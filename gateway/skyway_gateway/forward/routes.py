@@ -8,7 +8,7 @@ from typing import Annotated, Any, Protocol
 from fastapi import Depends, Request, Response
 from fastapi.responses import StreamingResponse
 
-from skyway.ids import SubjectId
+from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.fair_queue import FairQueue
@@ -20,8 +20,9 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.sql.database import Database, Tx
+from skyway_gateway.access.api_key import NewKey
 from skyway_gateway.access.keys import Keys
-from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.routes import KeyGate, holder_of
 from skyway_gateway.forward.table import FORWARDED, Forwarded
 
 _PROVIDERS = "/v1/providers"
@@ -110,14 +111,15 @@ def provider_routes(
     ) -> Response:
         """Register a provider; the answer also holds `key_id` and `key`, shown only here."""
         caller.must_be("operator")
-        body = await request.body()
+        holder, body = holder_of(request), await request.body()
         made = await registry.forward(request, _PROVIDERS, caller)
         if made.status_code != HTTPStatus.CREATED or not isinstance(made, StreamingResponse):
             return made
         provider = json.loads(b"".join([_bytes(part) async for part in made.body_iterator]))
 
         async def add_key(tx: Tx) -> Answer:
-            issued = await keys.add(tx, "provider", SubjectId(provider["provider_id"]))
+            new = NewKey.of_provider(ProviderId(provider["provider_id"]), holder)
+            issued = await keys.add(tx, new)
             answer = {**provider, "key_id": issued.key_id, "key": issued.key}
             location = {"Location": f"{_PROVIDERS}/{provider['provider_id']}"}
             return Answer(201, json.dumps(answer).encode(), location)
@@ -125,7 +127,8 @@ def provider_routes(
         # The registry answers the same call the same; so does this, with the same key.
         answer = await once(
             db,
-            caller=str(caller),
+            # A key with limits gets a key with its own limits, not one that another key made.
+            caller=f"{caller}:{holder.key_id}" if holder.is_limited else str(caller),
             route=f"POST {_PROVIDERS}",
             key=idempotency_key,
             body=body,

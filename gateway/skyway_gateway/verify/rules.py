@@ -14,6 +14,7 @@ from skyway.geo import Position
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.storage_rules import outbox_rules, storage_rules
 from skyway.runtime.verification.stored_forms import form_rule, read_fernet_token, read_sha256
+from skyway_gateway.access.scopes import Scope
 from skyway_gateway.deliveries.lifecycle.delivery import FlownMission, Proof, Refusal
 from skyway_gateway.delivery_tables import deliveries, missions, packages
 from skyway_gateway.notifications.webhook import signing_key
@@ -28,6 +29,7 @@ from skyway_gateway.tables import (
     quotes,
     webhooks,
 )
+from skyway_gateway.verify.api_keys import API_KEYS
 from skyway_gateway.verify.calls import CALLS
 from skyway_gateway.verify.deliveries import DELIVERIES, MISSIONS
 from skyway_gateway.verify.events import EVENTS, NOTIFICATIONS
@@ -57,6 +59,7 @@ _FORMS: Final = form_rule(
         known_networks.c.stations: NetworkStations.read,
         outbox.c.payload: json.loads,
         api_keys.c.key_hash: read_sha256,
+        api_keys.c.scopes: TypeAdapter(tuple[Scope, ...]).validate_json,
         idempotency.c.key_hash: read_sha256,
         idempotency.c.answer: read_fernet_token,
     }
@@ -74,4 +77,5 @@ RULES: Final[tuple[Rule, ...]] = (
     *EVENTS,
     *NOTIFICATIONS,
     *CALLS,
+    *API_KEYS,
 )

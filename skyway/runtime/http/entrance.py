@@ -17,7 +17,7 @@ from fastapi.security.utils import get_authorization_scheme_param
 
 from skyway.runtime.errors import BudgetSpent, Unauthenticated
 from skyway.runtime.http.brake import Brake
-from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.identity import KeyHolder, RefusedKey, ServiceGate
 from skyway.runtime.meter import Meter
 
 #: What a request without a key costs its address, and what it costs if it is refused.
@@ -32,14 +32,14 @@ _NEVER_METERED: Final = frozenset({"/healthz", "/readyz"})
 _PUBLIC, _INTERNAL = "/v1/", "/internal/"
 
 _NO_KEY: Final = "an API key is needed: Authorization: Bearer sk_..."
-_UNKNOWN_KEY: Final = "this API key is not known, or was withdrawn"
+_UNKNOWN_KEY: Final = "this API key is not known, has expired, or was withdrawn"
 
 
 class KnownKeys(Protocol):
     """All keys that are in use."""
 
-    async def caller_of(self, secret: str) -> Caller | None:
-        """The caller with this key; None when the key is unknown or deleted."""
+    async def recognise(self, secret: str) -> KeyHolder | RefusedKey:
+        """The holder of this key, or why it is refused."""
         ...
 
 
@@ -74,8 +74,8 @@ class KeyEntrance:
     async def __call__(self, request: Request) -> Mapping[str, str]:
         """The headers that say what is left of the budget.
 
-        It sets `request.state.caller`, and `request.state.is_still_known` for answers that take
-        long: whether the key is still in use.
+        It sets `request.state.caller` and `request.state.holder`, and
+        `request.state.is_still_known` for answers that take long: whether the key is still in use.
 
         Raises
         ------
@@ -102,9 +102,9 @@ class KeyEntrance:
             return addresses.take(address_of(request), REFUSED_COST).headers
         if f"{request.method} {path}" in self.open_calls:
             return addresses.take(address_of(request), KEYLESS_COST).headers
-        caller = await self._caller_of(request)
-        request.state.caller = caller
-        return self.meters.tenants.take(str(caller)).headers
+        holder = await self._holder_of(request)
+        request.state.holder, request.state.caller = holder, holder.caller
+        return self.meters.tenants.take(str(holder.caller)).headers
 
     async def _admit_service(self, request: Request) -> None:
         try:
@@ -113,7 +113,7 @@ class KeyEntrance:
             self.meters.addresses.take(address_of(request), REFUSED_COST)
             raise
 
-    async def _caller_of(self, request: Request) -> Caller:
+    async def _holder_of(self, request: Request) -> KeyHolder:
         scheme, key = get_authorization_scheme_param(request.headers.get("Authorization"))
         address = address_of(request)
         if scheme.lower() != "bearer" or not key:
@@ -123,18 +123,18 @@ class KeyEntrance:
         is_new = key_hash not in self._recognised
         if is_new:
             self.meters.addresses.take(address, REFUSED_COST)
-        caller = await self.keys.caller_of(key)
-        if caller is None:
+        shown = await self.keys.recognise(key)
+        if isinstance(shown, RefusedKey):
             self._recognised.pop(key_hash, None)
             raise Unauthenticated(_UNKNOWN_KEY)
         if is_new:
             self.meters.addresses.charge(address, KEYLESS_COST - REFUSED_COST)
         self._remember(key_hash)
         request.state.is_still_known = partial(self._is_still_known, key)
-        return caller
+        return shown
 
     async def _is_still_known(self, key: str) -> bool:
-        return await self.keys.caller_of(key) is not None
+        return isinstance(await self.keys.recognise(key), KeyHolder)
 
     def _remember(self, key_hash: bytes) -> None:
         self._recognised.pop(key_hash, None)

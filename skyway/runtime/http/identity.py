@@ -3,6 +3,7 @@
 import hmac
 import re
 from dataclasses import dataclass
+from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Final, Literal, get_args
@@ -73,6 +74,36 @@ class Caller:
             if role == each and _SUBJECT.fullmatch(subject_id):
                 return cls(role=each, subject_id=subject_id)
         raise Unauthenticated(f"{CALLER_HEADER} must be role:subject")
+
+
+#: Why a key is refused; callers are told the same in each case.
+RefusalReason = Literal["unknown", "expired", "revoked"]
+
+
+@dataclass(frozen=True, slots=True)
+class KeyHolder:
+    """Who shows a key that is in use, and what the key allows.
+
+    Without `scopes` it allows everything that the caller's role may do. `expires_at` is wall time.
+    """
+
+    caller: Caller
+    key_id: str
+    scopes: frozenset[str] | None = None
+    expires_at: datetime | None = None
+
+    @property
+    def is_limited(self) -> bool:
+        """Whether the key allows less than the caller's role, or not for ever."""
+        return self.scopes is not None or self.expires_at is not None
+
+
+@dataclass(frozen=True, slots=True)
+class RefusedKey:
+    """Why a key is refused; the holder of a key that has ended."""
+
+    reason: RefusalReason
+    holder: KeyHolder | None = None
 
 
 def read_secret(secrets_dir: Path, name: str) -> str:

@@ -30,6 +30,7 @@ from skyway.runtime.errors import (
     PreconditionFailed,
     RemoteProblem,
     RowRefused,
+    ScopeMissing,
     ServiceUnavailable,
     TooLarge,
     Unauthenticated,
@@ -89,6 +90,9 @@ def problem_of(error: SkywayError) -> ProblemDetails:
     if isinstance(error, Conflict):
         problem = _problem(kind, error.detail, code=error.code)
         return ProblemDetails.model_validate({**error.members, **problem.model_dump()})
+    if isinstance(error, ScopeMissing):
+        problem = _problem(kind, error.detail, code="SCOPE_MISSING")
+        return ProblemDetails.model_validate({"scope": error.scope, **problem.model_dump()})
     if isinstance(error, BudgetSpent):
         return _problem(kind, str(error), code=error.code)
     return _problem(kind, str(error))

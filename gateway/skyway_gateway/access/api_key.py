@@ -1,0 +1,169 @@
+"""API keys as operators and their holders see them."""
+
+from datetime import datetime, timedelta
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import AfterValidator, Field
+
+from skyway.bounds import Moment
+from skyway.errors import InvalidInput
+from skyway.ids import KeyId, ProviderId, SubjectId
+from skyway.json_model import JsonModel
+from skyway.runtime.errors import AccessDenied
+from skyway.runtime.http.identity import KeyHolder
+from skyway.units import moment_to_ms
+from skyway_gateway.access.scopes import SCOPES, Scope
+
+KeyRole = Literal["customer", "provider", "operator"]
+
+#: The longest life of a key that has an expiry: ten years with their leap days.
+LONGEST_LIFE: Final = timedelta(days=3653)
+
+#: The most characters of a name.
+_LONGEST_NAME: Final = 100
+
+
+def _one_printable_line(name: str) -> str:
+    if not name.isprintable():
+        raise ValueError("must hold printable characters only")
+    return name
+
+
+def _each_once(scopes: tuple[Scope, ...]) -> tuple[Scope, ...]:
+    return tuple(sorted(set(scopes)))
+
+
+KeyName = Annotated[
+    str, Field(min_length=1, max_length=_LONGEST_NAME), AfterValidator(_one_printable_line)
+]
+KeyScopes = Annotated[
+    tuple[Scope, ...], Field(min_length=1, max_length=len(SCOPES)), AfterValidator(_each_once)
+]
+
+
+class NewKey(JsonModel):
+    """The key to issue: its role, the subject that it is for, and what limits it."""
+
+    role: Annotated[KeyRole, Field(description="Who the key is for.")]
+    subject_id: Annotated[
+        SubjectId,
+        Field(description="A customer's own name, a provider's id, or an operator's name."),
+    ]
+    name: Annotated[
+        KeyName | None,
+        Field(description="What people call the key: printable characters.", examples=["laptop"]),
+    ] = None
+    scopes: Annotated[
+        KeyScopes | None,
+        Field(
+            description="Which calls of the role it allows; without this, all of them.",
+            examples=[["deliveries:read"]],
+        ),
+    ] = None
+    expires_at: Annotated[
+        Moment | None,
+        Field(description="When it ends, wall time, at most ten years ahead; without this, never."),
+    ] = None
+
+    @classmethod
+    def of_provider(cls, provider_id: ProviderId, maker: KeyHolder) -> Self:
+        """The first key of a new provider, with the scopes and the expiry of its maker's key."""
+        scopes = None if maker.scopes is None else tuple(sorted(maker.scopes))
+        limits = {"scopes": scopes, "expires_at": maker.expires_at}
+        return cls.model_validate({"role": "provider", "subject_id": provider_id, **limits})
+
+    def refuse_unless_within(self, holder: KeyHolder) -> None:
+        """Go on only if the key has no more scopes and no later end than the holder's own key.
+
+        Raises
+        ------
+        AccessDenied
+            It has more scopes, or a later end.
+        """
+        if holder.scopes is not None and not set(self.scopes or SCOPES) <= holder.scopes:
+            raise AccessDenied(
+                "scopes: a key can give only scopes of its own: " + ", ".join(sorted(holder.scopes))
+            )
+        ends_at = holder.expires_at
+        if ends_at is not None and (
+            self.expires_at is None or moment_to_ms(self.expires_at) > moment_to_ms(ends_at)
+        ):
+            raise AccessDenied(
+                f"expires_at: a key can give no later end than its own, {ends_at.isoformat()}"
+            )
+
+    def refuse_bad_end(self, now: datetime) -> None:
+        """Go on only if the key ends in the future, and within ten years; `now` is wall time.
+
+        Raises
+        ------
+        InvalidInput
+            It ends in the past, or too late.
+        """
+        if self.expires_at is None:
+            return
+        if moment_to_ms(self.expires_at) <= moment_to_ms(now):
+            raise InvalidInput("expires_at", f"must be in the future: now is {now.isoformat()}")
+        latest = now + LONGEST_LIFE
+        if self.expires_at > latest:
+            raise InvalidInput(
+                "expires_at", f"must be within ten years, not after {latest.isoformat()}"
+            )
+
+
+class ApiKey(JsonModel):
+    """A key, without its secret."""
+
+    key_id: Annotated[KeyId, Field(description="The id of the key, which is not secret.")]
+    role: Annotated[KeyRole, Field(description="Who the key is for.")]
+    subject_id: Annotated[
+        SubjectId,
+        Field(description="The customer's name, the provider's id or the operator's name."),
+    ]
+    name: Annotated[str | None, Field(description="What people call it; null without a name.")] = (
+        None
+    )
+    scopes: Annotated[
+        tuple[Scope, ...] | None,
+        Field(description="Which calls of the role it allows; null for all of them."),
+    ] = None
+    created_at: Annotated[Moment, Field(description="RFC 3339 UTC, wall time")]
+    expires_at: Annotated[
+        Moment | None,
+        Field(
+            description="When it ends, wall time; null for never. A key that was rotated ends "
+            "within a day."
+        ),
+    ] = None
+    replaces: Annotated[
+        KeyId | None,
+        Field(
+            description="The key from which it was rotated, and which ends when this one is first "
+            "used; null for a key that an operator made."
+        ),
+    ] = None
+
+
+class BrokerLogin(JsonModel):
+    """A broker account; each new key of a customer gives the same account a new password."""
+
+    user_name: Annotated[str, Field(description="The user name at the broker.")]
+    password: Annotated[
+        str, Field(description="The password; a later key of the same customer replaces it.")
+    ]
+
+
+class IssuedKey(ApiKey):
+    """A new key with its secrets, which are shown only once."""
+
+    key: Annotated[
+        str, Field(description="The secret key for `Authorization: Bearer`; it is shown only once.")
+    ]
+    mqtt: Annotated[
+        BrokerLogin | None,
+        Field(
+            description="The broker account; null for providers, after a rotation, for a "
+            "customer's key without the scope `deliveries:read`, and for an operator's key with "
+            "scopes or an expiry."
+        ),
+    ]

@@ -1,0 +1,109 @@
+"""Recognises the keys that requests show.
+
+A busy caller shows its key with each request, so a key is looked up twice a second at most. A key
+that this process deletes stops immediately; a key that another replica deletes stops within half a
+second. A key with an expiry stops when its moment has come.
+"""
+
+import hashlib
+from datetime import timedelta
+from typing import Final, Protocol
+
+from skyway.contracts.drone_key import DRONE_KEY_PREFIX
+from skyway.ids import DroneId, KeyId
+from skyway.runtime.answer_cache import AnswerCache
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey
+from skyway.runtime.sql.database import Database
+from skyway_gateway.access import rotation_store, store
+from skyway_gateway.access.store import StoredKey
+
+#: How long a key is cached, wall time.
+_KEPT: Final = timedelta(seconds=0.5)
+_MOST_CACHED: Final = 10_000
+
+
+def secret_hash(secret: str) -> str:
+    """The hash of an API key: it is stored instead of the key, and finds a shown key."""
+    return hashlib.sha256(secret.encode()).hexdigest()
+
+
+class CachedKeys:
+    """Recognises keys of customers, providers and operators; unknown keys are never cached."""
+
+    def __init__(self, db: Database, clock: FleetClock) -> None:
+        self._db = db
+        self._clock = clock
+        self._cached = AnswerCache(self._look_up, clock=clock, kept=_KEPT, most=_MOST_CACHED)
+
+    async def recognise(self, secret: str) -> KeyHolder | RefusedKey:
+        """The holder of this key, or why it is refused."""
+        key_hash = secret_hash(secret)
+        found = self._cached.cached(key_hash) or await self._cached.ask(key_hash)
+        return self._judge(found)
+
+    def forget(self) -> None:
+        """Empty the cache, because a key has ended."""
+        self._cached.clear()
+
+    def _judge(self, found: StoredKey | None) -> KeyHolder | RefusedKey:
+        if found is None:
+            return RefusedKey("unknown")
+        if found.is_deleted:
+            return RefusedKey("revoked", found.holder)
+        if found.ends_at is not None and found.ends_at <= self._clock.wall_now():
+            return RefusedKey("expired", found.holder)
+        return found.holder
+
+    async def _look_up(self, key_hash: str) -> StoredKey | None:
+        async with self._db.read() as connection:
+            found = await store.shown(connection, key_hash)
+        if found is None or found.ends_first is None or self._is_refused(found):
+            return found
+        await self._bring_into_force(KeyId(found.holder.key_id), found.ends_first)
+        async with self._db.read() as connection:
+            return await store.shown(connection, key_hash)
+
+    def _is_refused(self, found: StoredKey) -> bool:
+        return isinstance(self._judge(found), RefusedKey)
+
+    async def _bring_into_force(self, key_id: KeyId, replaces: KeyId) -> None:
+        async with self._db.write() as tx:
+            at = self._clock.wall_now()
+            await rotation_store.bring_into_force(tx, key_id, replaces=replaces, at=at)
+            tx.after_commit(self.forget)
+
+
+class DroneKeyRegistry(Protocol):
+    """The registry, which issues the keys of drones."""
+
+    async def drone_of(self, key_hash: str) -> DroneId | None:
+        """The drone with this key; None when the key is unknown or no longer valid."""
+        ...
+
+
+class DroneKeys:
+    """Recognises keys of drones; the registry is asked each time, so a revoked key stops."""
+
+    def __init__(self, registry: DroneKeyRegistry) -> None:
+        self._registry = registry
+
+    async def recognise(self, secret: str) -> KeyHolder | RefusedKey:
+        """The drone that calls, or that the key is unknown or no longer valid."""
+        drone_id = await self._registry.drone_of(secret_hash(secret))
+        if drone_id is None:
+            return RefusedKey("unknown")
+        return KeyHolder(Caller("drone", drone_id), key_id=drone_id)
+
+
+class AllKeys:
+    """The keys of all callers; how a key begins says whose it is."""
+
+    def __init__(self, people: CachedKeys, drones: DroneKeys) -> None:
+        self._people = people
+        self._drones = drones
+
+    async def recognise(self, secret: str) -> KeyHolder | RefusedKey:
+        """The holder of this key, or why it is refused."""
+        is_drones = secret.startswith(DRONE_KEY_PREFIX)
+        return await (self._drones if is_drones else self._people).recognise(secret)
