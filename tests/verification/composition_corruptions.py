@@ -128,11 +128,11 @@ _NETWORKS: Final = (
     Corruption(
         "a closed pad under a live plan",
         "I11 no live plan uses what is closed",
-        # A drone that was asked to give way has two plans until it answers.
+        # A drone that was asked to give way has two plans until it answers, and pads of both.
         composition="UPDATE missions SET proposal = NULL;"
         " UPDATE closures SET kind = 'PAD', (station_id, pad) ="
-        " (SELECT station_id, pad FROM pad_reservations WHERE mission_id = :flying_mission"
-        " ORDER BY start_ms DESC LIMIT 1)",
+        " (SELECT station_id, pad FROM mission_steps WHERE mission_id = :flying_mission"
+        " AND kind = 'RECHARGE' AND status = 'PLANNED' ORDER BY planned_start_ms DESC LIMIT 1)",
     ),
     Corruption(
         "a closure that no cache notices",
