@@ -7,6 +7,7 @@ import time
 from collections import defaultdict
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any, Final
 
@@ -17,6 +18,8 @@ from skyway.contracts.delivery_event import DeliveryEventType
 
 _EVERY_S: Final = 0.5
 _ANSWER_WITHIN_S: Final = 30.0
+#: A short phase lasts until each thing was done once, but not longer than this.
+_FIRST_ROUND_WITHIN_S: Final = 60.0
 #: Wall seconds between two tries of a key that was revoked.
 _TRY_KEY_EVERY_S: Final = 0.05
 
@@ -24,20 +27,35 @@ _TRY_KEY_EVERY_S: Final = 0.05
 Seconds = Mapping[str, Sequence[float]]
 
 
+@dataclass(frozen=True, slots=True)
+class Probes:
+    """How long each thing took that was done so far, and whether each was done once."""
+
+    found: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
+    first_round: asyncio.Event = field(default_factory=asyncio.Event)
+
+    async def finish_first_round(self) -> None:
+        """Wait until each thing was done once; without an error when that takes too long."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_FIRST_ROUND_WITHIN_S):
+                await self.first_round.wait()
+
+
 @asynccontextmanager
-async def probing(cast: Cast) -> AsyncIterator[dict[str, list[float]]]:
+async def probing(cast: Cast) -> AsyncIterator[Probes]:
     """Ask for quotes and lists, and revoke keys, while the block lasts."""
-    found: dict[str, list[float]] = defaultdict(list)
-    asking = asyncio.create_task(_ask_again_and_again(cast, found))
+    probes = Probes()
+    asking = asyncio.create_task(_ask_again_and_again(cast, probes))
     try:
-        yield found
+        yield probes
     finally:
         asking.cancel()
         with suppress(asyncio.CancelledError):
             await asking
 
 
-async def _ask_again_and_again(cast: Cast, found: dict[str, list[float]]) -> None:
+async def _ask_again_and_again(cast: Cast, probes: Probes) -> None:
+    found = probes.found
     url, operator = cast.running.customers_url, cast.operator_key
     customer = next(iter(cast.webhook_ids))
     bodies = cast.city.requests(rate_per_s=10.0, seconds=1e6, seed=cast.trial.seed + 2)
@@ -65,6 +83,7 @@ async def _ask_again_and_again(cast: Cast, found: dict[str, list[float]]) -> Non
             await timed("revoke", "DELETE", f"/v1/keys/{issued['key_id']}", operator)
             await _until_refused(client, url, issued["key"])
             found["revoked key refused"].append(time.perf_counter() - started_s)
+            probes.first_round.set()
             await asyncio.sleep(_EVERY_S)
 
 

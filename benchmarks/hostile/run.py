@@ -132,12 +132,13 @@ async def _phase(trial: Trial, cast: Cast, *, seed: int) -> Seconds:
     started_s = time.monotonic()
     every = cast.city.requests(rate_per_s=trial.rate_per_s, seconds=trial.phase_s, seed=seed)
     requests = (_without_rogue(each, cast.stage.rogue.provider_id) for each in every)
-    async with probing(cast) as found:
+    async with probing(cast) as probes:
         await cast.customers.request_all(cast.client, requests)
         await asyncio.sleep(max(0.0, started_s + trial.phase_s - time.monotonic()))
+        await probes.finish_first_round()
     ended_s = time.monotonic()
     await cast.customers.all_answered(within_s=cast.trial.quiet_s)
-    return {**found, **deliveries_between(cast, started_s, ended_s)}
+    return {**probes.found, **deliveries_between(cast, started_s, ended_s)}
 
 
 def _without_rogue(each: Wanted, provider_id: ProviderId) -> Wanted:

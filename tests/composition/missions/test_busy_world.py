@@ -9,9 +9,8 @@ from tests.composition.busy_story import ACTIONS, Story
 
 _SEEDS = st.integers(0, 10_000)
 _ACTIONS = st.lists(st.tuples(st.sampled_from(ACTIONS), _SEEDS), min_size=25, max_size=45)
-#: PostgreSQL gets fewer stories, because each statement is a round trip.
-_STORIES = {"sqlite": 10, "postgresql": 3}
-_REPEATED = {"sqlite": 2, "postgresql": 1}
+#: A story takes seconds. PostgreSQL gets fewer, because each statement is a round trip.
+_STORIES = {"sqlite": 5, "postgresql": 2}
 
 
 def test_no_invariant_breaks_in_any_order_of_events(migrated_url: str) -> None:
@@ -34,9 +33,7 @@ _ONE_BY_ONE = st.lists(
 
 
 def test_the_same_actions_lead_to_the_same_reports(migrated_url: str) -> None:
-    dialect, _, _ = migrated_url.partition(":")
-
-    @settings(max_examples=_REPEATED[dialect])
+    @settings(max_examples=1)
     @given(actions=_ONE_BY_ONE)
     def play_twice(actions: list[tuple[str, int]]) -> None:
         once, again = (asyncio.run(Story.play(migrated_url, actions)) for _ in range(2))
