@@ -45,6 +45,18 @@ BROKER: Final = (
     ),
     Row("SKYWAY_BROKER_HOST", "text", "`127.0.0.1`", "Address on which the broker listens."),
     Row("SKYWAY_BROKER_PORT", "whole number", "`0`", "Port on which it listens. 0: any free one."),
+    Row(
+        "SKYWAY_BROKER_CONNECTIONS",
+        "whole number",
+        "`16000`",
+        "Open connections in all; fewer where the system allows fewer open files.",
+    ),
+    Row(
+        "SKYWAY_BROKER_CONNECTIONS_PER_ADDRESS",
+        "whole number",
+        "`8000`",
+        "Open connections of one address: a whole fleet may be behind one.",
+    ),
     Row("SKYWAY_SOCKET_FD", "whole number", "", "A listening socket that the parent passes."),
     Row("SKYWAY_PARENT_FD", "whole number", "", "The broker ends when this pipe closes."),
     Row("SKYWAY_LOG_LEVEL", "text", "`INFO`", "DEBUG, INFO, WARNING or ERROR."),

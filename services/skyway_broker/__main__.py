@@ -9,7 +9,8 @@ from skyway.contracts.broker_rules import BrokerRules
 from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.tracing import configure_logs
-from skyway_broker.hardened import Gate, HardenedBroker
+from skyway_broker.gate import Gate
+from skyway_broker.hardened import HardenedBroker
 from skyway_broker.settings import BrokerSettings
 
 log = logging.getLogger(__name__)
@@ -26,7 +27,7 @@ async def serve(settings: BrokerSettings) -> None:
         loop.add_reader(settings.parent_fd, stopping.set)
     listener = settings.listener()
     gate = Gate(settings.password_file)
-    broker = HardenedBroker(listener, gate=gate, rules=BrokerRules())
+    broker = HardenedBroker(listener, gate=gate, rules=BrokerRules(), limits=settings.limits())
     await broker.start()
     log.info("broker listens", extra={"port": listener.getsockname()[1]})
     await stopping.wait()

@@ -10,71 +10,43 @@ forbidden publish ends the connection, here without a PUBACK, so that no client 
 accepted. The accounts that may connect are those of the password file, read again when it changes.
 When an account is removed or its password changes, only its own clients are disconnected.
 Unlike Mosquitto, every session is a clean session, and mqtt_qos 2 is granted as 1.
+`limits` says what one client, one account and one address may use.
 """
 
 import asyncio
+import itertools
 import logging
 import socket
-from pathlib import Path
+from typing import Final
 
-from amqtt.adapters import ReaderAdapter, WriterAdapter
 from amqtt.broker import Broker, Server
 from amqtt.contexts import BrokerConfig, ListenerConfig
 from amqtt.errors import AMQTTError, MQTTError, NoDataError
-from amqtt.mqtt.protocol.broker_handler import BrokerProtocolHandler
-from amqtt.mqtt.publish import PublishPacket
+from amqtt.mqtt.connack import NOT_AUTHORIZED, SERVER_UNAVAILABLE
 from amqtt.session import Session
 
-from skyway.broker_setup.passwords import matches, read_password_file
 from skyway.contracts.broker_rules import SERVICE_ACCOUNTS, BrokerRules
+from skyway.runtime.network_address import network_of
 from skyway_broker.client import Client, ClientReader, ClientWriter, refuse
-from skyway_broker.subscriptions import Retained, Subscriptions, is_filter
+from skyway_broker.door import Door
+from skyway_broker.gate import Gate, TooManyAttempts, WrongPasswords
+from skyway_broker.introduction import read_introduction
+from skyway_broker.limits import Limits
+from skyway_broker.messages import Messages
+from skyway_broker.usage import Usage
+
+_TRY_LATER: Final[int] = SERVER_UNAVAILABLE
+_NOT_AUTHORIZED: Final[int] = NOT_AUTHORIZED
 
 log = logging.getLogger(__name__)
 
-#: Seconds that a connection may take to introduce itself.
-_INTRODUCTION_S = 10.0
-
 #: Seconds between two checks of the password file.
 _POLL_S = 0.1
+#: Checks of the password file between two looks at what waits for slow readers.
+_POLLS_PER_LOOK = 10
 
 #: Connections that may wait to be accepted: a whole fleet reconnects at the same time.
 _BACKLOG = 1024
-
-
-class Gate:
-    """The accounts of a password file; without a file there are no accounts."""
-
-    def __init__(self, password_file: Path) -> None:
-        self._file = password_file
-        self._seen: tuple[int, int, int] | None = None
-        self._accounts: dict[str, str] = {}
-
-    def refresh(self) -> bool:
-        """Read the file if it was replaced; True when it was read.
-
-        A file that is missing for a moment changes nothing: the accounts stay.
-        """
-        try:
-            status = self._file.stat()
-            seen = (status.st_ino, status.st_mtime_ns, status.st_size)
-            if seen == self._seen:
-                return False
-            self._accounts = read_password_file(self._file)
-        except OSError as error:
-            if self._seen is not None:
-                log.warning("password file unreadable", extra={"reason": str(error)})
-            return False
-        self._seen = seen
-        log.info("accounts read", extra={"accounts": len(self._accounts)})
-        return True
-
-    def admits(self, user_name: str | None, password: str | None) -> bool:
-        """Whether this account exists and has this password."""
-        if not user_name or password is None:
-            return False
-        hashed = self._accounts.get(user_name)
-        return hashed is not None and matches(password, hashed)
 
 
 def place_of(user_name: str, client_id: str) -> str:
@@ -89,15 +61,24 @@ def place_of(user_name: str, client_id: str) -> str:
 class HardenedBroker(Broker):  # type: ignore[misc] # amqtt has no types
     """A broker on one listening socket, for the accounts of a password file."""
 
-    def __init__(self, listener: socket.socket, *, gate: Gate, rules: BrokerRules) -> None:
+    def __init__(
+        self,
+        listener: socket.socket,
+        *,
+        gate: Gate,
+        rules: BrokerRules,
+        limits: Limits | None = None,
+    ) -> None:
         # An empty list of plugins removes amqtt's defaults; one of them accepts every client.
         super().__init__(BrokerConfig(listeners={"default": ListenerConfig()}, plugins={}))
         self._listener = listener
         self._gate = gate
-        self._rules = rules
+        self._limits = limits or Limits()
+        self._usage = Usage(self._limits)
+        self._door = Door(self._limits)
+        self._wrong_passwords = WrongPasswords()
         self._clients: dict[str, Client] = {}
-        self._clients_by_filter = Subscriptions()
-        self._last_messages = Retained()
+        self._messages = Messages(self._clients, rules=rules, limits=self._limits)
         self._connections: set[asyncio.Task[None]] = set()
         self._polling: asyncio.Task[None] | None = None
 
@@ -127,50 +108,89 @@ class HardenedBroker(Broker):  # type: ignore[misc] # amqtt has no types
             self._connections.add(task)
             task.add_done_callback(self._connections.discard)
         ends = ClientReader(reader), ClientWriter(writer)
+        peer = writer.get_extra_info("peername")
+        address = network_of(peer[0]) if peer else ""
+        if not self._door.enter(ends[1], address):
+            ends[1].abort()
+            return
         try:
-            await self._converse(*ends)
+            await self._converse(*ends, address=address)
         except asyncio.CancelledError:
             ends[1].abort()
         except Exception as error:  # noqa: BLE001 - the outermost loop of one connection
             log.warning("connection broke", extra={"reason": repr(error)})
         finally:
+            self._door.leave(ends[1])
             await ends[1].close()
 
-    async def _converse(self, reader: ClientReader, writer: ClientWriter) -> None:
+    async def _converse(self, reader: ClientReader, writer: ClientWriter, *, address: str) -> None:
         """Accept or refuse one client, and serve an accepted one until it leaves."""
         session = await self._introduction(reader, writer)
         if session is None:
             return
+        refusal = await self._refusal(session, address)
+        if refusal is not None:
+            # Up to this line no other client was affected.
+            log.info("client refused", extra={"user_name": session.username, "code": refusal})
+            refuse(writer, refusal)
+            return
+        self._door.introduce(writer)
+        client = Client(
+            session,
+            place=place_of(session.username, session.client_id),
+            reader=reader,
+            writer=writer,
+            traffic=self._messages,
+            usage=self._usage,
+            password_hash=self._gate.hash_of(session.username),
+        )
+        await self._serve(client)
+
+    async def _refusal(self, session: Session, address: str) -> int | None:
+        """The return code with which a client is refused; None when it may connect."""
+        user_name = session.username or ""
+        try:
+            await self._wrong_passwords.wait(address, user_name)
+        except TooManyAttempts:
+            return _TRY_LATER
         # Not only at the next poll: a new account may connect now, and a removed one may not.
         self._check_accounts()
-        if not self._gate.admits(session.username, session.password):
-            # Up to this line no other client was affected.
-            log.info("client refused", extra={"user_name": session.username})
-            refuse(writer)
-            return
-        place = place_of(session.username, session.client_id)
-        client = Client(session, place=place, reader=reader, writer=writer, traffic=self)
+        is_right = self._gate.admits(session.username, session.password)
+        self._wrong_passwords.note(address, user_name, was_right=is_right)
+        if not is_right:
+            return _NOT_AUTHORIZED
+        has_room = self._has_room(user_name, place_of(user_name, session.client_id))
+        return None if has_room and self._usage.may_connect(user_name) else _TRY_LATER
+
+    def _has_room(self, user_name: str, place: str) -> bool:
+        """Whether the account may have a client at this place."""
+        if place in self._clients or user_name not in SERVICE_ACCOUNTS:
+            return True
+        others: int = sum(client.user_name == user_name for client in self._clients.values())
+        most: int = self._usage.limits_of(user_name).connections
+        return others < most
+
+    async def _serve(self, client: Client) -> None:
         self._enter(client)
         has_left = False
         try:
             has_left = await client.serve()
         except (AMQTTError, MQTTError, NoDataError, TimeoutError, OSError) as error:
             reason = str(error) or type(error).__name__
-            log.info("client disconnected", extra={"client": place, "reason": reason})
+            log.info("client disconnected", extra={"client": client.place, "reason": reason})
         finally:
             self._leave(client, has_left=has_left)
 
-    async def _introduction(self, reader: ReaderAdapter, writer: WriterAdapter) -> Session | None:
+    async def _introduction(self, reader: ClientReader, writer: ClientWriter) -> Session | None:
         """The session of a client's CONNECT; None when there is no valid CONNECT."""
         try:
-            async with asyncio.timeout(_INTRODUCTION_S):
-                _, session = await BrokerProtocolHandler.init_from_connect(
-                    reader, writer, self.plugins_manager
+            async with asyncio.timeout(self._limits.introduction_s):
+                return await read_introduction(
+                    reader, writer, self.plugins_manager, most_bytes=self._limits.connect_bytes
                 )
         except (AMQTTError, MQTTError, NoDataError, TimeoutError, OSError) as error:
             log.info("no valid CONNECT", extra={"reason": str(error)})
             return None
-        return session
 
     def _enter(self, client: Client) -> None:
         """Give the client its place, and disconnect the previous client there."""
@@ -186,63 +206,36 @@ class HardenedBroker(Broker):  # type: ignore[misc] # amqtt has no types
         if self._clients.get(client.place) is not client:
             return
         del self._clients[client.place]
-        self._clients_by_filter.drop(client.place)
-        session = client.session
-        if has_left or not session.will_flag:
-            return
-        if self._rules.may_write(client.user_name, session.will_topic):
-            qos = min(session.will_qos or 0, 1)
-            will = bytes(session.will_message or b"")
-            self._distribute(session.will_topic, will, qos, retained=bool(session.will_retain))
-        else:
-            log.warning("last will not allowed", extra={"client": client.place})
-
-    def publish(self, client: Client, packet: PublishPacket) -> None:
-        """Distribute a client's message, or raise `MQTTError` when the topic is forbidden."""
-        topic = packet.topic_name
-        if not topic or not self._rules.may_write(client.user_name, topic):
-            raise MQTTError(f"not allowed to publish on {topic}")
-        self._distribute(topic, bytes(packet.data), packet.qos, retained=packet.retain_flag)
-
-    def subscribe(self, client: Client, filters: list[tuple[str, int]]) -> list[int | None]:
-        """Subscribe to all valid filters; the access rules decide at each delivery."""
-        granted: list[int | None] = []
-        for topic_filter, mqtt_qos in filters:
-            granted.append(min(mqtt_qos, 1) if is_filter(topic_filter) else None)
-            if is_filter(topic_filter):
-                self._clients_by_filter.add(client.place, topic_filter, min(mqtt_qos, 1))
-        return granted
-
-    def send_retained(self, client: Client, topic_filter: str, mqtt_qos: int) -> None:
-        """Send the retained messages of a filter that this client may read."""
-        for topic, data, kept_qos in self._last_messages.under(topic_filter):
-            if self._rules.may_read(client.user_name, topic):
-                client.deliver(topic, data, min(kept_qos, mqtt_qos), retained=True)
-
-    def unsubscribe(self, client: Client, filters: list[str]) -> None:
-        """Remove these filters."""
-        for topic_filter in filters:
-            self._clients_by_filter.remove(client.place, topic_filter)
-
-    def _distribute(self, topic: str, data: bytes, mqtt_qos: int, *, retained: bool) -> None:
-        if retained:
-            self._last_messages.keep(topic, data, mqtt_qos)
-        for place, granted in self._clients_by_filter.matching(topic).items():
-            client = self._clients.get(place)
-            if client is not None and self._rules.may_read(client.user_name, topic):
-                client.deliver(topic, data, min(mqtt_qos, granted), retained=False)
+        self._messages.drop(client)
+        if not has_left and client.session.will_flag:
+            self._messages.send_last_will(client)
 
     async def _poll_accounts(self) -> None:
-        while True:
+        for poll in itertools.count():
             await asyncio.sleep(_POLL_S)
             self._check_accounts()
+            if poll % _POLLS_PER_LOOK == 0:
+                self._put_out_slow_readers()
 
     def _check_accounts(self) -> None:
         """Disconnect clients whose account is no longer in the password file."""
         if not self._gate.refresh():
             return
         for client in tuple(self._clients.values()):
+            # Most hashes are the same as before, and comparing passwords takes long.
+            if self._gate.hash_of(client.user_name) == client.password_hash:
+                continue
             if not self._gate.admits(client.user_name, client.session.password):
                 log.info("account revoked", extra={"client": client.place})
                 self._leave(client, has_left=False)
                 client.disconnect()
+
+    def _put_out_slow_readers(self) -> None:
+        """Disconnect the clients for which most waits, until the rest is within the limit."""
+        waiting = [(client.waiting_bytes, client) for client in self._clients.values()]
+        total = sum(size for size, _ in waiting)
+        for size, client in sorted(waiting, key=lambda each: -each[0]):
+            if total <= self._limits.waiting_bytes:
+                return
+            client.put_out_unread()
+            total -= size

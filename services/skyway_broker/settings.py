@@ -7,6 +7,12 @@ from pathlib import Path
 from typing import Self
 
 from skyway.runtime.errors import InvalidSettings
+from skyway_broker.limits import (
+    CONNECTIONS,
+    CONNECTIONS_PER_ADDRESS,
+    Limits,
+    allowed_connections,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +29,10 @@ class BrokerSettings:
     socket_fd: int | None = None
     #: A pipe to the parent process. The broker ends when it closes.
     parent_fd: int | None = None
+    #: Open connections in all; fewer where the system allows fewer open files.
+    connections: int = CONNECTIONS
+    #: Open connections of one address.
+    connections_per_address: int = CONNECTIONS_PER_ADDRESS
     log_level: str = "INFO"
 
     @classmethod
@@ -43,8 +53,18 @@ class BrokerSettings:
             port=_number("SKYWAY_BROKER_PORT") or 0,
             socket_fd=_number("SKYWAY_SOCKET_FD"),
             parent_fd=_number("SKYWAY_PARENT_FD"),
+            connections=_number("SKYWAY_BROKER_CONNECTIONS") or CONNECTIONS,
+            connections_per_address=_number("SKYWAY_BROKER_CONNECTIONS_PER_ADDRESS")
+            or CONNECTIONS_PER_ADDRESS,
             log_level=os.environ.get("SKYWAY_LOG_LEVEL", "INFO"),
         )
+
+    def limits(self) -> Limits:
+        """The limits of this process, within its open files."""
+        connections = allowed_connections(self.connections)
+        # One address alone must not fill the broker where the system allows few files.
+        per_address = min(self.connections_per_address, max(connections // 2, 1))
+        return Limits(connections=connections, connections_per_address=per_address)
 
     def listener(self) -> socket.socket:
         """The socket to listen on."""

@@ -60,6 +60,16 @@ class BrokerRules:
         """Whether this account may publish on this topic."""
         return self._may(user_name, "write", topic)
 
+    def readable(self, user_name: str) -> tuple[str, ...]:
+        """Filters, none with `#`, outside of which this account may read nothing."""
+        if not USER_NAME.fullmatch(user_name):
+            return ()
+        return tuple(
+            allowed.replace(_OWN_NAME, user_name)
+            for access, allowed in self._given_to(user_name)
+            if access == "read"
+        )
+
     def mosquitto_acl(self) -> str:
         """The same rights as an ACL file of Mosquitto."""
         lines = ["# Generated from skyway.contracts.topics; do not edit."]
@@ -87,11 +97,14 @@ class BrokerRules:
             _matches(branch, topic, user_name) for branch in self._own_branches
         ):
             return False
-        rules = self._services.get(user_name, ())
-        rules += self._drones if "/" in user_name else self._customers
         return any(
-            access == given and _matches(allowed, topic, user_name) for given, allowed in rules
+            access == given and _matches(allowed, topic, user_name)
+            for given, allowed in self._given_to(user_name)
         )
+
+    def _given_to(self, user_name: str) -> tuple[Rule, ...]:
+        own = self._drones if "/" in user_name else self._customers
+        return self._services.get(user_name, ()) + own
 
 
 def _rules_of(role: str, topics: Iterable[Topic[Any]]) -> Iterable[Rule]:

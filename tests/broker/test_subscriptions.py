@@ -1,31 +1,7 @@
-"""Subscriptions and retained messages: filters that match a topic."""
+"""Subscriptions and their filters, each narrowed to what its client may read."""
 
 import pytest
-from skyway_broker.subscriptions import Retained, Subscriptions, is_filter, matches
-
-
-@pytest.mark.parametrize(
-    ("topic_filter", "topic"),
-    [
-        ("a/b", "a/b"),
-        ("a/+", "a/b"),
-        ("+/+", "a/b"),
-        ("#", "a/b"),
-        ("a/#", "a"),
-        ("a/#", "a/b/c"),
-        ("a/+", "a/"),
-    ],
-)
-def test_a_filter_matches(topic_filter, topic):
-    assert matches(topic_filter.split("/"), topic.split("/"))
-
-
-@pytest.mark.parametrize(
-    ("topic_filter", "topic"),
-    [("a/+", "a"), ("a/+", "a/b/c"), ("a/b/#", "a"), ("+", "/a"), ("a", "b")],
-)
-def test_a_filter_does_not_match(topic_filter, topic):
-    assert not matches(topic_filter.split("/"), topic.split("/"))
+from skyway_broker.subscriptions import Subscriptions, is_filter, overlaps
 
 
 @pytest.mark.parametrize("topic_filter", ["", "a#", "a+/b", "#/a", "a/#/b"])
@@ -38,60 +14,79 @@ def test_a_valid_filter_is_recognised(topic_filter):
     assert is_filter(topic_filter)
 
 
-def test_overlapping_filters_find_a_client_once_at_its_highest_qos():
-    topic_filter = Subscriptions()
-    topic_filter.add("c", "a/b", 0)
-    topic_filter.add("c", "a/+", 1)
-    topic_filter.add("c", "#", 0)
+@pytest.mark.parametrize(
+    ("topic_filter", "readable", "part"),
+    [
+        ("a/b", "a/+", "a/b"),
+        ("a/+", "a/b", "a/b"),
+        ("a/+", "+/+", "a/+"),
+        ("+/+", "a/b", "a/b"),
+        ("#", "a/+/c", "a/+/c"),
+        ("a/#", "a", "a"),
+        ("+/b/#", "a/+/c", "a/b/c"),
+        ("a/b/c/#", "a/b/c", "a/b/c"),
+    ],
+)
+def test_a_filter_is_narrowed_to_what_both_filters_match(topic_filter, readable, part):
+    assert overlaps(topic_filter, [readable]) == {part}
 
-    assert topic_filter.matching("a/b") == {"c": 1}
+
+@pytest.mark.parametrize(
+    ("topic_filter", "readable"),
+    [("a", "b"), ("a/b", "a"), ("a", "a/b"), ("a/b/#", "a"), ("a/+", "b/+"), ("+", "/a")],
+)
+def test_filters_without_a_common_topic_have_no_overlap(topic_filter, readable):
+    assert overlaps(topic_filter, [readable]) == frozenset()
+
+
+def test_overlapping_filters_find_a_client_once_at_its_highest_qos():
+    subscriptions = Subscriptions()
+    subscriptions.add("c", "a/b", 0, readable=["+/+"])
+    subscriptions.add("c", "a/+", 1, readable=["+/+"])
+    subscriptions.add("c", "#", 0, readable=["+/+"])
+
+    assert subscriptions.matching("a/b") == {"c": 1}
+
+
+def test_a_client_is_not_found_under_topics_that_it_may_not_read():
+    subscriptions = Subscriptions()
+    subscriptions.add("c", "#", 1, readable=["own/c", "world/+"])
+
+    assert subscriptions.matching("own/c") == {"c": 1}
+    assert subscriptions.matching("world/x") == {"c": 1}
+    assert subscriptions.matching("own/d") == {}
 
 
 def test_a_removed_filter_finds_no_client_and_other_filters_stay():
-    topic_filter = Subscriptions()
-    topic_filter.add("c", "a/b", 1)
-    topic_filter.add("c", "a/+", 1)
-    topic_filter.add("d", "a/+", 1)
+    subscriptions = Subscriptions()
+    subscriptions.add("c", "a/b", 1, readable=["a/+"])
+    subscriptions.add("c", "a/+", 1, readable=["a/+"])
+    subscriptions.add("d", "a/+", 1, readable=["a/+"])
 
-    topic_filter.remove("c", "a/+")
-    topic_filter.remove("c", "never/there")
+    subscriptions.remove("c", "a/+")
+    subscriptions.remove("c", "never/there")
 
-    assert topic_filter.matching("a/b") == {"c": 1, "d": 1}
-    assert topic_filter.matching("a/x") == {"d": 1}
+    assert subscriptions.matching("a/b") == {"c": 1, "d": 1}
+    assert subscriptions.matching("a/x") == {"d": 1}
+
+
+def test_a_removed_filter_leaves_what_another_filter_of_the_client_asks_for():
+    subscriptions = Subscriptions()
+    subscriptions.add("c", "#", 1, readable=["a/+"])
+    subscriptions.add("c", "a/+", 0, readable=["a/+"])
+
+    subscriptions.remove("c", "#")
+
+    assert subscriptions.matching("a/b") == {"c": 0}
+    assert subscriptions.count("c") == 1
 
 
 def test_a_dropped_client_is_not_found():
-    topic_filter = Subscriptions()
-    topic_filter.add("c", "a/b", 1)
-    topic_filter.add("c", "#", 1)
+    subscriptions = Subscriptions()
+    subscriptions.add("c", "a/b", 1, readable=["a/+"])
+    subscriptions.add("c", "#", 1, readable=["a/+"])
 
-    topic_filter.drop("c")
+    subscriptions.drop("c")
 
-    assert topic_filter.matching("a/b") == {}
-
-
-def test_the_last_message_of_a_topic_is_kept():
-    kept = Retained()
-    kept.keep("a/b", b"1", 1)
-    kept.keep("a/b", b"2", 1)
-
-    assert list(kept.under("a/b")) == [("a/b", b"2", 1)]
-
-
-def test_an_empty_message_clears_a_topic():
-    kept = Retained()
-    kept.keep("a/b", b"1", 1)
-
-    kept.keep("a/b", b"", 1)
-
-    assert list(kept.under("#")) == []
-
-
-def test_a_wildcard_finds_all_topics_that_it_matches():
-    kept = Retained()
-    kept.keep("a/b", b"1", 1)
-    kept.keep("a/c", b"2", 0)
-    kept.keep("x/c", b"3", 0)
-
-    assert sorted(kept.under("a/+")) == [("a/b", b"1", 1), ("a/c", b"2", 0)]
-    assert list(kept.under("a/x")) == []
+    assert subscriptions.matching("a/b") == {}
+    assert subscriptions.count("c") == 0

@@ -8,8 +8,7 @@ spent its budget, so an unknown caller cannot shut out a customer of the same ad
 import hashlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
-from ipaddress import IPv6Address, ip_address, ip_network
+from functools import partial
 from typing import Final, Protocol
 
 from fastapi import Request
@@ -19,6 +18,7 @@ from skyway.runtime.errors import BudgetSpent, Unauthenticated
 from skyway.runtime.http.brake import Brake
 from skyway.runtime.http.identity import KeyHolder, RefusedKey, ServiceGate
 from skyway.runtime.meter import Meter
+from skyway.runtime.network_address import network_of
 
 #: What a request without a key costs its address, and what it costs if it is refused.
 KEYLESS_COST: Final = 1.0
@@ -166,15 +166,3 @@ class ServiceEntrance:
 def address_of(request: Request) -> str:
     """The address that pays for a request without a key: IPv4, or the /64 of IPv6."""
     return "" if request.client is None else network_of(request.client.host)
-
-
-@lru_cache(maxsize=4096)
-def network_of(host: str) -> str:
-    """The IPv4 address, or the /64 of an IPv6 address; empty when the text is no address."""
-    try:
-        address = ip_address(host[:64])
-    except ValueError:
-        return ""  # a proxy that is trusted named no address
-    if isinstance(address, IPv6Address):
-        return str(address.ipv4_mapped or ip_network((address, 64), strict=False))
-    return str(address)

@@ -8,8 +8,9 @@ import httpx
 import pytest
 
 from skyway.runtime.http.brake import Brake
-from skyway.runtime.http.entrance import Meters, network_of
+from skyway.runtime.http.entrance import Meters
 from skyway.runtime.meter import Budget, Meter
+from skyway.runtime.network_address import network_of
 from tests.gateway.whole_gateway import Gateway
 
 

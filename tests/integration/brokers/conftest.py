@@ -13,7 +13,9 @@ from types import SimpleNamespace
 from typing import Any, Protocol
 
 import pytest
-from skyway_broker.hardened import Gate, HardenedBroker
+from skyway_broker.gate import Gate
+from skyway_broker.hardened import HardenedBroker
+from skyway_broker.limits import Limits
 
 from skyway.broker_setup.mosquitto import mosquitto_conf
 from skyway.broker_setup.passwords import hash_password, write_password_file
@@ -43,15 +45,16 @@ class RunningBroker(Protocol):
 
 
 class EmbeddedBroker:
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, limits: Limits | None = None) -> None:
         self.port = self.service_port = free_port()
+        self._limits = limits
         self._passwords = folder / "passwords"
         self._broker: HardenedBroker | None = None
 
     async def start(self) -> None:
         listener = socket.create_server(("127.0.0.1", self.port))
         gate = Gate(self._passwords)
-        self._broker = HardenedBroker(listener, gate=gate, rules=BrokerRules())
+        self._broker = HardenedBroker(listener, gate=gate, rules=BrokerRules(), limits=self._limits)
         await self._broker.start()
 
     async def stop(self) -> None:
@@ -277,6 +280,25 @@ async def embedded(tmp_path: Path) -> AsyncIterator[RunningBroker]:
     await broker.start()
     yield broker
     await broker.stop()
+
+
+@pytest.fixture
+async def limited(
+    tmp_path: Path,
+) -> AsyncIterator[Callable[[Limits], Awaitable[RunningBroker]]]:
+    """Start an embedded broker with limits of its own."""
+    started: list[EmbeddedBroker] = []
+
+    async def start(limits: Limits) -> RunningBroker:
+        broker = EmbeddedBroker(tmp_path, limits)
+        started.append(broker)
+        await broker.set_accounts((*SERVICES, *CLIENTS))
+        await broker.start()
+        return broker
+
+    yield start
+    for broker in started:
+        await broker.stop()
 
 
 @pytest.fixture(params=["embedded", pytest.param("mosquitto", marks=pytest.mark.integration)])

@@ -9,9 +9,9 @@ from collections.abc import Collection
 from ipaddress import IPv4Network, IPv6Network, ip_address, ip_network
 from typing import Protocol
 
-from skyway.runtime.http.entrance import network_of
 from skyway.runtime.http.front.front_limits import FrontLimits
 from skyway.runtime.metrics import count
+from skyway.runtime.network_address import network_of
 
 
 class Closable(Protocol):
