@@ -32,7 +32,7 @@ class Gate:
         self._seen: tuple[int, int, int] | None = None
         self._accounts: dict[str, str] = {}
         #: Compared when there is no such account: so the answer takes as long as for any other.
-        self._nobody = hash_password("")
+        self._unknown = hash_password("")
 
     def refresh(self) -> bool:
         """Read the file if it was replaced; True when it was read.
@@ -56,7 +56,7 @@ class Gate:
     def admits(self, user_name: str | None, password: str | None) -> bool:
         """Whether this account exists and has this password; an unknown name takes as long."""
         hashed = self._accounts.get(user_name or "")
-        is_right = matches(password or "", self._nobody if hashed is None else hashed)
+        is_right = matches(password or "", self._unknown if hashed is None else hashed)
         return is_right and hashed is not None and password is not None
 
     def hash_of(self, user_name: str) -> str | None:

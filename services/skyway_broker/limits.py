@@ -77,7 +77,7 @@ class Limits:
     introduction_s: float = 10.0
     #: Seconds until a packet that has begun must have come.
     packet_s: float = 60.0
-    #: The longest silence of a client, seconds, whatever keepalive it has asked for.
+    #: The longest silence of a client, seconds; a longer keepalive does not help.
     silence_s: float = 900.0
     #: Seconds for which a client may leave an answer unread.
     unread_s: float = 60.0
@@ -100,16 +100,16 @@ class Limits:
         return len(topic) <= self.topic_characters and topic.count("/") < self.topic_levels
 
 
-def allowed_connections(wanted: int) -> int:
+def allowed_connections(most: int) -> int:
     """As many of these connections as the open files of this process allow.
 
     The process asks the system for more files where that is permitted.
     """
-    files = wanted + _OTHER_FILES
+    files = most + _OTHER_FILES
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft != resource.RLIM_INFINITY and soft < files:
-        most = files if hard == resource.RLIM_INFINITY else min(files, hard)
+        target = files if hard == resource.RLIM_INFINITY else min(files, hard)
         with contextlib.suppress(OSError, ValueError):
-            resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+            resource.setrlimit(resource.RLIMIT_NOFILE, (target, hard))
         soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return wanted if soft == resource.RLIM_INFINITY else max(min(wanted, soft - _OTHER_FILES), 64)
+    return most if soft == resource.RLIM_INFINITY else max(min(most, soft - _OTHER_FILES), 64)

@@ -108,7 +108,7 @@ async def test_a_subscribe_above_its_limit_ends_the_connection(embedded):
 
 
 @pytest.mark.parametrize("sent", [b"", bytes((0x30, 100)) + text("half of a topic")])
-async def test_a_silent_client_and_half_a_packet_are_ended_whatever_the_keepalive(limited, sent):
+async def test_a_silent_client_and_half_a_packet_are_ended_without_a_keepalive(limited, sent):
     broker = await limited(dataclasses.replace(LIMITS, silence_s=0.05, packet_s=0.05))
     async with Raw(broker.port) as client:
         await client.ask(connect_packet("p/drone-1"), 4)
