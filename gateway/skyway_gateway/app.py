@@ -47,6 +47,8 @@ from skyway_gateway.notifications.routes import (
     webhook_routes,
     with_event_examples,
 )
+from skyway_gateway.notifications.seal_secrets import seal_secrets
+from skyway_gateway.notifications.secret_routes import secret_routes
 from skyway_gateway.parts import SERVICE, Parts, running_parts
 from skyway_gateway.quotes import store as quote_store
 from skyway_gateway.quotes.routes import quote_routes
@@ -97,10 +99,12 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 targets=parts.targets,
                 quota=parts.webhook_quota,
                 trials=parts.trials,
+                vault=parts.vault,
                 sender=parts.sender,
                 clock=clock,
                 mint=mint,
             ),
+            secret_routes(db=db, gate=gate, vault=parts.vault, clock=clock),
             key_routes(db=db, gate=gate, keys=keys, clock=clock),
             clock_routes(gate=gate, anchor=parts.anchor),
             provider_routes(
@@ -140,6 +144,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
 def build_app(settings: GatewaySettings) -> FastAPI:
     """The gateway as it runs; the app's lifespan opens everything."""
     parts = running_parts(settings)
+    parts.vault.require_keys()
 
     async def on_connected() -> None:
         await publish_clock(mqtt, parts.anchor, mint)
@@ -199,8 +204,9 @@ def openapi_app() -> FastAPI:
 
 
 async def take_over(parts: Parts) -> None:
-    """Prepare for the start: first keys, known networks, claims of dead processes freed."""
+    """Prepare for the start: first keys, secrets, known networks, claims of dead processes."""
     await parts.keys.make_first_keys()
+    await seal_secrets(parts.db, parts.vault, at=parts.clock.wall_now())
     for stations in await read_networks(parts.db):
         parts.networks.cached.put_outdated(stations)
     if parts.db.dialect == "sqlite":
@@ -214,6 +220,10 @@ def _start_sweeping(loops: Loops, parts: Parts) -> None:
         expired_before = parts.clock.wall_now() - _QUOTES_KEPT
         async with parts.db.write() as tx:
             await quote_store.delete_expired(tx, before=expired_before)
+        return False
+
+    async def seal_old_secrets() -> bool:
+        await seal_secrets(parts.db, parts.vault, at=parts.clock.wall_now())
         return False
 
     keys = parts.keys
@@ -230,3 +240,4 @@ def _start_sweeping(loops: Loops, parts: Parts) -> None:
     due = repeat("scheduled", parts.schedule_opener.step, every_s=_SCHEDULED_EVERY_S)
     loops.start("scheduled", due)
     loops.start("sweep", repeat("sweep", delete_old_answers, every_s=_SWEEP_EVERY_S))
+    loops.start("secrets", repeat("secrets", seal_old_secrets, every_s=_SWEEP_EVERY_S))

@@ -36,6 +36,7 @@ from skyway_gateway.forward.table import open_calls, own_body_limits, tenants_bo
 from skyway_gateway.notifications.delivery_events import EventListeners, EventRecorder
 from skyway_gateway.notifications.fair_slots import FairSlots, SlotLimits
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
+from skyway_gateway.notifications.secret_vault import SecretVault
 from skyway_gateway.notifications.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhook_quota_store import WebhookQuota
 from skyway_gateway.quotes.accept_offer import OfferKeeper
@@ -78,6 +79,7 @@ class Parts:
     targets: Targets
     post: WebhookPost
     sender: WebhookSender
+    vault: SecretVault
     booking: BookingLoop
     horizon: timedelta
     hold_limits: HoldLimits
@@ -184,7 +186,7 @@ def build_parts(
         Wake(),
         Targets(settings.webhook_allow_networks),
     )
-    post = WebhookPost(targets)
+    post, vault = WebhookPost(targets), SecretVault(settings.secrets_dir)
     events = EventRecorder(clock=clock, mint=mint, listeners=listeners, webhooks=notifications)
     cached_keys, queued = CachedKeys(db, clock), Wake()
     services = ServiceGate(settings.secrets_dir, allowed=("composition",))
@@ -221,8 +223,9 @@ def build_parts(
         writer=DeliveryWriter(db, events, DeliveryCache()),
         targets=targets,
         post=post,
+        vault=vault,
         sender=WebhookSender(
-            db, post, notifications, clock, mint, FairSlots(_slot_limits(settings))
+            db, post, vault, notifications, clock, mint, FairSlots(_slot_limits(settings))
         ),
         booking=BookingLoop(queued, claimant=mint("bkr"), most=settings.bookings_at_once),
         horizon=timedelta(hours=settings.booking_horizon_h),

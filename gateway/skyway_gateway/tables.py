@@ -154,7 +154,10 @@ webhooks = Table(
     Column("customer_id", Text, nullable=False),
     Column("url", Text, nullable=False),
     Column("event_types", Text),  # JSON list; null means all
+    # Encrypted, as `notifications.secret_vault` says.
     Column("secret", Text, nullable=False),
+    # JSON list of secret_store.PreviousSecret: those that rotations have replaced.
+    Column("previous_secrets", Text, nullable=False, server_default=text("'[]'")),
     Column("state", Text, nullable=False),
     Column("disabled_reason", Text),
     Column("created_wall_ms", BigInteger, nullable=False),

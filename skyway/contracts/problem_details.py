@@ -41,6 +41,7 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "TOO_MANY_DELIVERIES": "The customer has as many deliveries as it may have at one time.",
     "TOO_MANY_DRONES": "The provider would have more drones than it may have.",
     "TOO_MANY_KEYS": "As many keys of this subject are in use as may be: delete one first.",
+    "TOO_MANY_ROTATIONS": "Three replaced secrets still sign; use the newest secret.",
     "TOO_MANY_SCHEDULED": "The customer has as many SCHEDULED deliveries as it may have.",
     "TOO_MANY_WEBHOOKS": "The customer has as many webhooks as it may have.",
     "TOO_MANY_HOLDS": "As many quotes are held as the customer may hold at the same time.",

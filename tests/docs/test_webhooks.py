@@ -48,13 +48,24 @@ def verified_by_node(secret: str, headers: dict[str, str], body: bytes) -> bool:
 def test_a_receiver_accepts_what_the_gateway_signs_and_nothing_else(verified: Any) -> None:
     secret, now = new_webhook_secret(), datetime.now(UTC)
 
-    headers = signed_headers(secret, webhook_id="evt_1", at=now, body=BODY)
-    old = signed_headers(secret, webhook_id="evt_1", at=now - timedelta(minutes=6), body=BODY)
+    headers = signed_headers((secret,), webhook_id="evt_1", at=now, body=BODY)
+    old = signed_headers((secret,), webhook_id="evt_1", at=now - timedelta(minutes=6), body=BODY)
 
     assert verified(secret, headers, BODY)
     assert not verified(secret, headers, BODY + b" ")
     assert not verified(new_webhook_secret(), headers, BODY)
     assert not verified(secret, old, BODY)
+
+
+@pytest.mark.parametrize("verified", [verified_by_python, verified_by_node])
+def test_a_receiver_accepts_both_secrets_after_a_rotation(verified: Any) -> None:
+    new, old = new_webhook_secret(), new_webhook_secret()
+
+    headers = signed_headers((new, old), webhook_id="evt_1", at=datetime.now(UTC), body=BODY)
+
+    assert verified(new, headers, BODY)
+    assert verified(old, headers, BODY)
+    assert not verified(new_webhook_secret(), headers, BODY)
 
 
 def test_the_event_on_the_page_is_one() -> None:

@@ -17,6 +17,7 @@ from skyway_gateway.forward.table import FORWARDED
 from skyway_gateway.settings import GatewaySettings
 
 from skyway.runtime.errors import InvalidSettings
+from tests.gateway.whole_gateway import VAULT_KEY
 
 KEY = "sk_operator-0123456789abcdef"
 
@@ -58,6 +59,7 @@ class Process:
         for name in ("service_gateway", "service_composition", "mqtt_gateway", "mqtt_operator"):
             (secrets / name).write_text("0123456789abcdef")
         (secrets / "operator_key").write_text(KEY)
+        (secrets / "webhook_keys").write_text(VAULT_KEY)
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://127.0.0.1:{self.listener.getsockname()[1]}"
         self.environment = {

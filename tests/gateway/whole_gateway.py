@@ -1,6 +1,7 @@
 """A whole gateway on a new database, with a fake registry and a fake composition."""
 
 import json
+from base64 import b64encode
 from collections.abc import AsyncIterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
@@ -52,6 +53,8 @@ SECRETS = (
     "operator_key",
     "customer_key",
 )
+
+VAULT_KEY = b64encode(bytes(32)).decode()
 
 
 @dataclass
@@ -245,6 +248,7 @@ async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gatew
     secrets_dir.mkdir()
     for name in SECRETS:
         (secrets_dir / name).write_text(f"{name}-0123456789abcdef\n")
+    (secrets_dir / "webhook_keys").write_text(f"{VAULT_KEY}\n")
     settings = GatewaySettings(
         database_url=database_url,
         mqtt_url="mqtt://127.0.0.1:1",

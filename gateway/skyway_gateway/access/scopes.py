@@ -131,6 +131,7 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         "DELETE /v1/webhooks/{webhook_id}",
         "POST /v1/webhooks/{webhook_id}/test",
         "POST /v1/webhooks/{webhook_id}/replay",
+        "POST /v1/webhooks/{webhook_id}/secret-rotations",
     ),
 }
 

@@ -25,6 +25,7 @@ from skyway_gateway.notifications import webhook_store
 from skyway_gateway.notifications.fleet_time import FleetTime, fleet_time
 from skyway_gateway.notifications.post_webhook import Targets
 from skyway_gateway.notifications.replay_store import Replay, ReplayRequest, replay
+from skyway_gateway.notifications.secret_vault import SecretVault
 from skyway_gateway.notifications.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhook import (
     IssuedWebhook,
@@ -59,7 +60,7 @@ _Signature = Annotated[
     Header(
         alias="webhook-signature",
         description="`v1,` and the base64 HMAC-SHA256 of id, timestamp and body (Standard "
-        "Webhooks), with the secret of the webhook.",
+        "Webhooks), with the secret of the webhook; after a rotation one for each valid secret.",
     ),
 ]
 
@@ -86,6 +87,7 @@ def webhook_routes(
     targets: Targets,
     quota: WebhookQuota,
     trials: Slots,
+    vault: SecretVault,
     sender: WebhookSender,
     clock: FleetClock,
     mint: Mint,
@@ -124,7 +126,8 @@ def webhook_routes(
         async def keep(tx: Tx) -> Answer:
             owner = SubjectId(caller.subject_id)
             await quota.refuse_too_many(tx, owner)
-            await webhook_store.add_webhook(tx, webhook, customer_id=owner, secret=webhook.secret)
+            stored = vault.seal(webhook.secret, webhook.webhook_id)
+            await webhook_store.add_webhook(tx, webhook, customer_id=owner, stored_secret=stored)
             location = {"Location": f"/v1/webhooks/{webhook.webhook_id}"}
             return Answer(201, webhook.model_dump_json().encode(), location)
 
@@ -207,7 +210,8 @@ def webhook_routes(
         """
         caller.must_be("customer")
         async with db.read() as connection:
-            endpoint = await webhook_store.endpoint_of(connection, caller, webhook_id)
+            now = clock.wall_now()
+            endpoint = await webhook_store.endpoint_of(connection, caller, webhook_id, at=now)
         with trials.held(str(caller)):
             return await sender.send_trial(endpoint)
 

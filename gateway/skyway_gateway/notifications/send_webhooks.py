@@ -21,6 +21,7 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway_gateway.notifications.fair_slots import FairSlots
 from skyway_gateway.notifications.post_webhook import Reply, WebhookPost
+from skyway_gateway.notifications.secret_vault import SecretVault, UnreadableSecret
 from skyway_gateway.notifications.webhook import (
     Endpoint,
     Notification,
@@ -51,6 +52,13 @@ _LONGEST_PAUSE_S: Final = 1.0
 _AFTER_FAILURE_S: Final = 1.0
 
 
+#: What the customer is shown of a notification that cannot be signed.
+_UNREADABLE: Final = (
+    "the signing secret cannot be read: get another one with POST "
+    "/v1/webhooks/{webhook_id}/secret-rotations"
+)
+
+
 @dataclass(frozen=True, slots=True)
 class _Sent:
     """One attempt: when it began, how long it took, and the reply."""
@@ -66,6 +74,7 @@ class WebhookSender:
 
     db: Database
     post: WebhookPost
+    vault: SecretVault
     wake: Wake
     clock: FleetClock
     mint: Mint
@@ -156,12 +165,27 @@ class WebhookSender:
     async def _send(self, endpoint: Endpoint, notification: Notification) -> _Sent:
         at, loop = self.clock.wall_now(), asyncio.get_running_loop()
         started_s = loop.time()
+        secrets_in_use = self._secrets_of(endpoint)
+        if not secrets_in_use:
+            return _Sent(at, 0, Reply(None, _UNREADABLE))
         headers = signed_headers(
-            endpoint.secret, webhook_id=notification.event_id, at=at, body=notification.body
+            secrets_in_use, webhook_id=notification.event_id, at=at, body=notification.body
         )
         reply = await self.post.send(endpoint.url, headers=headers, body=notification.body)
         self.slots.note_reply(endpoint.webhook_id, is_answer=reply.status is not None)
         return _Sent(at, round((loop.time() - started_s) * 1000), reply)
+
+    def _secrets_of(self, endpoint: Endpoint) -> tuple[str, ...]:
+        """The secrets that can be decrypted."""
+        found: list[str] = []
+        for stored in endpoint.stored_secrets:
+            try:
+                found.append(self.vault.open(stored, endpoint.webhook_id))
+            except UnreadableSecret as error:
+                count("skyway_webhook_secrets_unreadable", "secrets that could not be decrypted")
+                about = {"webhook_id": endpoint.webhook_id, "detail": str(error)}
+                log.warning("secret of a webhook cannot be decrypted", extra=about)
+        return tuple(found)
 
     def _wait_s(self, notification: Notification, reply: Reply) -> float | None:
         """Seconds from this attempt to the next one; None when there is none."""

@@ -149,7 +149,8 @@ class Endpoint:
     webhook_id: WebhookId
     customer_id: SubjectId
     url: str
-    secret: str = field(repr=False)
+    #: As they are stored: the present one first, and then those of rotations that still sign.
+    stored_secrets: tuple[str, ...] = field(repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,17 +196,25 @@ def signing_key(secret: str) -> bytes:
     return key
 
 
-def signed_headers(secret: str, *, webhook_id: str, at: datetime, body: bytes) -> dict[str, str]:
-    """The three headers that prove the sender, the message and its age to a receiver."""
+def signed_headers(
+    secrets_in_use: tuple[str, ...], *, webhook_id: str, at: datetime, body: bytes
+) -> dict[str, str]:
+    """The three headers that prove the sender, the message and its age to a receiver.
+
+    There is one signature for each secret: a receiver has one of them.
+    """
     timestamp = str(int(at.timestamp()))
-    key = signing_key(secret)
     signed = f"{webhook_id}.{timestamp}.".encode() + body
-    signature = base64.b64encode(hmac.digest(key, signed, hashlib.sha256)).decode()
     return {
         "webhook-id": webhook_id,
         "webhook-timestamp": timestamp,
-        "webhook-signature": f"v1,{signature}",
+        "webhook-signature": " ".join(_signature(secret, signed) for secret in secrets_in_use),
     }
+
+
+def _signature(secret: str, signed: bytes) -> str:
+    digest = hmac.digest(signing_key(secret), signed, hashlib.sha256)
+    return f"v1,{base64.b64encode(digest).decode()}"
 
 
 def pause_s(attempts: int, chance: random.Random) -> float | None:

@@ -19,6 +19,7 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.store import owned
+from skyway_gateway.notifications.secret_store import StoredSecrets
 from skyway_gateway.notifications.webhook import (
     Endpoint,
     Notification,
@@ -31,15 +32,17 @@ from skyway_gateway.tables import events, notifications, webhook_attempts, webho
 _LEASE_S: Final = 20.0
 
 
-async def add_webhook(tx: Tx, webhook: Webhook, *, customer_id: SubjectId, secret: str) -> None:
-    """Add a webhook."""
+async def add_webhook(
+    tx: Tx, webhook: Webhook, *, customer_id: SubjectId, stored_secret: str
+) -> None:
+    """Add a webhook with its encrypted secret."""
     at_ms = moment_to_ms(webhook.created_at)
     row = {
         "webhook_id": webhook.webhook_id,
         "customer_id": customer_id,
         "url": webhook.url,
         "event_types": _types_text(webhook.event_types),
-        "secret": secret,
+        "secret": stored_secret,
         "state": webhook.state,
         "disabled_reason": webhook.disabled_reason,
         "created_wall_ms": at_ms,
@@ -60,9 +63,9 @@ async def webhook_of(connection: AsyncConnection, caller: Caller, webhook_id: We
 
 
 async def endpoint_of(
-    connection: AsyncConnection, caller: Caller, webhook_id: WebhookId
+    connection: AsyncConnection, caller: Caller, webhook_id: WebhookId, *, at: datetime
 ) -> Endpoint:
-    """The URL and secret of the caller's own webhook.
+    """The URL and secrets of the caller's own webhook.
 
     Raises
     ------
@@ -70,7 +73,7 @@ async def endpoint_of(
         There is no such webhook, or it is not the caller's.
     """
     row = await _webhook_row(connection, caller, webhook_id)
-    return Endpoint(row.webhook_id, row.customer_id, row.url, row.secret)
+    return _endpoint(row, at)
 
 
 async def webhooks_page(
@@ -125,9 +128,15 @@ async def due_endpoints(connection: AsyncConnection, *, at: datetime) -> Sequenc
     )
     statement = select(webhooks).where(webhooks.c.state == "ACTIVE", is_due)
     return [
-        Endpoint(row.webhook_id, row.customer_id, row.url, row.secret)
+        _endpoint(row, at)
         for row in await connection.execute(statement, {"now_ms": moment_to_ms(at)})
     ]
+
+
+def _endpoint(row: AnyRow, at: datetime) -> Endpoint:
+    stored = StoredSecrets.of(row)
+    in_use = (stored.present, *(each.secret for each in stored.still_valid(at)))
+    return Endpoint(row.webhook_id, row.customer_id, row.url, in_use)
 
 
 async def claim_due(

@@ -17,7 +17,8 @@ from skyway.runtime.verification.stored_forms import form_rule, read_fernet_toke
 from skyway_gateway.access.scopes import Scope
 from skyway_gateway.deliveries.lifecycle.delivery import FlownMission, Proof, Refusal
 from skyway_gateway.delivery_tables import deliveries, missions, packages
-from skyway_gateway.notifications.webhook import signing_key
+from skyway_gateway.notifications.secret_store import read_previous
+from skyway_gateway.notifications.secret_vault import read_stored_secret
 from skyway_gateway.quotes.store import Offer
 from skyway_gateway.tables import (
     api_keys,
@@ -52,7 +53,8 @@ _FORMS: Final = form_rule(
         events.c.body: DeliveryEvent.read,
         webhooks.c.event_types: TypeAdapter(tuple[str, ...]).validate_json,
         webhooks.c.url: TypeAdapter(AnyHttpUrl).validate_python,
-        webhooks.c.secret: signing_key,
+        webhooks.c.secret: read_stored_secret,
+        webhooks.c.previous_secrets: read_previous,
         quotes.c.request: DeliveryRequest.read,
         quotes.c.offers: TypeAdapter(tuple[Offer, ...]).validate_json,
         quotes.c.infeasible: _REASONS,

@@ -1,6 +1,7 @@
 """The secrets of a local system, which the first start makes, or the command `skyway secrets`."""
 
 import secrets
+from base64 import b64encode
 from pathlib import Path
 from typing import Annotated
 
@@ -28,6 +29,8 @@ def make_secrets(folder: DataFolder) -> None:
         _write_once(folder.secrets / f"mqtt_{account}", secrets.token_urlsafe(24))
     for name in _API_KEYS:
         _write_once(folder.secrets / name, f"sk_{secrets.token_urlsafe(32)}")
+    # Without it the gateway cannot read the secrets of webhooks any more.
+    _write_once(folder.secrets / "webhook_keys", b64encode(secrets.token_bytes(32)).decode())
 
 
 def read_secret(folder: DataFolder, name: str) -> str:

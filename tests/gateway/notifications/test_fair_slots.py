@@ -11,7 +11,7 @@ LIMITS = SlotLimits(all=16, per_customer=4)  # 2 of one destination, 6 silent
 
 def endpoint(number: int, *, customer: str = "mallory", host: str | None = None) -> Endpoint:
     url = f"http://{host or f'h{number}'}.example/"
-    return Endpoint(WebhookId(f"whk_{customer}_{number}"), SubjectId(customer), url, "secret")
+    return Endpoint(WebhookId(f"whk_{customer}_{number}"), SubjectId(customer), url, ("secret",))
 
 
 @pytest.fixture

@@ -17,14 +17,14 @@ BODY = '{"type": "package.delivered", "data": {"place": "Zürich"}}'.encode()
 
 def test_a_receiver_with_the_secret_accepts_a_signed_notification() -> None:
     secret = new_webhook_secret()
-    headers = signed_headers(secret, webhook_id="evt_1", at=datetime.now(UTC), body=BODY)
+    headers = signed_headers((secret,), webhook_id="evt_1", at=datetime.now(UTC), body=BODY)
     assert Webhook(secret).verify(BODY, headers)["type"] == "package.delivered"
 
 
 @pytest.mark.parametrize("changed", ["webhook-id", "webhook-timestamp", "body", "secret"])
 def test_a_receiver_refuses_a_changed_notification(changed: str) -> None:
     secret, body = new_webhook_secret(), BODY
-    headers = signed_headers(secret, webhook_id="evt_1", at=datetime.now(UTC), body=body)
+    headers = signed_headers((secret,), webhook_id="evt_1", at=datetime.now(UTC), body=body)
     if changed == "body":
         body = body.replace(b"package", b"baggage")
     elif changed == "secret":
