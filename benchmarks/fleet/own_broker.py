@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.fleet.crew import PASSWORD
+from skyway.broker_setup.account_files import client_files, service_files
 from skyway.broker_setup.mosquitto import mosquitto_conf
 from skyway.broker_setup.passwords import hash_password, write_password_file
+from skyway.broker_setup.private_file import write_private
 from skyway.contracts.broker_rules import SERVICE_ACCOUNTS, BrokerRules
 from skyway.errors import SkywayError
 
@@ -41,16 +43,16 @@ def own_mosquitto(folder: Path, accounts: Iterable[str]) -> Iterator[OwnBroker]:
     program = shutil.which("mosquitto", path=f"{os.environ['PATH']}:{_SERVERS}")
     if program is None:
         raise SkywayError("Mosquitto is not installed")
-    acl, drone_port, service_port = folder / "acl", _free_port(), _free_port()
-    acl.touch(mode=0o600)
-    acl.write_text(BrokerRules().mosquitto_acl())
+    drone_port, service_port = _free_port(), _free_port()
+    passwords, rules = _passwords(folder, accounts), BrokerRules()
+    write_private(client_files(passwords).acl_file, rules.client_acl())
+    write_private(service_files(passwords).acl_file, rules.service_acl())
     file = folder / "mosquitto.conf"
     file.write_text(
         mosquitto_conf(
             port=drone_port,
             service_port=service_port,
-            password_file=_passwords(folder, accounts),
-            acl_file=acl,
+            password_file=passwords,
             pid_file=folder / "mosquitto.pid",
             user=getpass.getuser(),
         )
@@ -83,9 +85,9 @@ def own_embedded(folder: Path, accounts: Iterable[str]) -> Iterator[OwnBroker]:
 
 def _passwords(folder: Path, accounts: Iterable[str]) -> Path:
     """The accounts of these and of all services; one hash for all, since hashing takes long."""
-    file = folder / "passwords"
-    names = [*sorted(SERVICE_ACCOUNTS), *accounts]
-    write_password_file(file, dict.fromkeys(names, hash_password(PASSWORD)))
+    file, hashed = folder / "passwords", hash_password(PASSWORD)
+    write_password_file(file, dict.fromkeys(accounts, hashed))
+    write_password_file(service_files(file).password_file, dict.fromkeys(SERVICE_ACCOUNTS, hashed))
     return file
 
 

@@ -1,6 +1,7 @@
 #!/bin/sh
 # Runs Mosquitto in a container, and has it read its accounts again whenever the registry writes them.
 set -eu
+# The registry writes this file last, after those of the services and of the operators' rights.
 passwords="$SKYWAY_BROKER_FOLDER/passwords"
 
 mosquitto -c "$SKYWAY_BROKER_FOLDER/mosquitto.conf" &

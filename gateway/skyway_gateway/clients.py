@@ -5,6 +5,7 @@ from typing import Annotated, Final, Protocol
 
 from pydantic import Field
 
+from skyway.contracts.broker_rules import AccountRole
 from skyway.contracts.candidate import CandidateQuery, PayloadLimit, PayloadLimitQuery
 from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery, DroneQuota
 from skyway.contracts.mission import (
@@ -83,8 +84,15 @@ class _BrokerPassword(WireModel):
     password: Annotated[str, Field(repr=False)]
 
 
+#: Where the registry keeps the broker accounts of each role.
+_ACCOUNTS: Final[dict[AccountRole, str]] = {
+    "customer": "broker-accounts",
+    "operator": "operator-accounts",
+}
+
+
 class RestRegistry:
-    """The registry over REST, which also keeps the broker accounts of customers."""
+    """The registry over REST, which also keeps the broker accounts of people."""
 
     def __init__(self, client: ServiceClient) -> None:
         self._client = client
@@ -116,10 +124,10 @@ class RestRegistry:
             raise
         return True
 
-    async def open_account(self, user_name: SubjectId, *, password: str) -> None:
+    async def open_account(self, role: AccountRole, name: SubjectId, *, password: str) -> None:
         """Open a broker account, or give it another password."""
         body = _BrokerPassword(password=password)
-        await self._client.call("PUT", f"/internal/broker-accounts/{user_name}", body=body)
+        await self._client.call("PUT", f"/internal/{_ACCOUNTS[role]}/{name}", body=body)
 
     async def drone_of(self, key_hash: str) -> DroneId | None:
         """The drone with this key; None when the key is unknown or no longer valid."""
@@ -129,9 +137,9 @@ class RestRegistry:
         )
         return answer.drone_id
 
-    async def close_account(self, user_name: SubjectId) -> None:
+    async def close_account(self, role: AccountRole, name: SubjectId) -> None:
         """Close a broker account; an account that does not exist is closed already."""
-        await self._client.call("DELETE", f"/internal/broker-accounts/{user_name}")
+        await self._client.call("DELETE", f"/internal/{_ACCOUNTS[role]}/{name}")
 
 
 class RestComposition:

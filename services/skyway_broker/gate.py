@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from skyway.broker_setup.account_files import service_files
 from skyway.broker_setup.passwords import hash_password, matches, read_password_file
 
 log = logging.getLogger(__name__)
@@ -24,44 +25,56 @@ _FORGOTTEN_AFTER_S: Final = 600.0
 _MOST_REMEMBERED: Final = 20_000
 
 
-class Gate:
-    """The accounts of a password file; without a file there are no accounts."""
+class _AccountFile:
+    """The accounts of one password file; none before the file exists."""
 
-    def __init__(self, password_file: Path) -> None:
-        self._file = password_file
+    def __init__(self, path: Path) -> None:
+        self._path = path
         self._seen: tuple[int, int, int] | None = None
-        self._accounts: dict[str, str] = {}
-        #: Compared when there is no such account: so the answer takes as long as for any other.
-        self._unknown = hash_password("")
+        self.accounts: dict[str, str] = {}
 
     def refresh(self) -> bool:
-        """Read the file if it was replaced; True when it was read.
-
-        A file that is missing for a moment changes nothing: the accounts stay.
-        """
+        """Read the file if it was replaced; True when it was read."""
         try:
-            status = self._file.stat()
+            status = self._path.stat()
             seen = (status.st_ino, status.st_mtime_ns, status.st_size)
             if seen == self._seen:
                 return False
-            self._accounts = read_password_file(self._file)
+            self.accounts = read_password_file(self._path)
         except OSError as error:
             if self._seen is not None:
                 log.warning("password file unreadable", extra={"reason": str(error)})
             return False
         self._seen = seen
-        log.info("accounts read", extra={"accounts": len(self._accounts)})
+        log.info("accounts read", extra={"accounts": len(self.accounts)})
         return True
+
+
+class Gate:
+    """The accounts of a password file, and of the services' file beside it."""
+
+    def __init__(self, password_file: Path) -> None:
+        self._clients = _AccountFile(password_file)
+        self._services = _AccountFile(service_files(password_file).password_file)
+        #: Compared when there is no such account: so the answer takes as long as for any other.
+        self._unknown = hash_password("")
+
+    def refresh(self) -> bool:
+        """Read the files that were replaced; True when one was read.
+
+        A file that is missing for a moment changes nothing: the accounts stay.
+        """
+        return any([self._clients.refresh(), self._services.refresh()])
 
     def admits(self, user_name: str | None, password: str | None) -> bool:
         """Whether this account exists and has this password; an unknown name takes as long."""
-        hashed = self._accounts.get(user_name or "")
+        hashed = self.hash_of(user_name or "")
         is_right = matches(password or "", self._unknown if hashed is None else hashed)
         return is_right and hashed is not None and password is not None
 
     def hash_of(self, user_name: str) -> str | None:
         """The hash of an account's password; another hash means another password."""
-        return self._accounts.get(user_name)
+        return self._services.accounts.get(user_name) or self._clients.accounts.get(user_name)
 
 
 class TooManyAttempts(Exception):

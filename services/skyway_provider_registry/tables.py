@@ -193,7 +193,7 @@ broker_accounts = Table(
     Column("password_hash", Text, nullable=False),
     # When the account was blocked; it is open again once the drone enrols again.
     Column("revoked_wall_ms", BigInteger),
-    CheckConstraint("kind IN ('DRONE', 'CUSTOMER')", name="broker_account_kind"),
+    CheckConstraint("kind IN ('DRONE', 'CUSTOMER', 'OPERATOR')", name="broker_account_kind"),
 )
 
 #: The newest enrolment token of each drone, as SHA-256.

@@ -19,6 +19,7 @@ from rich.console import Console
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_folder
 from skyway.cli.gateway import read_keys
 from skyway.cli.system.children import PACKAGES, named_broker
+from skyway.contracts.broker_rules import DEPLOYMENT_OPERATOR
 from skyway.errors import SkywayError
 from skyway.runtime.mqtt.address import BrokerAddress
 from skyway.runtime.mqtt.connection import Login, MqttConnection
@@ -130,7 +131,8 @@ def _broker(folder: DataFolder, *, is_running: bool) -> Finding:
     if named is None and not is_running:
         return Finding("broker", f"{_EMBEDDED_BROKER}: skyway up starts it")
     settings = read_keys(folder)
-    url = named or settings.get("SKYWAY_MQTT_URL", "")
+    # Where services have a listener of their own, operators cannot log in there.
+    url = os.environ.get("SKYWAY_MQTT_DRONE_URL") or named or settings.get("SKYWAY_MQTT_URL", "")
     what = f"the broker at {url}" if named else f"{_EMBEDDED_BROKER} at {url}"
     password = settings.get("SKYWAY_MQTT_OPERATOR_PASSWORD", "")
     try:
@@ -148,7 +150,7 @@ def _broker(folder: DataFolder, *, is_running: bool) -> Finding:
 
 async def _log_in(url: str, password: str) -> None:
     """Connect to the broker as the operator, and leave it again."""
-    login = Login(f"doctor-{secrets.token_hex(8)}", "operator", password, keepalive_s=10)
+    login = Login(f"doctor-{secrets.token_hex(8)}", DEPLOYMENT_OPERATOR, password, keepalive_s=10)
     link = MqttConnection(login, will=None, on_message=lambda _name, _payload, _retained: None)
     try:
         async with asyncio.timeout(_ANSWERS_WITHIN_S):

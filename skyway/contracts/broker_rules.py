@@ -9,9 +9,16 @@ from skyway.contracts.topics import TOPICS, BrokerRole, Topic
 
 Access = Literal["read", "write"]
 
-#: The accounts that are known by name; every other account is a drone's or a customer's own.
-#: A drone's user name has a slash, and no other name has one: so no name is both.
-SERVICE_ACCOUNTS: Final = frozenset(get_args(BrokerRole)) - {"drone", "customer"}
+#: The accounts that are known by name; every other account is somebody's own.
+SERVICE_ACCOUNTS: Final = frozenset(get_args(BrokerRole)) - {"drone", "customer", "operator"}
+
+#: People whose broker accounts are opened and closed with their API keys.
+AccountRole = Literal["customer", "operator"]
+ACCOUNT_ROLES: Final[tuple[AccountRole, ...]] = get_args(AccountRole)
+
+#: How the user names of operators begin. Names of drones begin with their provider's id, which the
+#: registry makes, and names of customers have no slash: so no name is two of them.
+_OPERATORS: Final = "operator/"
 
 #: What stands for the account's own name in a rule, as Mosquitto writes it.
 _OWN_NAME: Final = "%u"
@@ -25,6 +32,9 @@ USER_NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,64}(/[A-Za-z0-9_-]{1,64})?")
 #: Decisions remembered: about every (account, topic) of a fleet of 5,000.
 _REMEMBERED: Final = 65_536
 
+#: The first line of the files for Mosquitto.
+_GENERATED: Final = "# Generated from skyway.contracts.topics; do not edit."
+
 Rule = tuple[Access, str]
 
 
@@ -36,18 +46,34 @@ def drone_account(provider_id: str, drone_id: str) -> str:
     return f"{provider_id}/{drone_id}"
 
 
+def operator_account(name: str) -> str:
+    """The user name of an operator at the broker."""
+    return _OPERATORS + name
+
+
+def is_operator(user_name: str) -> bool:
+    """Whether this is the user name of an operator."""
+    return user_name.startswith(_OPERATORS)
+
+
+#: The operator's account of the deployment itself, with which `skyway doctor` looks at the broker.
+DEPLOYMENT_OPERATOR: Final = operator_account("deployment")
+
+
 class BrokerRules:
     """The rights of every account, for the embedded broker and, as text, for Mosquitto.
 
     A service account has what its name has in the topics' lines. A drone has the own name in the
     place of `{p}/{d}`, a customer in the place of `{c}`. Everyone reads what both may read about
-    the world. A service account does not count as a customer of its name.
+    the world. A service account does not count as a customer of its name. An operator reads what
+    the topics' lines say, and writes nothing.
     """
 
     def __init__(self, topics: Iterable[Topic[Any]] = TOPICS) -> None:
         topics = tuple(topics)
         self._drones = tuple(_rules_of("drone", topics))
         self._customers = tuple(_rules_of("customer", topics))
+        self._operators = tuple(_rules_of("operator", topics))
         self._services = {name: tuple(_rules_of(name, topics)) for name in sorted(SERVICE_ACCOUNTS)}
         self._own_branches = tuple(dict.fromkeys(_own_branches(topics)))
         self._may = lru_cache(_REMEMBERED)(self._decide)
@@ -70,30 +96,48 @@ class BrokerRules:
             if access == "read"
         )
 
-    def mosquitto_acl(self) -> str:
-        """The same rights as an ACL file of Mosquitto."""
-        lines = ["# Generated from skyway.contracts.topics; do not edit."]
+    def client_acl(self, operators: Iterable[str] = ()) -> str:
+        """The rights of drones, customers and operators as an ACL file of Mosquitto.
+
+        Parameters
+        ----------
+        operators
+            The user names of all operators: Mosquitto knows roles by names only.
+        """
         everyone = dict.fromkeys(self._drones + self._customers)
-        lines += [f"pattern {access} {allowed}" for access, allowed in everyone]
+        lines = [_GENERATED, *(f"pattern {access} {allowed}" for access, allowed in everyone)]
         # A name without a slash is no drone's: its patterns of drones have a level too few.
         lines += [
             f"pattern deny {allowed.replace(_OWN_NAME, '+')}"
             for _, allowed in self._drones
             if _OWN_NAME in allowed
         ]
-        for name, rules in self._services.items():
-            lines += ["", f"user {name}"]
-            lines += [
-                f"topic deny {branch.replace(_OWN_NAME, name)}" for branch in self._own_branches
-            ]
-            lines += [f"topic {access} {allowed}" for access, allowed in rules]
+        for name in sorted(operators):
+            lines += self._section(name)
+            lines += [f"topic {access} {topic}" for access, topic in self._operators]
         return "\n".join(lines) + "\n"
+
+    def service_acl(self) -> str:
+        """The rights of services as an ACL file of Mosquitto, for a listener of their own."""
+        lines = [_GENERATED]
+        for name, rules in self._services.items():
+            allowed = dict.fromkeys(rules + self._customers)
+            lines += self._section(name)
+            lines += [
+                f"topic {access} {topic}" for access, topic in allowed if _OWN_NAME not in topic
+            ]
+        return "\n".join(lines) + "\n"
+
+    def _section(self, user_name: str) -> list[str]:
+        """How the rights of one name begin: it is no drone and no customer of this name."""
+        denied = (branch.replace(_OWN_NAME, user_name) for branch in self._own_branches)
+        return ["", f"user {user_name}", *(f"topic deny {branch}" for branch in denied)]
 
     def _decide(self, user_name: str, access: Access, topic: str) -> bool:
         # A name like "+" would match everybody's topics, and a topic with one is a filter.
         if not USER_NAME.fullmatch(user_name) or "+" in topic or "#" in topic:
             return False
-        if user_name in self._services and any(
+        if not self._has_own_branch(user_name) and any(
             _matches(branch, topic, user_name) for branch in self._own_branches
         ):
             return False
@@ -102,7 +146,12 @@ class BrokerRules:
             for given, allowed in self._given_to(user_name)
         )
 
+    def _has_own_branch(self, user_name: str) -> bool:
+        return user_name not in self._services and not is_operator(user_name)
+
     def _given_to(self, user_name: str) -> tuple[Rule, ...]:
+        if is_operator(user_name):
+            return self._operators
         own = self._drones if "/" in user_name else self._customers
         return self._services.get(user_name, ()) + own
 

@@ -5,6 +5,8 @@ from pathlib import Path
 
 from skyway_broker.limits import AccountLimits, Limits
 
+from skyway.broker_setup import mosquitto
+
 PAGE = (Path(__file__).parents[2] / "docs/reference/brokers.md").read_text()
 #: What a cell's unit is worth.
 UNITS = {"": 1, "KiB": 1 << 10, "MiB": 1 << 20}
@@ -43,6 +45,17 @@ def test_the_limits_of_an_account_are_on_the_page() -> None:
     limits = Limits()
     assert [numbers(row[1]) for row in shown] == [[value] for value in column(limits.client)]
     assert [numbers(row[2]) for row in shown] == [[value] for value in column(limits.service)]
+
+
+def test_the_limits_of_mosquitto_are_on_the_page() -> None:
+    expected = {
+        "`max_packet_size`": [mosquitto.PACKET_BYTES],
+        "`max_connections` of": [mosquitto.CLIENT_CONNECTIONS, mosquitto.SERVICE_CONNECTIONS],
+        "`max_inflight_messages`": [mosquitto.INFLIGHT_MESSAGES, mosquitto.INFLIGHT_BYTES],
+        "`max_queued_messages`": [mosquitto.QUEUED_MESSAGES, mosquitto.QUEUED_BYTES],
+    }
+
+    assert {name: numbers(rows(name)[0][1]) for name in expected} == expected
 
 
 def test_the_limits_of_the_broker_are_on_the_page() -> None:

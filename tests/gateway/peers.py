@@ -143,7 +143,7 @@ class Peers:
 
     def _acts(self) -> list[tuple[str, Act]]:
         registry, composition = self.registry, self.composition
-        account = "/internal/broker-accounts/(.*)"
+        account, operator = "/internal/broker-accounts/(.*)", "/internal/operator-accounts/(.*)"
         delivery = "/internal/deliveries/(.*)"
         return [
             (
@@ -169,6 +169,16 @@ class Peers:
                 lambda _, provider_id: registry.drone_quota(provider_id),
             ),
             (f"registry DELETE {account}", lambda _, name: registry.close_account(name)),
+            (
+                f"registry PUT {operator}",
+                lambda request, name: registry.open_account(
+                    f"operator/{name}", password=json.loads(request.content)["password"]
+                ),
+            ),
+            (
+                f"registry DELETE {operator}",
+                lambda _, name: registry.close_account(f"operator/{name}"),
+            ),
             (
                 "composition POST /internal/station-checks()",
                 lambda request, _: composition.check_stations(

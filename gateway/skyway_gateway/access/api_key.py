@@ -145,11 +145,11 @@ class ApiKey(JsonModel):
 
 
 class BrokerLogin(JsonModel):
-    """A broker account; each new key of a customer gives the same account a new password."""
+    """A broker account; each new key of its holder gives the same account a new password."""
 
     user_name: Annotated[str, Field(description="The user name at the broker.")]
     password: Annotated[
-        str, Field(description="The password; a later key of the same customer replaces it.")
+        str, Field(description="The password; a later key of the same holder replaces it.")
     ]
 
 
@@ -164,6 +164,6 @@ class IssuedKey(ApiKey):
         Field(
             description="The broker account; null for providers, after a rotation, for a "
             "customer's key without the scope `deliveries:read`, and for an operator's key with "
-            "scopes or an expiry."
+            "scopes."
         ),
     ]

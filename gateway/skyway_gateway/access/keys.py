@@ -6,6 +6,12 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Final, Protocol
 
+from skyway.contracts.broker_rules import (
+    ACCOUNT_ROLES,
+    DEPLOYMENT_OPERATOR,
+    AccountRole,
+    operator_account,
+)
 from skyway.errors import InvalidInput
 from skyway.ids import KeyId, ProviderId, SubjectId
 from skyway.runtime.clock import FleetClock
@@ -45,17 +51,17 @@ def _new_secret() -> str:
 
 
 class Accounts(Protocol):
-    """The registry, which knows providers, and opens and closes broker accounts of customers."""
+    """The registry, which knows providers, and opens and closes broker accounts of people."""
 
     async def has_provider(self, provider_id: ProviderId, *, caller: Caller) -> bool:
         """Whether this provider is registered."""
         ...
 
-    async def open_account(self, user_name: SubjectId, *, password: str) -> None:
+    async def open_account(self, role: AccountRole, name: SubjectId, *, password: str) -> None:
         """Open an account, or give it another password."""
         ...
 
-    async def close_account(self, user_name: SubjectId) -> None:
+    async def close_account(self, role: AccountRole, name: SubjectId) -> None:
         """Close an account; an account that does not exist is closed already."""
         ...
 
@@ -99,7 +105,7 @@ class Keys:
     async def issue(
         self, holder: KeyHolder, requested: NewKey, *, idempotency_key: str | None, body: bytes
     ) -> Answer:
-        """A new key, with a broker account for a customer; only this answer shows the secrets.
+        """A new key, with a broker account for people; only this answer shows the secrets.
 
         Raises
         ------
@@ -114,7 +120,7 @@ class Keys:
             The registry could not open the account: repeat the call.
         """
         requested.refuse_unless_within(holder)
-        if requested.role == "customer" and _is_reserved(requested.subject_id):
+        if _is_reserved(requested):
             detail = f"{requested.subject_id!r} is reserved for Skyway's own processes"
             raise InvalidInput("subject_id", detail)
         await self._must_be_registered(requested, holder.caller)
@@ -162,7 +168,7 @@ class Keys:
     async def add(self, tx: Tx, requested: NewKey) -> IssuedKey:
         """A new key, added in this transaction."""
         key, secret = self._key(requested), _new_secret()
-        is_open = requested.role != "customer"
+        is_open = requested.role not in ACCOUNT_ROLES
         await store.add(tx, key, key_hash=secret_hash(secret), is_account_open=is_open)
         return IssuedKey(**dict(key), key=secret, mqtt=self._login(requested))
 
@@ -222,7 +228,7 @@ class Keys:
         )
 
     async def delete(self, key_id: KeyId) -> None:
-        """Delete a key; a customer without keys loses the broker account, too."""
+        """Delete a key; a subject without keys loses the broker account, too."""
         async with self._db.write() as tx:
             await store.delete(tx, key_id, at=self._clock.wall_now())
             tx.after_commit(self._cached.forget)
@@ -240,13 +246,13 @@ class Keys:
         return False
 
     async def close_orphaned_accounts(self) -> bool:
-        """One step of the loop: close the broker accounts of customers without a key."""
+        """One step of the loop: close the broker accounts of people without a key."""
         async with self._db.read() as connection:
             orphaned = await store.orphaned_accounts(connection)
-        for subject_id in orphaned:
-            await self._accounts.close_account(subject_id)
+        for role, subject_id in orphaned:
+            await self._accounts.close_account(role, subject_id)
             async with self._db.write() as tx:
-                await store.account_is_closed(tx, subject_id)
+                await store.account_is_closed(tx, role, subject_id)
         return False
 
     async def _open_account(self, issued: IssuedKey) -> None:
@@ -256,22 +262,23 @@ class Keys:
         """
         async with self._db.read() as connection:
             is_open = await store.is_account_open(connection, issued.key_id)
-        if is_open or issued.mqtt is None:
+        if is_open or issued.mqtt is None or issued.role == "provider":
             return
-        await self._accounts.open_account(issued.subject_id, password=issued.mqtt.password)
+        password = issued.mqtt.password
+        await self._accounts.open_account(issued.role, issued.subject_id, password=password)
         async with self._db.write() as tx:
             await store.account_is_open(tx, issued.key_id)
 
     def _login(self, requested: NewKey) -> BrokerLogin | None:
-        scopes = requested.scopes
-        if requested.role == "operator" and scopes is None and requested.expires_at is None:
-            # All operators read with one account, whose password the deployment made. It does not
-            # end with the key, so a limited key does not show it.
-            password = read_secret(self._secrets_dir, "mqtt_operator")
-            return BrokerLogin(user_name="operator", password=password)
-        if requested.role == "customer" and (scopes is None or "deliveries:read" in scopes):
-            return BrokerLogin(user_name=requested.subject_id, password=secrets.token_urlsafe(24))
-        return None
+        scopes, name = requested.scopes, requested.subject_id
+        if requested.role == "operator" and scopes is None:
+            # The account reads everything, so a key with fewer scopes does not have one.
+            user_name = operator_account(name)
+        elif requested.role == "customer" and (scopes is None or "deliveries:read" in scopes):
+            user_name = name
+        else:
+            return None
+        return BrokerLogin(user_name=user_name, password=secrets.token_urlsafe(24))
 
     def _key(self, requested: NewKey) -> ApiKey:
         return ApiKey(
@@ -281,5 +288,12 @@ class Keys:
         )
 
 
-def _is_reserved(name: str) -> bool:
-    return name in _RESERVED_NAMES or name.startswith(_DRONE_PREFIX)
+def _is_reserved(requested: NewKey) -> bool:
+    name = requested.subject_id
+    match requested.role:
+        case "customer":
+            return name in _RESERVED_NAMES or name.startswith(_DRONE_PREFIX)
+        case "operator":
+            return operator_account(name) == DEPLOYMENT_OPERATOR
+        case "provider":
+            return False

@@ -22,6 +22,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.contracts.broker_rules import ACCOUNT_ROLES, AccountRole
 from skyway.ids import KeyId, SubjectId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller, KeyHolder
@@ -178,22 +179,26 @@ async def has_expired(connection: AsyncConnection, *, at: datetime) -> bool:
     return bool((await connection.execute(select(exists().where(is_over)))).scalar())
 
 
-async def orphaned_accounts(connection: AsyncConnection) -> Sequence[SubjectId]:
-    """Customers without a key that gives a broker account, whose account is still open."""
+async def orphaned_accounts(
+    connection: AsyncConnection,
+) -> Sequence[tuple[AccountRole, SubjectId]]:
+    """People without a key that gives a broker account, whose account is still open."""
     other = api_keys.alias("other")
+    reads_own_events = (other.c.role == "customer") & other.c.scopes.contains('"deliveries:read"')
     has_key = exists().where(
-        other.c.role == "customer",
+        other.c.role == api_keys.c.role,
         other.c.subject_id == api_keys.c.subject_id,
         other.c.deleted_wall_ms.is_(None),
-        or_(other.c.scopes.is_(None), other.c.scopes.contains('"deliveries:read"')),
+        or_(other.c.scopes.is_(None), reads_own_events),
     )
-    statement = select(api_keys.c.subject_id).distinct().where(_has_open_account(), ~has_key)
-    return list((await connection.execute(statement)).scalars())
+    columns = select(api_keys.c.role, api_keys.c.subject_id).distinct()
+    rows = await connection.execute(columns.where(_has_open_account(), ~has_key))
+    return [(row.role, row.subject_id) for row in rows]
 
 
-async def account_is_closed(tx: Tx, subject_id: SubjectId) -> None:
-    """Note that the registry has closed a customer's broker account."""
-    this = _has_open_account() & (api_keys.c.subject_id == subject_id)
+async def account_is_closed(tx: Tx, role: AccountRole, subject_id: SubjectId) -> None:
+    """Note that the registry has closed somebody's broker account."""
+    this = _has_open_account() & (api_keys.c.role == role) & (api_keys.c.subject_id == subject_id)
     await tx.execute(update(api_keys).where(this).values(is_account_open=False))
 
 
@@ -213,7 +218,7 @@ def _is_in_use(at: datetime) -> ColumnElement[bool]:
 
 def _has_open_account() -> ColumnElement[bool]:
     return and_(
-        api_keys.c.role == "customer",
+        api_keys.c.role.in_(ACCOUNT_ROLES),
         api_keys.c.is_account_open,
         api_keys.c.deleted_wall_ms.is_not(None),
     )

@@ -4,19 +4,20 @@ A drone has one valid key, and after a rotation also a next key. The next key an
 become valid when the drone first uses the next key. Until then the old ones work: the drone may not
 have the next ones, because the answer can be lost.
 
-Each drone has at most one enrolment token, the newest. Customers have broker accounts, too.
+Each drone has at most one enrolment token, the newest. Customers and operators have broker
+accounts, too.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Final
+from typing import Final, Literal
 
 from sqlalchemy import BindParameter, bindparam, delete, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.broker_rules import drone_account
-from skyway.ids import DroneId, SubjectId
+from skyway.ids import DroneId
 from skyway.runtime.errors import AccessDenied, Conflict
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
@@ -28,6 +29,9 @@ from skyway_provider_registry.tables import (
     drones,
     enrolment_tokens,
 )
+
+#: People with broker accounts.
+PersonKind = Literal["CUSTOMER", "OPERATOR"]
 
 _KEY_HASH: Final[BindParameter[str]] = bindparam("key_hash")
 
@@ -46,16 +50,16 @@ async def add_accounts(tx: Tx, hashes: Mapping[DroneId, str]) -> None:
     await tx.execute(broker_accounts.insert(), rows)
 
 
-async def put_customer(tx: Tx, user_name: SubjectId, *, password_hash: str) -> None:
-    """Open a customer's account, or give it another password."""
+async def put_person(tx: Tx, kind: PersonKind, user_name: str, *, password_hash: str) -> None:
+    """Open a customer's or an operator's account, or give it another password."""
     statement = tx.insert(broker_accounts).values(
-        user_name=user_name, kind="CUSTOMER", password_hash=password_hash
+        user_name=user_name, kind=kind, password_hash=password_hash
     )
     await tx.execute(
         statement.on_conflict_do_update(
             index_elements=["user_name"],
             set_={"password_hash": statement.excluded.password_hash},
-            where=broker_accounts.c.kind == "CUSTOMER",
+            where=broker_accounts.c.kind == kind,
         )
     )
 
@@ -80,9 +84,9 @@ async def remove_account(tx: Tx, drone_id: DroneId) -> None:
     await _remove_account(tx, "DRONE", drone_id)
 
 
-async def remove_customer(tx: Tx, user_name: SubjectId) -> None:
-    """Close a customer's account; nothing happens when there is none."""
-    await _remove_account(tx, "CUSTOMER", user_name)
+async def remove_person(tx: Tx, kind: PersonKind, user_name: str) -> None:
+    """Close a customer's or an operator's account; nothing happens when there is none."""
+    await _remove_account(tx, kind, user_name)
 
 
 async def every_hash(connection: AsyncConnection) -> dict[str, str]:
@@ -92,15 +96,15 @@ async def every_hash(connection: AsyncConnection) -> dict[str, str]:
         .join(drones, drones.c.drone_id == broker_accounts.c.user_name)
         .where(broker_accounts.c.revoked_wall_ms.is_(None), broker_accounts.c.kind == "DRONE")
     )
-    of_customers = select(broker_accounts.c.password_hash, broker_accounts.c.user_name).where(
-        broker_accounts.c.revoked_wall_ms.is_(None), broker_accounts.c.kind == "CUSTOMER"
+    of_people = select(broker_accounts.c.password_hash, broker_accounts.c.user_name).where(
+        broker_accounts.c.revoked_wall_ms.is_(None), broker_accounts.c.kind != "DRONE"
     )
     hashes = {
         drone_account(row.provider_id, row.drone_id): row.password_hash
         for row in await connection.execute(of_drones)
     }
-    customers = await connection.execute(of_customers)
-    return hashes | {row.user_name: row.password_hash for row in customers}
+    people = await connection.execute(of_people)
+    return hashes | {row.user_name: row.password_hash for row in people}
 
 
 async def _remove_account(tx: Tx, kind: str, user_name: str) -> None:

@@ -1,4 +1,4 @@
-"""The broker's password file: the accounts of the database and of our own processes."""
+"""The broker's files of accounts: those of the database and of our own processes."""
 
 import asyncio
 import logging
@@ -8,7 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from skyway.broker_setup.account_files import client_files, service_files
 from skyway.broker_setup.passwords import hash_password, write_password_file
+from skyway.broker_setup.private_file import write_private
+from skyway.contracts.broker_rules import DEPLOYMENT_OPERATOR, BrokerRules, is_operator
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.identity import read_secret
 from skyway.runtime.sql.database import Database
@@ -16,15 +19,18 @@ from skyway_provider_registry.enrolment import credential_store
 
 log = logging.getLogger(__name__)
 
-#: Users whose passwords are secrets of the deployment, in the files ``mqtt_<name>``.
-DEPLOYMENT_USERS: Final = ("gateway", "registry", "composition", "operator")
+#: Services whose passwords are secrets of the deployment, in the files ``mqtt_<name>``.
+_SERVICES: Final = ("gateway", "registry", "composition")
 
 #: Steps after a write until the broker is notified again: a whole interval lies between.
 _LOOKS_UNTIL_REMINDER: Final = 2
 
 
 class PasswordFile:
-    """Keeps the file equal to the accounts; only this service writes it.
+    """Keeps the broker's files equal to the accounts; only this service writes them.
+
+    The services' accounts are in a file of their own, beside that of all others: Mosquitto lets
+    services log in at their own listener only. A third file says what operators may read.
 
     Parameters
     ----------
@@ -40,7 +46,8 @@ class PasswordFile:
         self._db = db
         self._secrets_dir = secrets_dir
         self._broker_pid_file = broker_pid_file
-        self._deployment_hashes: Mapping[str, str] = {}
+        self._service_hashes: Mapping[str, str] = {}
+        self._operator_hash = ""
         self._writing = asyncio.Lock()
         self._requested = 1
         self._written = 0
@@ -79,24 +86,29 @@ class PasswordFile:
 
     async def _write(self) -> None:
         covers = self._requested
-        if not self._deployment_hashes:
-            self._deployment_hashes = self._hash_deployment_users()
+        if not self._service_hashes:
+            self._operator_hash = self._hash_of_secret("operator")
+            self._service_hashes = {name: self._hash_of_secret(name) for name in _SERVICES}
         async with self._db.read() as connection:
             accounts = await credential_store.every_hash(connection)
-        accounts.update(self._deployment_hashes)
+        accounts[DEPLOYMENT_OPERATOR] = self._operator_hash
         try:
-            await asyncio.to_thread(write_password_file, self._path, accounts)
+            await asyncio.to_thread(self._write_files, accounts)
         except OSError as error:
             raise ServiceUnavailable("broker accounts", f"not written: {error}") from error
         self._written = covers
         self._looks_until_reminder = _LOOKS_UNTIL_REMINDER
         self._notify_broker()
 
-    def _hash_deployment_users(self) -> dict[str, str]:
-        return {
-            name: hash_password(read_secret(self._secrets_dir, f"mqtt_{name}"))
-            for name in DEPLOYMENT_USERS
-        }
+    def _write_files(self, accounts: Mapping[str, str]) -> None:
+        operators = filter(is_operator, accounts)
+        acl = BrokerRules().client_acl(operators)
+        write_private(client_files(self._path).acl_file, acl)
+        write_password_file(service_files(self._path).password_file, self._service_hashes)
+        write_password_file(self._path, accounts)
+
+    def _hash_of_secret(self, name: str) -> str:
+        return hash_password(read_secret(self._secrets_dir, f"mqtt_{name}"))
 
     def _notify_broker(self) -> None:
         if self._broker_pid_file is None:

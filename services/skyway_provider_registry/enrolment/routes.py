@@ -1,11 +1,17 @@
-"""The gateway opens and closes customers' broker accounts, and looks up the keys of drones."""
+"""The gateway opens and closes people's broker accounts, and looks up the keys of drones."""
 
-from typing import Annotated
+from dataclasses import dataclass
+from typing import Annotated, Final
 
 from fastapi import Depends, Response
 from pydantic import Field
 
 from skyway.broker_setup.passwords import hash_password
+from skyway.contracts.broker_rules import (
+    DEPLOYMENT_OPERATOR,
+    SERVICE_ACCOUNTS,
+    operator_account,
+)
 from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery
 from skyway.errors import InvalidInput
 from skyway.ids import SubjectId
@@ -16,26 +22,52 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment import credential_store
-from skyway_provider_registry.enrolment.password_file import DEPLOYMENT_USERS, PasswordFile
+from skyway_provider_registry.enrolment.credential_store import PersonKind
+from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.renewal_store import RenewalMoment
 
+#: Names of Skyway's own processes, which a customer must not have.
+_RESERVED: Final = SERVICE_ACCOUNTS | {"operator"}
+
 #: Prefix of drone ids: a customer with such a name could act as a drone.
-_DRONE_PREFIX = "drn_"
+_DRONE_PREFIX: Final = "drn_"
 
 
 class BrokerPassword(WireModel):
-    """The password of a customer's broker account."""
+    """The password of a customer's or an operator's broker account."""
 
     password: Annotated[
         str, Field(min_length=16, max_length=200, description="16 to 200 characters")
     ]
 
 
+@dataclass(frozen=True, slots=True)
+class _People:
+    """Opens and closes the accounts of people, in the database and in the broker's files."""
+
+    db: Database
+    password_file: PasswordFile
+
+    async def open(self, kind: PersonKind, user_name: str, password: BrokerPassword) -> Response:
+        hashed = hash_password(password.password)
+        async with self.db.write() as tx:
+            await credential_store.put_person(tx, kind, user_name, password_hash=hashed)
+        await self.password_file.refresh()
+        return Response(status_code=204)
+
+    async def close(self, kind: PersonKind, user_name: str) -> Response:
+        async with self.db.write() as tx:
+            await credential_store.remove_person(tx, kind, user_name)
+        await self.password_file.refresh()
+        return Response(status_code=204)
+
+
 def enrolment_routes(
     *, db: Database, gate: ServiceGate, password_file: PasswordFile
 ) -> ServiceRouter:
-    """PUT and DELETE /internal/broker-accounts/{user_name}."""
+    """PUT and DELETE of /internal/broker-accounts/... and /internal/operator-accounts/..."""
     router = ServiceRouter(tags=("internal",))
+    people = _People(db, password_file)
 
     @router.put("/internal/broker-accounts/{user_name}", status_code=204)
     async def put_broker_account(
@@ -46,12 +78,7 @@ def enrolment_routes(
         """Open a customer's broker account, or give it another password."""
         caller.must_be_service("gateway")
         _refuse_reserved(user_name)
-        async with db.write() as tx:
-            await credential_store.put_customer(
-                tx, user_name, password_hash=hash_password(requested.password)
-            )
-        await password_file.refresh()
-        return Response(status_code=204)
+        return await people.open("CUSTOMER", user_name, requested)
 
     @router.delete("/internal/broker-accounts/{user_name}", status_code=204)
     async def delete_broker_account(
@@ -60,17 +87,39 @@ def enrolment_routes(
         """Close a customer's broker account."""
         caller.must_be_service("gateway")
         _refuse_reserved(user_name)
-        async with db.write() as tx:
-            await credential_store.remove_customer(tx, user_name)
-        await password_file.refresh()
-        return Response(status_code=204)
+        return await people.close("CUSTOMER", user_name)
+
+    @router.put("/internal/operator-accounts/{name}", status_code=204)
+    async def put_operator_account(
+        name: SubjectId,
+        caller: Annotated[Caller, Depends(gate)],
+        requested: Annotated[BrokerPassword, Depends(internal_body(BrokerPassword))],
+    ) -> Response:
+        """Open an operator's broker account, or give it another password."""
+        caller.must_be_service("gateway")
+        return await people.open("OPERATOR", _operator(name), requested)
+
+    @router.delete("/internal/operator-accounts/{name}", status_code=204)
+    async def delete_operator_account(
+        name: SubjectId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Response:
+        """Close an operator's broker account."""
+        caller.must_be_service("gateway")
+        return await people.close("OPERATOR", _operator(name))
 
     return router
 
 
 def _refuse_reserved(user_name: SubjectId) -> None:
-    if user_name in DEPLOYMENT_USERS or user_name.startswith(_DRONE_PREFIX):
+    if user_name in _RESERVED or user_name.startswith(_DRONE_PREFIX):
         raise InvalidInput("user_name", f"{user_name!r} is reserved for Skyway's own processes")
+
+
+def _operator(name: SubjectId) -> str:
+    user_name = operator_account(name)
+    if user_name == DEPLOYMENT_OPERATOR:
+        raise InvalidInput("name", f"{name!r} is reserved for the deployment's own account")
+    return user_name
 
 
 def drone_key_routes(

@@ -27,6 +27,7 @@ from skyway.cli.demo.world import (
 from skyway.cli.gateway import GatewayApi
 from skyway.cli.system.running_system import System
 from skyway.cli.system.secrets import read_secret
+from skyway.contracts.broker_rules import DEPLOYMENT_OPERATOR
 from skyway.contracts.drone_report import DroneEvent, DroneState, Telemetry
 from skyway.contracts.topics import EVENTS, STATE, TELEMETRY
 from skyway.errors import SkywayError
@@ -173,8 +174,8 @@ async def _watching(system: System) -> AsyncIterator[_Observed]:
     """Observe all drones with the operator's MQTT account while the block runs."""
     mqtt = MqttClient(
         system.mqtt_url,
-        client_id="operator",
-        user_name="operator",
+        client_id=DEPLOYMENT_OPERATOR,
+        user_name=DEPLOYMENT_OPERATOR,
         password=read_secret(system.folder, "mqtt_operator"),
     )
     watch = _Observed()

@@ -5,6 +5,7 @@ import os
 from collections.abc import Sequence
 from urllib.parse import urlsplit
 
+from skyway.broker_setup.account_files import client_files, service_files
 from skyway.broker_setup.mosquitto import TlsFiles, mosquitto_conf
 from skyway.broker_setup.private_file import write_private
 from skyway.cli.data_folder import DataFolder
@@ -21,15 +22,18 @@ def write_mosquitto_files(folder: DataFolder, *, host: str = "127.0.0.1") -> Non
     The settings `SKYWAY_MQTT_DRONE_URL`, `SKYWAY_MQTT_URL` (for services) and `SKYWAY_MQTT_TLS_URL`
     (where the deployment has an authority for drones) name the ports.
     """
-    acl_file = folder.broker / "acl"
-    acl_file.write_text(BrokerRules().mosquitto_acl())
-    acl_file.chmod(0o600)
-    folder.broker_passwords.touch(mode=0o600)
+    passwords = folder.broker_passwords.resolve()
+    clients, services, rules = client_files(passwords), service_files(passwords), BrokerRules()
+    write_private(services.acl_file, rules.service_acl())
+    # The registry writes these files, with the operators and all accounts.
+    if not clients.acl_file.exists():
+        write_private(clients.acl_file, rules.client_acl())
+    clients.password_file.touch(mode=0o600)
+    services.password_file.touch(mode=0o600)
     configuration = mosquitto_conf(
         port=_port("SKYWAY_MQTT_DRONE_URL", _DRONE_PORT),
         service_port=_port("SKYWAY_MQTT_URL", _SERVICE_PORT),
-        password_file=folder.broker_passwords.resolve(),
-        acl_file=acl_file.resolve(),
+        password_file=passwords,
         pid_file=folder.broker_pid.resolve(),
         user=getpass.getuser(),
         host=host,

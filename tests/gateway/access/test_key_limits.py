@@ -215,12 +215,21 @@ async def test_a_limited_key_gives_no_broker_account_that_reads_more(gateway: Ga
         "subject_id": "olga",
         "scopes": ["deliveries:read"],
     }
-    guest: dict[str, Any] = {"role": "operator", "subject_id": "olga", "expires_at": ahead(days=1)}
 
     assert writer["mqtt"] is None
     assert gateway.registry.accounts == {}
     assert (await make_key(gateway, **watcher))["mqtt"] is None
-    assert (await make_key(gateway, **guest))["mqtt"] is None
+
+
+async def test_an_operators_account_ends_with_its_key(gateway: Gateway) -> None:
+    guest: dict[str, Any] = {"role": "operator", "subject_id": "olga", "expires_at": ahead(days=1)}
+    issued = await make_key(gateway, **guest)
+    assert gateway.registry.accounts == {"operator/olga": issued["mqtt"]["password"]}
+
+    await gateway.http.delete(f"/v1/keys/{issued['key_id']}", headers=gateway.operator)
+    await gateway.parts.keys.close_orphaned_accounts()
+
+    assert gateway.registry.accounts == {}
 
 
 async def test_an_account_ends_with_the_last_key_that_may_read(gateway: Gateway) -> None:

@@ -35,12 +35,27 @@ async def test_a_customers_key_comes_with_a_broker_account(gateway: Gateway) -> 
     assert listed.status_code == 200
 
 
-async def test_operators_share_an_account_and_providers_have_none(gateway: Gateway) -> None:
-    operator = (await _issue(gateway, "operator", "olga")).json()
-    assert operator["mqtt"]["user_name"] == "operator"
-    assert operator["mqtt"]["password"] == "mqtt_operator-0123456789abcdef"
+async def test_each_operator_has_an_account_and_providers_have_none(gateway: Gateway) -> None:
+    logins = [(await _issue(gateway, "operator", name)).json()["mqtt"] for name in ("olga", "otto")]
+    assert [login["user_name"] for login in logins] == ["operator/olga", "operator/otto"]
     assert (await _issue(gateway, "provider", "prv_1")).json()["mqtt"] is None
-    assert gateway.registry.accounts == {}
+    assert gateway.registry.accounts == {each["user_name"]: each["password"] for each in logins}
+
+
+async def test_a_customer_and_an_operator_of_one_name_have_an_account_each(
+    gateway: Gateway,
+) -> None:
+    issued = (await _issue(gateway, "operator", "carol")).json()
+    await _issue(gateway, "customer", "carol")
+    await gateway.http.delete(f"/v1/keys/{issued['key_id']}", headers=gateway.operator)
+
+    await gateway.parts.keys.close_orphaned_accounts()
+
+    assert list(gateway.registry.accounts) == ["carol"]
+
+
+async def test_no_operator_gets_the_name_of_the_deployments_own_account(gateway: Gateway) -> None:
+    assert (await _issue(gateway, "operator", "deployment")).status_code == 422
 
 
 async def test_a_provider_must_be_registered_before_it_gets_a_key(

@@ -17,18 +17,27 @@ from skyway_broker.gate import Gate
 from skyway_broker.hardened import HardenedBroker
 from skyway_broker.limits import Limits
 
+from skyway.broker_setup.account_files import client_files, service_files
 from skyway.broker_setup.mosquitto import mosquitto_conf
 from skyway.broker_setup.passwords import hash_password, write_password_file
-from skyway.contracts.broker_rules import BrokerRules
+from skyway.contracts.broker_rules import BrokerRules, is_operator
 from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
 from skyway.contracts.drone_report import Ack, Connection
 from skyway.contracts.instruction import ReportInstruction
 from skyway.contracts.world import ClockAnchor, StationState
 from skyway.runtime.mqtt.client import MqttClient, Received
 
-SERVICES = ("operator", "gateway", "registry", "composition")
+SERVICES = ("gateway", "registry", "composition")
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
-CLIENTS = ("p/drone-1", "p/drone-2", "customer-1", "customer-2", "drone-1", "station-1")
+CLIENTS = (
+    "operator/olga",
+    "p/drone-1",
+    "p/drone-2",
+    "customer-1",
+    "customer-2",
+    "drone-1",
+    "station-1",
+)
 
 
 class RunningBroker(Protocol):
@@ -63,7 +72,7 @@ class EmbeddedBroker:
             self._broker = None
 
     async def set_accounts(self, names: tuple[str, ...]) -> None:
-        write_password_file(self._passwords, {name: hash_password(name) for name in names})
+        write_accounts(self._passwords, {name: hash_password(name) for name in names})
 
 
 class Mosquitto:
@@ -74,14 +83,11 @@ class Mosquitto:
         self._passwords = folder / "passwords"
         self._hashes: dict[str, str] = {}
         self._process: asyncio.subprocess.Process | None = None
-        acl = folder / "acl"
-        acl.write_text(BrokerRules().mosquitto_acl())
         (folder / "mosquitto.conf").write_text(
             mosquitto_conf(
                 port=self.port,
                 service_port=self.service_port,
                 password_file=self._passwords,
-                acl_file=acl,
                 pid_file=folder / "pid",
                 user=getpass.getuser(),
             )
@@ -95,6 +101,14 @@ class Mosquitto:
             stderr=asyncio.subprocess.DEVNULL,
         )
 
+    @property
+    def memory_bytes(self) -> int:
+        """What the process holds of the machine's memory."""
+        assert self._process is not None
+        status = Path(f"/proc/{self._process.pid}/status").read_text().splitlines()
+        [held] = [line for line in status if line.startswith("VmRSS:")]
+        return int(held.split()[1]) * 1024
+
     async def stop(self) -> None:
         if self._process is not None:
             self._process.terminate()
@@ -104,9 +118,21 @@ class Mosquitto:
     async def set_accounts(self, names: tuple[str, ...]) -> None:
         # A new hash of an existing account is a new password, which disconnects its client.
         self._hashes = {name: self._hashes.get(name) or hash_password(name) for name in names}
-        write_password_file(self._passwords, self._hashes)
+        write_accounts(self._passwords, self._hashes)
         if self._process is not None:
             self._process.send_signal(signal.SIGHUP)
+
+
+def write_accounts(passwords: Path, hashes: dict[str, str]) -> None:
+    """The files of all accounts, as the registry writes them."""
+    clients, services, rules = client_files(passwords), service_files(passwords), BrokerRules()
+    clients.acl_file.write_text(rules.client_acl(filter(is_operator, hashes)))
+    services.acl_file.write_text(rules.service_acl())
+    for file, belongs in ((services.password_file, True), (clients.password_file, False)):
+        write_password_file(
+            file,
+            {name: each for name, each in hashes.items() if (name in SERVICES) == belongs},
+        )
 
 
 class BrokerProxy:
@@ -118,6 +144,8 @@ class BrokerProxy:
         self._writers: list[asyncio.StreamWriter] = []
         self._pumps: list[asyncio.Task[None]] = []
         self._is_silent = False
+        self._may_pass = asyncio.Event()
+        self._may_pass.set()
         self.port = 0
 
     async def __aenter__(self) -> "BrokerProxy":
@@ -140,6 +168,14 @@ class BrokerProxy:
     def go_silent(self) -> None:
         self._is_silent = True
 
+    def pause(self) -> None:
+        """Pass nothing on from now on, and lose nothing."""
+        self._may_pass.clear()
+
+    def resume(self) -> None:
+        """Pass on again, also what has waited."""
+        self._may_pass.set()
+
     async def _forward_connection(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
@@ -153,6 +189,7 @@ class BrokerProxy:
     async def _pump(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with contextlib.suppress(OSError):
             while data := await reader.read(65536):
+                await self._may_pass.wait()
                 if not self._is_silent:
                     writer.write(data)
         # A silent proxy forwards nothing, not even the end of a connection.
@@ -301,16 +338,29 @@ async def limited(
         await broker.stop()
 
 
+def mosquitto_program() -> str:
+    program = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
+    if program is None:
+        pytest.skip("mosquitto is not installed")
+    return program
+
+
+@pytest.fixture
+async def mosquitto(tmp_path: Path) -> AsyncIterator[Mosquitto]:
+    running = Mosquitto(tmp_path, mosquitto_program())
+    await running.set_accounts((*SERVICES, *CLIENTS))
+    await running.start()
+    yield running
+    await running.stop()
+
+
 @pytest.fixture(params=["embedded", pytest.param("mosquitto", marks=pytest.mark.integration)])
 async def broker(request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[RunningBroker]:
     running: RunningBroker
     if request.param == "embedded":
         running = EmbeddedBroker(tmp_path)
     else:
-        program = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
-        if program is None:
-            pytest.skip("mosquitto is not installed")
-        running = Mosquitto(tmp_path, program)
+        running = Mosquitto(tmp_path, mosquitto_program())
     await running.set_accounts((*SERVICES, *CLIENTS))
     await running.start()
     yield running

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from skyway_drone_agent.enrolment.enrolled_drone import ClientCertificate, client_tls
 
+from skyway.broker_setup.account_files import client_files, service_files
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.mosquitto import TlsFiles, mosquitto_conf
 from skyway.broker_setup.passwords import hash_password, write_password_file
@@ -49,13 +50,15 @@ class TlsBroker:
 
     async def start(self, program: str) -> None:
         files = self._tls_files()
-        (self.folder / "acl").write_text(BrokerRules().mosquitto_acl())
-        write_password_file(self.folder / "passwords", self.hashes)
+        passwords = self.folder / "passwords"
+        client_files(passwords).acl_file.write_text(BrokerRules().client_acl())
+        service_files(passwords).acl_file.write_text(BrokerRules().service_acl())
+        service_files(passwords).password_file.touch(0o600)
+        write_password_file(passwords, self.hashes)
         configuration = mosquitto_conf(
             port=free_port(),
             service_port=free_port(),
-            password_file=self.folder / "passwords",
-            acl_file=self.folder / "acl",
+            password_file=passwords,
             pid_file=self.folder / "pid",
             user=getpass.getuser(),
             tls=files,

@@ -113,7 +113,7 @@ async def test_a_last_will_needs_the_write_right_of_its_client(embedded, connect
 
     [received] = await anext(arrived)
     assert received.ids == ("p", "drone-1")
-    late = await connect(embedded.port, "operator")
+    late = await connect(embedded.port, "operator/olga")
     [retained] = await anext(late.batches(CONNECTION))
     assert retained.ids == ("p", "drone-1")
     drone.link.close()

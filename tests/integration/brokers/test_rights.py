@@ -67,7 +67,7 @@ async def test_a_customer_reads_only_its_own_delivery_events(
 async def test_the_operator_reads_everything_and_writes_nothing(
     broker, connect, make, receive, all_connected
 ):
-    operator = await connect(broker.service_port, "operator")
+    operator = await connect(broker.port, "operator/olga")
     composition = await connect(broker.service_port, "composition")
     gateway = await connect(broker.service_port, "gateway")
     drone = await connect(broker.port, "p/drone-1")
@@ -193,7 +193,7 @@ async def test_a_new_account_connects_and_a_removed_one_is_cut_off(
 async def test_nobody_writes_in_the_name_of_a_namesake(
     broker, connect, make, receive, all_connected, account, topic
 ):
-    operator = await connect(broker.service_port, "operator")
+    operator = await connect(broker.port, "operator/olga")
     namesake = await connect(broker.port, account)
     drone = await connect(broker.port, "p/drone-2")
     arrived = operator.batches(ACKS, STATE, STATION_STATE)

@@ -12,7 +12,6 @@ from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 
 from skyway.broker_setup.passwords import hash_password, matches, read_password_file
-from skyway.ids import SubjectId
 from skyway.runtime.errors import InvalidSettings, ServiceUnavailable
 from skyway.runtime.sql.database import Database
 
@@ -39,8 +38,8 @@ def broker() -> Iterator["subprocess.Popen[str]"]:
 
 async def put_customer(db: Database, name: str) -> None:
     async with db.write() as tx:
-        await credential_store.put_customer(
-            tx, SubjectId(name), password_hash=hash_password(f"password of {name}")
+        await credential_store.put_person(
+            tx, "CUSTOMER", name, password_hash=hash_password(f"password of {name}")
         )
 
 
@@ -49,9 +48,27 @@ async def test_our_own_processes_log_in_with_their_secrets(
 ) -> None:
     await password_file.refresh()
 
-    accounts = read_password_file(tmp_path / "passwords")
-    assert sorted(accounts) == ["composition", "gateway", "operator", "registry"]
+    accounts = read_password_file(tmp_path / "service_passwords")
+    assert sorted(accounts) == ["composition", "gateway", "registry"]
     assert all(matches(f"mqtt password of {name}", accounts[name]) for name in accounts)
+    others = read_password_file(tmp_path / "passwords")
+    assert sorted(others) == ["operator/deployment"]
+    assert matches("mqtt password of operator", others["operator/deployment"])
+
+
+async def test_the_access_rules_name_all_operators(
+    db: Database, password_file: PasswordFile, tmp_path: Path
+) -> None:
+    async with db.write() as tx:
+        await credential_store.put_person(
+            tx, "OPERATOR", "operator/olga", password_hash=hash_password("of olga")
+        )
+
+    await password_file.refresh()
+
+    rules = (tmp_path / "client_acl").read_text().splitlines()
+    users = [line for line in rules if line.startswith("user ")]
+    assert users == ["user operator/deployment", "user operator/olga"]
 
 
 async def test_only_this_user_can_read_the_file(
@@ -98,7 +115,7 @@ async def test_a_file_that_cannot_be_written_is_written_later(
     path.parent.mkdir()
     await password_file.step()
 
-    assert "gateway" in read_password_file(path)
+    assert "operator/deployment" in read_password_file(path)
 
 
 async def test_nothing_is_written_when_nothing_has_changed(

@@ -31,6 +31,27 @@ async def test_a_removed_customer_cannot_log_in(api: Any, tmp_path: Path) -> Non
     assert "newcomer" not in read_password_file(tmp_path / "passwords")
 
 
+async def test_an_operator_logs_in_until_the_account_is_closed(api: Any, tmp_path: Path) -> None:
+    path = "/internal/operator-accounts/olga"
+    await api(None, "PUT", path, {"password": PASSWORD})
+    opened = read_password_file(tmp_path / "passwords")
+
+    closed = await api(None, "DELETE", path)
+
+    assert matches(PASSWORD, opened["operator/olga"])
+    assert closed.status_code == 204
+    assert "operator/olga" not in read_password_file(tmp_path / "passwords")
+
+
+async def test_the_deployments_own_operator_cannot_be_changed(api: Any) -> None:
+    path = "/internal/operator-accounts/deployment"
+
+    put = await api(None, "PUT", path, {"password": PASSWORD})
+    delete = await api(None, "DELETE", path)
+
+    assert (put.status_code, delete.status_code) == (422, 422)
+
+
 async def test_accounts_of_our_own_processes_cannot_be_changed(
     api: Any, subtests: pytest.Subtests
 ) -> None:

@@ -1,0 +1,28 @@
+"""The files of a broker's accounts and access rules, which lie in one folder."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class AccountFiles:
+    """The accounts that may log in at a listener, and their access rules."""
+
+    password_file: Path
+    acl_file: Path
+
+
+def client_files(password_file: Path) -> AccountFiles:
+    """The files of drones, customers and operators; the registry writes both."""
+    return AccountFiles(password_file, password_file.with_name("client_acl"))
+
+
+def service_files(password_file: Path) -> AccountFiles:
+    """The files of services, beside the password file of all others.
+
+    Services have a listener of their own: there nobody else can log in, and they nowhere else.
+    """
+    return AccountFiles(
+        password_file.with_name(f"service_{password_file.name}"),
+        password_file.with_name("service_acl"),
+    )
