@@ -29,6 +29,7 @@ from skyway_provider_registry.enrolment.routes import drone_key_routes, enrolmen
 from skyway_provider_registry.fleets.announce_renewals import CompositionNotice, RenewalAnnouncer
 from skyway_provider_registry.fleets.credential_routes import credential_routes
 from skyway_provider_registry.fleets.drone_model_routes import drone_model_routes
+from skyway_provider_registry.fleets.live_routes import live_routes
 from skyway_provider_registry.fleets.quota_routes import quota_routes
 from skyway_provider_registry.fleets.routes import (
     REGISTRATION_LIMIT_BYTES,
@@ -92,6 +93,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             drone_key_routes(db=db, gate=gate, clock=clock, password_file=password_file),
             enrolment_routes(db=db, gate=gate, password_file=password_file),
             quota_routes(gate=gate, limit=parts.drone_limit),
+            live_routes(db=db, gate=gate, clock=clock),
             telemetry_routes(db=db, gate=gate),
         ],
         entrance=ServiceEntrance(gate),
