@@ -25,6 +25,7 @@ from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarm_routes import alarm_routes, drone_alarm_routes
 from skyway_composition.closures.routes import area_routes, place_routes
 from skyway_composition.links.renewal_routes import renewal_routes
+from skyway_composition.live.routes import live_routes
 from skyway_composition.missions.booking.routes import booking_routes
 from skyway_composition.missions.following.quarantine_routes import quarantine_routes
 from skyway_composition.missions.following.replay import Replays
@@ -79,6 +80,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             airspace_routes(gate=gate, networks=networks),
             station_check_routes(db=db, gate=gate, networks=networks),
             pad_routes(db=db, gate=gate, clock=clock),
+            live_routes(db=db, gate=gate, clock=clock),
             statistics_routes(db=db, gate=gate, clock=clock),
             mission_statistics_routes(db=db, gate=gate, clock=clock),
             composition_routes(

@@ -1,6 +1,6 @@
-"""What registry and composition tell the gateway for its live picture of the fleet.
+"""What the gateway reads from registry and composition for its live picture of the fleet.
 
-The gateway asks every half second. It keeps what it was told, and asks for what has changed since.
+The gateway asks every half second, and shows what it has seen before, so it gets only changes.
 Both services answer from their databases alone, so any replica may answer, and a restart of either
 side changes nothing.
 """
@@ -108,7 +108,7 @@ class LiveClosure(WireModel):
 
 
 class LiveAlarm(WireModel):
-    """An alarm that nobody has acknowledged."""
+    """An alarm that is not acknowledged."""
 
     alarm_id: AlarmId
     level: AlarmLevel

@@ -19,6 +19,14 @@ _IN_FORCE: Final = select(closures).where(
     closures.c.from_ms <= bindparam("at_ms"),
     or_(closures.c.until_ms.is_(None), closures.c.until_ms > bindparam("at_ms")),
 )
+_NOT_OVER: Final = (
+    select(closures)
+    .where(
+        closures.c.lifted_ms.is_(None),
+        or_(closures.c.until_ms.is_(None), closures.c.until_ms > bindparam("at_ms")),
+    )
+    .order_by(closures.c.closure_id)
+)
 _OUTAGES: Final = _IN_FORCE.where(closures.c.kind == "PAD")
 _OUTAGES_AT: Final = _OUTAGES.where(closures.c.station_id == bindparam("station_id"))
 _GROUND_STOPS: Final = _IN_FORCE.where(closures.c.kind == "GROUND_STOP")
@@ -152,6 +160,12 @@ async def outages(
         found = await connection.execute(_OUTAGES, {"at_ms": at_ms})
     else:
         found = await connection.execute(_OUTAGES_AT, {"at_ms": at_ms, "station_id": station_id})
+    return [_closure(row) for row in found]
+
+
+async def not_over(connection: AsyncConnection, *, at_ms: int) -> list[Closure]:
+    """All closures that are in force at a moment or begin later, in the order of their ids."""
+    found = await connection.execute(_NOT_OVER, {"at_ms": at_ms})
     return [_closure(row) for row in found]
 
 

@@ -10,9 +10,9 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.closures.store import outages
-from skyway_composition.pads.occupancy import Occupancy, outages_by_pad
-from skyway_composition.pads.store import booked_at, pads_everywhere, pads_of_all, used_stations
+from skyway_composition.pads.occupancy import Occupancy
+from skyway_composition.pads.occupied_store import occupied_stations
+from skyway_composition.pads.store import pads_everywhere, pads_of_all
 
 
 @dataclass(slots=True)
@@ -52,26 +52,16 @@ class StationStates:
     async def _uses(self, now_ms: int, connects: int) -> dict[StationId, Occupancy]:
         """The occupancy of stations that are or were published as used; after a connect of all."""
         async with self.db.read() as connection:
-            used = await used_stations(connection, at_ms=now_ms)
-            broken = outages_by_pad(await outages(connection, at_ms=now_ms))
-            held = await booked_at(connection, sorted(broken), moment_ms=now_ms) if broken else []
+            occupied = await occupied_stations(connection, at_ms=now_ms)
             if self._published_connects == connects:
-                others = {*broken, *self._published_as_used()} - used.keys()
-                pads = await pads_of_all(connection, sorted(others)) if others else {}
+                others = sorted(self._published_as_used() - occupied.keys())
+                pads = await pads_of_all(connection, others) if others else {}
             else:
                 pads = await pads_everywhere(connection)
-        uses = {station_id: Occupancy(count) for station_id, count in pads.items()} | used
-        for station_id in broken.keys() & uses.keys():
-            taken = [
-                (pad, end_ms)
-                for at, pad, start_ms, end_ms, _ in held
-                if at == station_id and start_ms <= now_ms
-            ]
-            uses[station_id] = uses[station_id].with_outages(taken, broken[station_id])
-        return uses
+        return {station_id: Occupancy(count) for station_id, count in pads.items()} | occupied
 
-    def _published_as_used(self) -> list[StationId]:
-        return [station_id for station_id, use in self._published.items() if not use.is_none]
+    def _published_as_used(self) -> set[StationId]:
+        return {station_id for station_id, use in self._published.items() if not use.is_none}
 
     def _message(self, station_id: StationId, use: Occupancy) -> StationState:
         next_free_ms = use.next_free_ms

@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any, Final, Literal
 
 from pydantic import TypeAdapter
-from sqlalchemy import bindparam, delete, insert, select, update
+from sqlalchemy import Row, bindparam, delete, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import DroneEvent
@@ -163,15 +163,17 @@ async def end_step(
 async def steps_of(connection: AsyncConnection, mission_id: MissionId) -> list[StepRecord]:
     """All steps of a mission, in order."""
     found = await connection.execute(_STEPS, {"mission_id": mission_id})
-    return [
-        StepRecord(
-            step=read_step(row.step),
-            revision=row.revision,
-            status=row.status,
-            event=None if row.event is None else DroneEvent.read(row.event),
-        )
-        for row in found
-    ]
+    return [step_record(row) for row in found]
+
+
+def step_record(row: Row[*tuple[Any, ...]]) -> StepRecord:
+    """The step in a row of `mission_steps`; Any: columns of different types."""
+    return StepRecord(
+        step=read_step(row.step),
+        revision=row.revision,
+        status=row.status,
+        event=None if row.event is None else DroneEvent.read(row.event),
+    )
 
 
 async def keep_cut_step(tx: Tx, mission_id: MissionId, event: DroneEvent) -> None:

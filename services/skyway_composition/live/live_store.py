@@ -1,0 +1,66 @@
+"""All SQL of the live picture; it only reads, and locks nothing."""
+
+from collections import defaultdict
+from collections.abc import Collection
+from typing import Final
+
+from sqlalchemy import func, select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.live import MissionVersion
+from skyway.ids import MissionId
+from skyway.runtime.sql.in_list import in_list
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.row import read_record
+from skyway_composition.missions.mission.step_store import StepRecord, step_record
+from skyway_composition.tables import alarms, is_open, mission_steps, missions
+
+#: What every change of a mission changes; none of it is long, and it is read every half second.
+_OPEN_MISSIONS: Final = (
+    select(
+        missions.c.mission_id,
+        missions.c.state,
+        missions.c.report_seq,
+        missions.c.next_end_ms,
+        missions.c.loading,
+        missions.c.trouble.is_not(None).label("has_trouble"),
+        missions.c.stuck.is_not(None).label("is_stuck"),
+    )
+    .where(is_open)
+    .order_by(missions.c.mission_id)
+)
+_MISSIONS: Final = select(missions).where(in_list(missions.c.mission_id, "mission_ids"), is_open)
+_STEPS: Final = (
+    select(mission_steps)
+    .where(in_list(mission_steps.c.mission_id, "mission_ids"))
+    .order_by(mission_steps.c.mission_id, mission_steps.c.step_id)
+)
+_OPEN_ALARMS: Final = select(func.count()).where(alarms.c.acknowledged_ms.is_(None))
+
+
+async def open_missions(connection: AsyncConnection) -> tuple[MissionVersion, ...]:
+    """The missions that are not over, each with its version."""
+    rows = await connection.execute(_OPEN_MISSIONS)
+    return tuple(
+        MissionVersion.model_construct(
+            mission_id=mission_id, version=":".join(str(value) for value in values)
+        )
+        for mission_id, *values in rows
+    )
+
+
+async def missions_with_steps(
+    connection: AsyncConnection, mission_ids: Collection[MissionId]
+) -> list[tuple[MissionRecord, list[StepRecord]]]:
+    """Those of these missions that are not over, with their steps in order."""
+    named = {"mission_ids": [*mission_ids]}
+    steps: dict[str, list[StepRecord]] = defaultdict(list)
+    for row in await connection.execute(_STEPS, named):
+        steps[row.mission_id].append(step_record(row))
+    found = map(read_record, await connection.execute(_MISSIONS, named))
+    return [(record, steps[record.mission_id]) for record in found]
+
+
+async def open_alarms(connection: AsyncConnection) -> int:
+    """How many alarms are not acknowledged."""
+    return int((await connection.execute(_OPEN_ALARMS)).scalar_one())
