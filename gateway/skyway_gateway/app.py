@@ -39,6 +39,8 @@ from skyway_gateway.deliveries.report_routes import report_routes
 from skyway_gateway.deliveries.requests.routes import cancelling_routes, delivery_routes
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
+from skyway_gateway.live.feed import LOOK_EVERY_S
+from skyway_gateway.live.routes import live_routes
 from skyway_gateway.notifications.delivery_events import EventStream
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
 from skyway_gateway.notifications.routes import (
@@ -93,6 +95,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 slots=parts.streams,
             ),
             earnings_routes(db=db, gate=gate),
+            live_routes(gate=gate, feed=parts.live, slots=parts.streams),
             webhook_routes(
                 db=db,
                 gate=gate,
@@ -176,6 +179,9 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             loops.start("networks", parts.networks.run(mqtt))
             loops.start("booking", parts.booking.run(parts.booker))
             loops.start("connections", parts.waker.follow(mqtt.batches(CONNECTION)))
+            live = parts.live
+            looks = repeat("live", live.step, every_s=LOOK_EVERY_S, wake=live.wake)
+            loops.start("live", looks)
             loops.start("clock", repeat("clock", repeat_clock, every_s=CLOCK_EVERY_S))
             _start_sweeping(loops, parts)
             yield

@@ -33,6 +33,8 @@ from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
 from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
 from skyway_gateway.forward.table import open_calls, own_body_limits, tenants_body_limits
+from skyway_gateway.live.feed import LiveFeed
+from skyway_gateway.live.sources import Deliveries, Drones, World
 from skyway_gateway.notifications.delivery_events import EventListeners, EventRecorder
 from skyway_gateway.notifications.fair_slots import FairSlots, SlotLimits
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
@@ -93,6 +95,7 @@ class Parts:
     stream_usage: StreamUsage
     drone_usage: DroneUsage
     waker: Waker
+    live: LiveFeed
 
     @property
     def booker(self) -> Booker:
@@ -254,6 +257,13 @@ def build_parts(
         stream_usage=StreamUsage(streams),
         drone_usage=DroneUsage(registry),
         waker=Waker(db, clock, networks.cached, queued),
+        live=LiveFeed(
+            (
+                Deliveries(db),
+                World(clients["composition"], db),
+                Drones(clients["registry"]),
+            )
+        ),
     )
 
 

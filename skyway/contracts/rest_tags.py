@@ -5,6 +5,7 @@ from typing import Final
 
 TAGS: Final[Mapping[str, str]] = {
     "deliveries": "Customers request deliveries, follow them and cancel them.",
+    "live": "The fleet as it is now, and what changes: drones, missions, pads, closures, alarms.",
     "quotes": "Customers ask for offers before they request a delivery.",
     "webhooks": "Customers have the events of their deliveries sent to a URL (Standard Webhooks).",
     "providers": "Operators register the owners of fleets; each provider keeps its own terms.",

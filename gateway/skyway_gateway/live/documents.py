@@ -1,0 +1,131 @@
+"""Shapes what composition answers, and the gateway's own deliveries, for the picture."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+from pydantic_core import to_jsonable_python
+
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.live.merge_patch import JsonObject
+from skyway_gateway.live.picture import FLEETS, Bounds, Item, Key, Readers
+
+#: Members that become keys, or are for the gateway alone.
+_OUTSIDE_OF_MISSION: Final = frozenset({"mission_id", "steps", "packages", "service_steps"})
+#: What a customer sees of a mission beside its steps and packages.
+_OF_MISSION_FOR_CUSTOMERS: Final = ("delivery_id", "provider_id", "state", "revision")
+_OF_STEP_FOR_CUSTOMERS: Final = (
+    *("kind", "status", "station_id", "position", "from_position"),
+    *("start_at", "end_at", "package_ids"),
+)
+
+
+def mission_item(mission: Mapping[str, Any]) -> tuple[Key, Item]:
+    """A mission as operators and its provider see it; `mission` is a `LiveMission` as JSON."""
+    document = {name: value for name, value in mission.items() if name not in _OUTSIDE_OF_MISSION}
+    document["packages"] = {each["package_id"]: each["eta_at"] for each in mission["packages"]}
+    document["steps"] = {
+        str(step["step_id"]): {name: value for name, value in step.items() if name != "step_id"}
+        for step in mission["steps"]
+    }
+    readers = Readers(operators=True, provider_id=mission["provider_id"])
+    bounds = _bounds_of(mission["steps"])
+    return Key("missions", mission["mission_id"]), Item(document, readers, bounds)
+
+
+def customers_mission(mission: Mapping[str, Any], customer_id: str) -> tuple[Key, Item]:
+    """What a customer sees of a mission: its part of the way, and not the drone's way home."""
+    own = mission["steps"][: mission["service_steps"]]
+    document = {name: mission[name] for name in _OF_MISSION_FOR_CUSTOMERS}
+    document["packages"] = {each["package_id"]: each["eta_at"] for each in mission["packages"]}
+    document["steps"] = {
+        str(step["step_id"]): {name: step[name] for name in _OF_STEP_FOR_CUSTOMERS if name in step}
+        for step in own
+    }
+    key = Key("missions", mission["mission_id"], customer_id)
+    return key, Item(document, Readers(customer_id=customer_id), _bounds_of(own))
+
+
+def station_item(station: Mapping[str, Any]) -> tuple[Key, Item]:
+    """A station where pads are taken or reserved."""
+    document = _without(station, "station_id")
+    return Key("stations", station["station_id"]), Item(
+        document, FLEETS, _point(station["position"])
+    )
+
+
+def closure_item(closure: Mapping[str, Any]) -> tuple[Key, Item]:
+    """A closure of any kind; without an area it is shown everywhere."""
+    rings = closure.get("rings")
+    bounds = None if rings is None else _around(place for ring in rings for place in ring)
+    return Key("closures", closure["closure_id"]), Item(
+        _without(closure, "closure_id"), FLEETS, bounds
+    )
+
+
+def alarm_item(alarm: Mapping[str, Any]) -> tuple[Key, Item]:
+    """An open alarm: operators see all, a provider those about its drones."""
+    readers = Readers(operators=True, provider_id=alarm.get("provider_id"))
+    return Key("alarms", alarm["alarm_id"]), Item(_without(alarm, "alarm_id"), readers)
+
+
+def delivery_item(delivery: Delivery) -> tuple[Key, Item]:
+    """A delivery that is not over, as operators and its customer see it."""
+    document: dict[str, Any] = {
+        "customer_id": delivery.customer_id,
+        "reference": delivery.reference,
+        "state": delivery.state,
+        "activity": delivery.activity,
+        "is_delayed": delivery.flags.delayed,
+        "is_replanning": delivery.flags.replanning,
+        "is_waiting": delivery.is_queued,
+        "created_at": delivery.created_at,
+        "pickup": delivery.request.pickup,
+        "mission_ids": [mission.mission_id for mission in delivery.missions],
+        "packages": {
+            package.package_id: {
+                "state": package.state,
+                "destination": package.destination,
+                "promised_at": package.promised_at,
+                "eta_at": package.eta_at,
+                "delivered_at": package.delivered_at,
+                "code": package.code,
+            }
+            for package in delivery.packages
+        },
+    }
+    readers = Readers(operators=True, customer_id=delivery.customer_id)
+    shown = _without_nulls(to_jsonable_python(document))
+    return Key("deliveries", delivery.delivery_id), Item(shown, readers)
+
+
+def service_item(name: str, *, is_answering: bool) -> tuple[Key, Item]:
+    """Whether a service answers; while it does not, its part of the picture stands still."""
+    return Key("services", name), Item({"is_answering": is_answering}, FLEETS)
+
+
+def _without(members: Mapping[str, Any], name: str) -> JsonObject:
+    return {each: value for each, value in members.items() if each != name}
+
+
+def _without_nulls(value: Any) -> Any:  # any JSON value
+    if isinstance(value, dict):
+        return {name: _without_nulls(each) for name, each in value.items() if each is not None}
+    return value
+
+
+def _bounds_of(steps: Iterable[Mapping[str, Any]]) -> Bounds | None:
+    return _around(step["position"] for step in steps)
+
+
+def _point(position: Sequence[float]) -> Bounds:
+    longitude_deg, latitude_deg = position
+    return longitude_deg, latitude_deg, longitude_deg, latitude_deg
+
+
+def _around(positions: Iterable[Sequence[float]]) -> Bounds | None:
+    """The smallest bounds around these positions; None for no position."""
+    places = list(positions)
+    if not places:
+        return None
+    longitudes, latitudes = zip(*places, strict=True)
+    return min(longitudes), min(latitudes), max(longitudes), max(latitudes)

@@ -1,0 +1,125 @@
+"""Keeps the picture up to date while anybody looks at it, and hands out views of it."""
+
+import asyncio
+import logging
+import secrets
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from typing import Final
+
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.loops import Wake
+from skyway_gateway.live.documents import service_item
+from skyway_gateway.live.picture import Picture
+from skyway_gateway.live.scope import Scope
+from skyway_gateway.live.sources import Source, show_customers_drones
+from skyway_gateway.live.view import View
+
+log = logging.getLogger(__name__)
+
+#: Wall seconds between two looks.
+LOOK_EVERY_S: Final = 0.5
+#: Looks that a view, and the picture, are kept after their last viewer has left: a minute.
+_KEPT_LOOKS: Final = 120
+#: How long a viewer waits for the first picture, wall seconds.
+_FIRST_LOOK_WITHIN_S: Final = 15.0
+#: Views that are kept without viewers, for those who come back.
+_MOST_LEFT_VIEWS: Final = 200
+
+
+@dataclass(slots=True)
+class LiveFeed:
+    """One picture for all viewers of this process.
+
+    Without viewers nothing is read: the picture costs nothing while nobody looks. A service that
+    does not answer leaves its part of the picture as it was, and the picture says so.
+    """
+
+    sources: Sequence[Source]
+    wake: Wake = field(default_factory=Wake)
+    epoch: str = field(default_factory=lambda: secrets.token_hex(4))
+    _picture: Picture = field(default_factory=Picture)
+    _views: dict[Scope, View] = field(default_factory=dict)
+    _left_at: dict[Scope, int] = field(default_factory=dict)
+    _looks: int = 0
+    _is_complete: asyncio.Event = field(default_factory=asyncio.Event)
+
+    @property
+    def picture(self) -> Picture:
+        """The picture as it is now."""
+        return self._picture
+
+    @asynccontextmanager
+    async def viewing(self, scope: Scope) -> AsyncIterator[View]:
+        """The view of this scope, up to date while the block lasts.
+
+        Raises
+        ------
+        ServiceUnavailable
+            Registry or composition have not answered yet.
+        """
+        view = self._views.get(scope)
+        if view is None:
+            view = self._views[scope] = View(scope, self.epoch)
+            view.begin(self._picture)
+        view.viewers += 1
+        self._left_at.pop(scope, None)
+        self.wake.set()
+        try:
+            await self._first_look()
+            yield view
+        finally:
+            view.viewers -= 1
+            if view.viewers == 0:
+                self._left_at[scope] = self._looks
+
+    async def step(self) -> bool:
+        """Step of a loop: look once, if anybody does."""
+        self._forget_left_views()
+        if not self._views:
+            self._forget_picture()
+            return False
+        self._looks += 1
+        are_read = [await self._read(source) for source in self.sources]
+        show_customers_drones(self._picture)
+        tick = self._picture.tick()
+        if tick is not None:
+            for view in self._views.values():
+                view.apply(tick)
+        if all(are_read):
+            self._is_complete.set()
+        return False
+
+    async def _read(self, source: Source) -> bool:
+        try:
+            await source.read(self._picture)
+        except ServiceUnavailable as error:
+            log.info("live picture stands still", extra={"part": source.name, "reason": str(error)})
+            is_answering = False
+        else:
+            is_answering = True
+        self._picture.put([service_item(source.name, is_answering=is_answering)])
+        return is_answering
+
+    async def _first_look(self) -> None:
+        try:
+            async with asyncio.timeout(_FIRST_LOOK_WITHIN_S):
+                await self._is_complete.wait()
+        except TimeoutError:
+            raise ServiceUnavailable("registry or composition", "no answer yet") from None
+
+    def _forget_left_views(self) -> None:
+        oldest_first = sorted(self._left_at, key=self._left_at.__getitem__)
+        too_many = oldest_first[: max(0, len(oldest_first) - _MOST_LEFT_VIEWS)]
+        for scope in oldest_first:
+            if scope in too_many or self._looks - self._left_at[scope] > _KEPT_LOOKS:
+                del self._left_at[scope], self._views[scope]
+
+    def _forget_picture(self) -> None:
+        """Nobody looks: the next viewer gets a picture that is read anew."""
+        if self._is_complete.is_set():
+            self._picture = Picture(self._picture.number)
+            for source in self.sources:
+                source.forget()
+            self._is_complete.clear()

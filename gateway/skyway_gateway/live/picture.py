@@ -1,0 +1,142 @@
+"""The picture: every item that somebody may see, and what has changed since the last look."""
+
+import json
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Final, Literal, NamedTuple
+
+from skyway_gateway.live.merge_patch import JsonObject, patch_between
+
+Kind = Literal["drones", "missions", "stations", "closures", "alarms", "deliveries", "services"]
+
+#: West, south, east and north, in degrees.
+Bounds = tuple[float, float, float, float]
+
+
+class Key(NamedTuple):
+    """Which item it is; what a customer sees of a drone or mission is an item of its own."""
+
+    kind: Kind
+    item_id: str
+    customer_id: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Readers:
+    """Who sees an item: operators, all providers or one, one customer."""
+
+    operators: bool = False
+    all_providers: bool = False
+    provider_id: str | None = None
+    customer_id: str | None = None
+
+
+#: Items that only operators see.
+OPERATORS: Final = Readers(operators=True)
+#: Items that operators and all providers see.
+FLEETS: Final = Readers(operators=True, all_providers=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """A JSON object without nulls, who sees it, and where it is; without bounds, everywhere."""
+
+    document: JsonObject
+    readers: Readers
+    bounds: Bounds | None = None
+
+
+@dataclass(frozen=True)
+class Change:
+    """An item before and after; None where it was not or is no longer."""
+
+    key: Key
+    before: Item | None
+    after: Item | None
+
+    @cached_property
+    def whole(self) -> str:
+        """The member of a patch that brings the item."""
+        return self._member({} if self.after is None else self.after.document)
+
+    @cached_property
+    def patch(self) -> str:
+        """The member of a patch for who has the item as it was before."""
+        if self.before is None or self.after is None:
+            return self.whole
+        return self._member(patch_between(self.before.document, self.after.document))
+
+    @cached_property
+    def removal(self) -> str:
+        """The member of a patch that removes the item."""
+        return self._member(None)
+
+    def _member(self, value: JsonObject | None) -> str:
+        return f"{json.dumps(self.key.item_id)}:{as_json(value)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """All changes of one look, encoded once for all viewers."""
+
+    number: int
+    changes: tuple[Change, ...]
+
+
+@dataclass(slots=True)
+class Picture:
+    """All items by kind; `put` and `remove` change them, `tick` ends a look."""
+
+    number: int = 0
+    _items: dict[Kind, dict[Key, Item]] = field(default_factory=lambda: defaultdict(dict))
+    _changed: dict[Key, Item | None] = field(default_factory=dict)
+
+    def of_kind(self, kind: Kind) -> Mapping[Key, Item]:
+        """All items of a kind."""
+        return self._items[kind]
+
+    def get(self, key: Key) -> Item | None:
+        """The item with this key, if there is one."""
+        return self._items[key.kind].get(key)
+
+    def every_item(self) -> Iterator[tuple[Key, Item]]:
+        """All items with their keys."""
+        for items in self._items.values():
+            yield from items.items()
+
+    def put(self, items: Iterable[tuple[Key, Item]]) -> None:
+        """Add or replace these items."""
+        for key, item in items:
+            before = self.get(key)
+            if before != item:
+                self._changed.setdefault(key, before)
+                self._items[key.kind][key] = item
+
+    def remove(self, keys: Iterable[Key]) -> None:
+        """Remove these items, if they are there."""
+        for key in keys:
+            before = self._items[key.kind].pop(key, None)
+            if before is not None:
+                self._changed.setdefault(key, before)
+
+    def tick(self) -> Tick | None:
+        """The changes since the last tick; None when nothing has changed."""
+        changes = tuple(self._changes())
+        self._changed.clear()
+        if not changes:
+            return None
+        self.number += 1
+        return Tick(self.number, changes)
+
+    def _changes(self) -> Iterator[Change]:
+        for key, before in self._changed.items():
+            after = self.get(key)
+            if before != after:
+                yield Change(key, before, after)
+
+
+def as_json(value: Any) -> str:  # any JSON value
+    """Compact JSON; no character of it ends a line of an event stream."""
+    return json.dumps(value, separators=(",", ":"))

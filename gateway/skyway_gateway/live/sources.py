@@ -1,0 +1,205 @@
+"""What the picture is made of: three sources, each of which remembers what it has read.
+
+After an error a source goes on from what it has read before.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Protocol
+
+from skyway.contracts.live import (
+    LIVE_DRONES,
+    LIVE_MISSIONS,
+    LIVE_WORLD,
+    MOST_MISSIONS,
+    LiveMissionsQuery,
+)
+from skyway.ids import DeliveryId, MissionId, SubjectId
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.sql.database import Database
+from skyway_gateway.live import live_store
+from skyway_gateway.live.documents import (
+    alarm_item,
+    closure_item,
+    customers_mission,
+    delivery_item,
+    mission_item,
+    station_item,
+)
+from skyway_gateway.live.drone_documents import customers_drone, drone_item
+from skyway_gateway.live.merge_patch import JsonObject
+from skyway_gateway.live.picture import Item, Key, Kind, Picture
+
+#: Deliveries that are read together.
+_DELIVERIES_AT_ONCE: Final = 200
+
+#: Deliveries whose customers are remembered.
+_MOST_CUSTOMERS: Final = 100_000
+
+#: A JSON object of our own services: valid, so that no member is checked again.
+_Json = dict[str, Any]
+
+
+class Source(Protocol):
+    """One part of the picture."""
+
+    @property
+    def name(self) -> str:
+        """The service that it asks."""
+        ...
+
+    async def read(self, picture: Picture) -> None:
+        """Bring its part of the picture up to date.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The service or the database does not answer.
+        """
+        ...
+
+    def forget(self) -> None:
+        """Read everything again next time."""
+        ...
+
+
+@dataclass(slots=True)
+class Deliveries:
+    """The deliveries that are not over, from the gateway's own database."""
+
+    db: Database
+    name: str = "gateway"
+    _versions: dict[DeliveryId, int] = field(default_factory=dict)
+
+    async def read(self, picture: Picture) -> None:
+        """Read the deliveries whose version is another than before."""
+        async with self.db.read() as connection:
+            versions = await live_store.live_versions(connection)
+        changed = [each for each in versions if versions[each] != self._versions.get(each)]
+        for start in range(0, len(changed), _DELIVERIES_AT_ONCE):
+            some = changed[start : start + _DELIVERIES_AT_ONCE]
+            async with self.db.read() as connection:
+                found = await live_store.deliveries_named(connection, some)
+            picture.put(delivery_item(each) for each in found if not each.is_over)
+        shown = picture.of_kind("deliveries")
+        picture.remove([key for key in shown if key.item_id not in versions])
+        self._versions = versions
+
+    def forget(self) -> None:
+        """Read all deliveries again next time."""
+        self._versions.clear()
+
+
+@dataclass(slots=True)
+class World:
+    """Missions, stations, closures and alarms, from composition."""
+
+    client: ServiceClient
+    db: Database
+    name: str = "composition"
+    _versions: dict[MissionId, str] = field(default_factory=dict)
+    _customers: dict[DeliveryId, SubjectId] = field(default_factory=dict)
+
+    async def read(self, picture: Picture) -> None:
+        """Read all but missions as a whole, and the missions whose version is new."""
+        world = await self.client.call("GET", LIVE_WORLD, answer=_Json)
+        _replace(picture, "stations", map(station_item, world["stations"]))
+        _replace(picture, "closures", map(closure_item, world["closures"]))
+        _replace(picture, "alarms", map(alarm_item, world["alarms"]))
+        versions = {each["mission_id"]: each["version"] for each in world["missions"]}
+        shown = picture.of_kind("missions")
+        picture.remove([key for key in shown if key.item_id not in versions])
+        changed = [each for each in versions if versions[each] != self._versions.get(each)]
+        self._versions = {each: v for each, v in self._versions.items() if each in versions}
+        for start in range(0, len(changed), MOST_MISSIONS):
+            some = changed[start : start + MOST_MISSIONS]
+            await self._read_missions(picture, some)
+            self._versions |= {each: versions[each] for each in some}
+
+    async def _read_missions(self, picture: Picture, mission_ids: Sequence[MissionId]) -> None:
+        query = LiveMissionsQuery(mission_ids=tuple(mission_ids))
+        answer = await self.client.call("POST", LIVE_MISSIONS, body=query, answer=_Json)
+        missions = answer["missions"]
+        await self._find_customers({each["delivery_id"] for each in missions})
+        picture.put(map(mission_item, missions))
+        picture.put(
+            customers_mission(each, self._customers[each["delivery_id"]])
+            for each in missions
+            if each["delivery_id"] in self._customers
+        )
+
+    async def _find_customers(self, delivery_ids: set[DeliveryId]) -> None:
+        new = delivery_ids - self._customers.keys()
+        if not new:
+            return
+        if len(self._customers) > _MOST_CUSTOMERS:
+            self._customers.clear()
+            new = delivery_ids
+        async with self.db.read() as connection:
+            self._customers |= await live_store.customers_of(connection, new)
+
+    def forget(self) -> None:
+        """Read all missions again next time."""
+        self._versions.clear()
+
+
+@dataclass(slots=True)
+class Drones:
+    """All drones, from the registry."""
+
+    client: ServiceClient
+    name: str = "registry"
+    _mark: str | None = None
+
+    async def read(self, picture: Picture) -> None:
+        """Read the drones that have changed since the last mark."""
+        query = {} if self._mark is None else {"since": self._mark}
+        answer = await self.client.call("GET", LIVE_DRONES, query=query, answer=_Json)
+        found = dict(
+            drone_item(
+                drone,
+                picture.get(Key("drones", drone["drone_id"])),
+                _document(picture, "missions", drone.get("mission_id")),
+            )
+            for drone in answer["drones"]
+        )
+        picture.put(found.items())
+        if answer["is_whole"]:
+            fleet = [key for key in picture.of_kind("drones") if not key.customer_id]
+            picture.remove(key for key in fleet if key not in found)
+        self._mark = answer["mark"]
+
+    def forget(self) -> None:
+        """Read all drones again next time."""
+        self._mark = None
+
+
+def show_customers_drones(picture: Picture) -> None:
+    """Bring up to date what customers see of the drones that carry their packages."""
+    shown = dict(_customers_drones(picture))
+    drones = picture.of_kind("drones")
+    picture.remove([key for key in drones if key.customer_id and key not in shown])
+    picture.put(shown.items())
+
+
+def _customers_drones(picture: Picture) -> Iterator[tuple[Key, Item]]:
+    for key in picture.of_kind("missions"):
+        if not key.customer_id:
+            continue
+        mission = _document(picture, "missions", key.item_id)
+        drone = mission and picture.get(Key("drones", mission["drone_id"]))
+        item = mission and drone and customers_drone(drone, mission, key)
+        if mission and item:
+            yield Key("drones", mission["drone_id"], key.customer_id), item
+
+
+def _replace(picture: Picture, kind: Kind, items: Iterable[tuple[Key, Item]]) -> None:
+    """Put all items of a kind, and remove those that are not among them."""
+    every = dict(items)
+    picture.put(every.items())
+    picture.remove([key for key in picture.of_kind(kind) if key not in every])
+
+
+def _document(picture: Picture, kind: Kind, item_id: str | None) -> JsonObject | None:
+    item = None if item_id is None else picture.get(Key(kind, item_id))
+    return None if item is None else item.document
