@@ -22,8 +22,6 @@ log = logging.getLogger(__name__)
 LOOK_EVERY_S: Final = 0.5
 #: Looks that a view, and the picture, are kept after their last viewer has left: a minute.
 _KEPT_LOOKS: Final = 120
-#: How long a viewer waits for the first picture, wall seconds.
-_FIRST_LOOK_WITHIN_S: Final = 15.0
 #: Views that are kept without viewers, for those who come back.
 _MOST_LEFT_VIEWS: Final = 200
 
@@ -37,6 +35,8 @@ class LiveFeed:
     """
 
     sources: Sequence[Source]
+    #: How long a viewer waits for the first picture, wall seconds.
+    first_look_within_s: float = 15.0
     wake: Wake = field(default_factory=Wake)
     epoch: str = field(default_factory=lambda: secrets.token_hex(4))
     _picture: Picture = field(default_factory=Picture)
@@ -104,7 +104,7 @@ class LiveFeed:
 
     async def _first_look(self) -> None:
         try:
-            async with asyncio.timeout(_FIRST_LOOK_WITHIN_S):
+            async with asyncio.timeout(self.first_look_within_s):
                 await self._is_complete.wait()
         except TimeoutError:
             raise ServiceUnavailable("registry or composition", "no answer yet") from None

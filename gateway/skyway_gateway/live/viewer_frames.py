@@ -1,0 +1,63 @@
+"""The events of one viewer: a snapshot or what it has missed, then each change."""
+
+import asyncio
+import re
+from collections.abc import AsyncGenerator, Awaitable, Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+from skyway_gateway.live.feed import LiveFeed
+from skyway_gateway.live.view import TooSlow, View
+
+_HEARTBEAT: Final = b": still here\n\n"
+_EVENT_ID: Final = re.compile(r"([0-9a-f]{8})-([0-9]{1,15})")
+
+
+def event_seen(last_event_id: str | None) -> tuple[str, int] | None:
+    """The epoch and the number in the id of an event; None for any other text."""
+    found = _EVENT_ID.fullmatch(last_event_id or "")
+    return None if found is None else (found[1], int(found[2]))
+
+
+@dataclass(frozen=True, slots=True)
+class ViewerFrames:
+    """The events of one viewer; seconds are of wall time."""
+
+    feed: LiveFeed
+    last_seen: tuple[str, int] | None
+    #: Whether the viewer's key is still in use.
+    may_read: Callable[[], Awaitable[bool]]
+    #: How often that is asked while nothing changes.
+    check_s: float = 0.4
+    heartbeat_s: float = 15.0
+
+    async def of(self, view: View) -> AsyncGenerator[bytes]:
+        """The events; they end for a viewer who is too slow or may read no more."""
+        picture, loop = self.feed.picture, asyncio.get_running_loop()
+        if self.last_seen and view.can_resume(*self.last_seen, latest=picture.number):
+            number = self.last_seen[1]
+        else:
+            snapshot = view.snapshot(picture)
+            number = snapshot.number
+            yield snapshot.content
+        sent_at = loop.time()
+        while await self.may_read():
+            changed = view.changed
+            try:
+                frames = view.frames_after(number)
+            except TooSlow:
+                return
+            for frame in frames:
+                yield frame.content
+                number, sent_at = frame.number, loop.time()
+            if loop.time() - sent_at >= self.heartbeat_s:
+                yield _HEARTBEAT
+                sent_at = loop.time()
+            if changed is view.changed:
+                await self._wait(changed)
+
+    async def _wait(self, changed: asyncio.Event) -> None:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(self.check_s):
+                await changed.wait()

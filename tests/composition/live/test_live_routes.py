@@ -1,0 +1,90 @@
+"""The gateway reads missions, pads, closures and alarms for its live picture."""
+
+from typing import Any
+
+from tests.composition.conftest import GATEWAY, OPERATOR
+
+WORLD, MISSIONS = "/internal/live/world", "/internal/live/missions"
+
+
+async def world(composition: Any) -> Any:
+    answer = await composition(GATEWAY, "GET", WORLD)
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+async def missions(composition: Any, *mission_ids: str) -> Any:
+    answer = await composition(GATEWAY, "POST", MISSIONS, {"mission_ids": mission_ids})
+    assert answer.status_code == 200, answer.text
+    return answer.json()["missions"]
+
+
+async def test_a_booked_mission_shows_its_steps_and_pads(composition: Any) -> None:
+    await composition.book()
+
+    now = await world(composition)
+    (version,) = now["missions"]
+    (mission,) = await missions(composition, version["mission_id"])
+
+    kinds = [step["kind"] for step in mission["steps"]]
+    assert kinds[: mission["service_steps"]][-1] == "DELIVER"
+    assert kinds[mission["service_steps"] :], "the way home belongs to the mission"
+    assert (mission["state"], mission["is_carrying"]) == ("BOOKED", False)
+    assert {station["station_id"] for station in now["stations"]} >= {
+        step["station_id"] for step in mission["steps"] if step["kind"] == "RECHARGE"
+    }
+    assert [each["package_id"] for each in mission["packages"]] == ["p1"]
+
+
+async def test_each_step_of_a_mission_changes_its_version(composition: Any, drone: Any) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    versions = [(await world(composition))["missions"]]
+    pick_up, fly, *_ = drone.flown(instruction)
+
+    for message in (drone.ack(instruction), pick_up, fly):
+        await composition.receive(message)
+        versions.append((await world(composition))["missions"])
+
+    assert len({each[0]["version"] for each in versions}) == len(versions)
+    (mission,) = await missions(composition, versions[0][0]["mission_id"])
+    assert mission["is_carrying"]
+    assert [step["status"] for step in mission["steps"]][:3] == ["ENDED", "ENDED", "PLANNED"]
+
+
+async def test_a_mission_that_is_over_is_shown_no_more(composition: Any, drone: Any) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    mission_id = (await world(composition))["missions"][0]["mission_id"]
+
+    await composition.receive(drone.ack(instruction), *drone.flown(instruction))
+
+    assert (await world(composition))["missions"] == []
+    assert await missions(composition, mission_id) == []
+
+
+async def test_closures_are_shown_until_they_are_lifted(composition: Any) -> None:
+    made = await composition(
+        OPERATOR, "POST", "/v1/stations/b/closures", {"reason": "the roof is being repaired"}
+    )
+    assert made.status_code == 201, made.text
+    outage = await composition(OPERATOR, "POST", "/v1/stations/c/pads/0/outages", {})
+
+    now = await world(composition)
+    assert [(each["kind"], each["station_id"]) for each in now["closures"]] == [
+        ("STATION", "b"),
+        ("PAD", "c"),
+    ]
+    assert [(each["station_id"], each["pads_taken"]) for each in now["stations"]] == [("c", 1)]
+
+    closure_id, outage_id = made.json()["closure_id"], outage.json()["closure_id"]
+    await composition(OPERATOR, "DELETE", f"/v1/stations/b/closures/{closure_id}")
+    await composition(OPERATOR, "DELETE", f"/v1/stations/c/pads/0/outages/{outage_id}")
+    now = await world(composition)
+    assert (now["closures"], now["stations"]) == ([], [])
+
+
+async def test_only_the_gateway_may_ask(composition: Any) -> None:
+    answer = await composition(OPERATOR, "GET", WORLD)
+
+    assert answer.status_code == 403
