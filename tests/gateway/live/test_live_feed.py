@@ -74,7 +74,7 @@ async def viewed(feed: LiveFeed) -> AsyncIterator[View]:
     await viewing.__aexit__(None, None, None)
 
 
-async def test_nothing_is_read_while_nobody_looks() -> None:
+async def test_nothing_is_read_without_viewers() -> None:
     source = Counter()
     feed = LiveFeed((source,))
 

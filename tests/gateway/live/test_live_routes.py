@@ -1,4 +1,4 @@
-"""GET /v1/live: who may look, and what a wrong question is told."""
+"""GET /v1/live: who may look, and how a wrong question is answered."""
 
 import pytest
 

@@ -62,7 +62,7 @@ class Fleet:
         self.missions = [{"mission_id": "msn_1", "version": "1"}]
 
     def client(self, service: str) -> ServiceClient:
-        return ServiceClient(service, f"http://{service}", _Nobody(), transport=self._transport())  # type: ignore[arg-type]
+        return ServiceClient(service, f"http://{service}", _NoIdentity(), transport=self._transport())  # type: ignore[arg-type]
 
     def _transport(self) -> httpx.MockTransport:
         async def answer(request: httpx.Request) -> httpx.Response:
@@ -90,7 +90,7 @@ class Fleet:
         ).model_dump(mode="json", exclude_none=True)
 
 
-class _Nobody:
+class _NoIdentity:
     """The identity of a service without a secret."""
 
     def headers(self, _caller: object) -> dict[str, str]:
