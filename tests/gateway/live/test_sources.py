@@ -62,7 +62,8 @@ class Fleet:
         self.missions = [{"mission_id": "msn_1", "version": "1"}]
 
     def client(self, service: str) -> ServiceClient:
-        return ServiceClient(service, f"http://{service}", _NoIdentity(), transport=self._transport())  # type: ignore[arg-type]
+        identity: Any = _NoIdentity()
+        return ServiceClient(service, f"http://{service}", identity, transport=self._transport())
 
     def _transport(self) -> httpx.MockTransport:
         async def answer(request: httpx.Request) -> httpx.Response:
