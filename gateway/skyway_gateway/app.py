@@ -62,6 +62,7 @@ PACKAGE: Final = "skyway_gateway"
 #: Seconds of wall time between two steps of a loop that nothing has woken.
 _ACCOUNTS_EVERY_S: Final = 10.0
 _KEYS_EVERY_S: Final = 0.5
+_REFUSED_EVERY_S: Final = 10.0
 _SWEEP_EVERY_S: Final = 600.0
 _OVERDUE_EVERY_S: Final = 1.0
 _SCHEDULED_EVERY_S: Final = 0.5
@@ -237,6 +238,9 @@ def _start_sweeping(loops: Loops, parts: Parts) -> None:
         "accounts", keys.close_orphaned_accounts, every_s=_ACCOUNTS_EVERY_S, wake=keys.wake
     )
     loops.start("accounts", accounts)
+    refused = parts.refused_logins
+    logins = repeat("refused keys", refused.write, every_s=_REFUSED_EVERY_S, wake=refused.wake)
+    loops.start("refused keys", logins)
     loops.start("keys", repeat("keys", keys.end_expired_keys, every_s=_KEYS_EVERY_S))
     late = repeat("overdue", parts.overdue_notifier.step, every_s=_OVERDUE_EVERY_S)
     loops.start("overdue", late)

@@ -19,7 +19,9 @@ from skyway.runtime.minting import mint
 from skyway.runtime.slots import Slots
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.keys import Keys
+from skyway_gateway.access.keys_in_use import KeysInUse
 from skyway_gateway.access.recognise import AllKeys, CachedKeys, DroneKeys
+from skyway_gateway.access.refused_logins import RefusedLogins
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
 from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
@@ -72,6 +74,7 @@ class Parts:
     cached_keys: CachedKeys
     gate: KeyGate
     entrance: KeyEntrance
+    refused_logins: RefusedLogins
     body_limit: BodyLimit
     meters: Meters
     services: ServiceGate
@@ -195,7 +198,8 @@ def build_parts(
     services = ServiceGate(settings.secrets_dir, allowed=("composition",))
     meters = _meters(settings)
     streams = Slots("STREAMS", settings.streams_per_tenant)
-    all_keys = AllKeys(cached_keys, DroneKeys(registry))
+    all_keys = AllKeys(cached_keys, DroneKeys(registry), KeysInUse(db, clock))
+    refused_logins = RefusedLogins(db, clock, mint)
     networks = NetworkLearner(stations_from(clients["composition"]), keep=partial(keep_network, db))
     return Parts(
         db=db,
@@ -207,7 +211,8 @@ def build_parts(
         networks=networks,
         cached_keys=cached_keys,
         gate=KeyGate(),
-        entrance=KeyEntrance(all_keys, services, meters, open_calls()),
+        entrance=KeyEntrance(all_keys, services, meters, open_calls(), refused_logins),
+        refused_logins=refused_logins,
         body_limit=body_limits(
             own_body_limits(), of_tenants=tenants_body_limits(settings.composition_stations)
         ),

@@ -71,7 +71,8 @@ api_keys = Table(
     ),
 )
 
-#: The calls of operators and providers: one row for each answered call. Rows are only added.
+#: The calls of operators and providers: one row for each answered call; and some calls with refused
+#: keys. Rows are only added.
 audit = Table(
     "audit",
     metadata,
@@ -89,7 +90,11 @@ audit = Table(
     Column("number", BigInteger, nullable=False, server_default="0"),
     # Of this entry and all entries before it, as `audit_store.entry_hash` chains them.
     Column("hash", Text, nullable=False, server_default=text("''")),
+    # Of a refused key: the minute of wall time, and the key or the address. Once in each minute.
+    Column("refused_minute", BigInteger),
+    Column("refused_source", Text),
     Index("audit_number", "number", unique=True),
+    Index("audit_refused", "refused_minute", "refused_source", unique=True),
     Index("audit_by_subject", "role", "subject_id", "entry_id"),
 )
 

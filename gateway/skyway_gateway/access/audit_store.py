@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal, get_args
 
 from pydantic import Field
 from sqlalchemy import func, insert, select, update
@@ -25,6 +25,14 @@ from skyway_gateway.tables import audit, audit_head
 LONGEST_BODY: Final = 4096
 LONGEST_PATH: Final = 500
 
+#: The role and the subject of a caller whom nobody knows.
+UNKNOWN: Final = "unknown"
+
+AuditRole = KeyRole | Literal["unknown"]
+
+#: The roles of people, by themselves.
+ROLES: Final[Mapping[str, AuditRole]] = {role: role for role in get_args(KeyRole)}
+
 #: JSON members with secret text, also where the body is cut inside that text.
 _SECRET: Final = re.compile(
     r'("(?:\w*(?:password|secret|token)|key)"\s*:\s*)"(?:[^"\\]|\\.)*"?', re.IGNORECASE
@@ -32,22 +40,34 @@ _SECRET: Final = re.compile(
 
 
 class AuditEntry(JsonModel):
-    """A call of an operator or a provider, and its answer."""
+    """A call of an operator or a provider, and its answer, or a call with a refused key."""
 
     entry_id: Annotated[
         str, Field(description="The id of the entry; later entries have larger ids.")
     ]
     at: FleetMoment
     wall_at: WallMoment
-    role: Annotated[KeyRole, Field(description="The role of the caller.")]
-    subject_id: Annotated[SubjectId, Field(description="Who called: a provider or an operator.")]
+    role: Annotated[
+        AuditRole, Field(description="The role of the caller; unknown for a key nobody ever had.")
+    ]
+    subject_id: Annotated[
+        SubjectId,
+        Field(
+            description="Who called: a provider or an operator; for a refused key its holder, or "
+            "`unknown`."
+        ),
+    ]
     method: Annotated[str, Field(description="The HTTP method of the call.")]
     path: Annotated[str, Field(description="with its query")]
     status: Annotated[
         int, Field(description="The HTTP status of the answer; 0 when the call was not answered.")
     ]
     body: Annotated[
-        str | None, Field(description="as it came, without secrets, cut where it is long")
+        str | None,
+        Field(
+            description="as it came, without secrets, cut where it is long; for a refused key why "
+            "(`refused`), the `address`, and the `key_id` of a key that has ended"
+        ),
     ]
     traceparent: Annotated[str | None, Field(description="The W3C trace context of the call.")]
 
@@ -92,12 +112,33 @@ _COUNT_ENTRY: Final = (
 class AuditFilter:
     """Which entries a list shows; `path` is the beginning of their paths."""
 
-    role: KeyRole | None = None
+    role: AuditRole | None = None
     subject_id: SubjectId | None = None
     path: str | None = None
 
 
-async def add(tx: Tx, entry: AuditEntry) -> None:
+@dataclass(frozen=True, slots=True)
+class RefusedLogin:
+    """An entry about a refused key; `source` is written once in each `minute` of wall time."""
+
+    entry: AuditEntry
+    minute: int
+    source: str
+
+
+async def add_refused(tx: Tx, login: RefusedLogin, *, most: int) -> None:
+    """Add an entry about a refused key, unless its minute has it, or has `most` of all replicas."""
+    # Other replicas wait here, so that both see what the other has added.
+    await tx.execute(select(audit_head.c.entries).with_for_update())
+    same = select(audit.c.refused_source).where(audit.c.refused_minute == login.minute)
+    noted = set((await tx.execute(same)).scalars())
+    if login.source not in noted and len(noted) < most:
+        await add(tx, login.entry, minute=login.minute, source=login.source)
+
+
+async def add(
+    tx: Tx, entry: AuditEntry, *, minute: int | None = None, source: str | None = None
+) -> None:
     """Add an entry after the last one; other replicas wait for the COMMIT of this one."""
     head = (await tx.execute(_COUNT_ENTRY)).one()
     row = {
@@ -107,6 +148,7 @@ async def add(tx: Tx, entry: AuditEntry) -> None:
         "number": head.entries,
     }
     row["hash"] = entry_hash(head.hash, row)
+    row |= {"refused_minute": minute, "refused_source": source}
     await tx.execute(insert(audit).values(row))
     await tx.execute(update(audit_head).values(hash=row["hash"]))
 

@@ -16,6 +16,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import rotation_store, store
+from skyway_gateway.access.keys_in_use import KeysInUse
 from skyway_gateway.access.store import StoredKey
 
 #: How long a key is cached, wall time.
@@ -99,11 +100,19 @@ class DroneKeys:
 class AllKeys:
     """The keys of all callers; how a key begins says whose it is."""
 
-    def __init__(self, people: CachedKeys, drones: DroneKeys) -> None:
+    def __init__(self, people: CachedKeys, drones: DroneKeys, in_use: KeysInUse) -> None:
         self._people = people
         self._drones = drones
+        self._in_use = in_use
 
     async def recognise(self, secret: str) -> KeyHolder | RefusedKey:
         """The holder of this key, or why it is refused."""
-        is_drones = secret.startswith(DRONE_KEY_PREFIX)
-        return await (self._drones if is_drones else self._people).recognise(secret)
+        return await (self._drones if _is_drones(secret) else self._people).recognise(secret)
+
+    async def may_be_in_use(self, secret: str) -> bool | None:
+        """False for a key that is not in use; None for a drone's, which only the registry knows."""
+        return None if _is_drones(secret) else await self._in_use.may_hold(secret_hash(secret))
+
+
+def _is_drones(secret: str) -> bool:
+    return secret.startswith(DRONE_KEY_PREFIX)

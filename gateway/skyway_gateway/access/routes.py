@@ -16,7 +16,7 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import audit_store, store
 from skyway_gateway.access.api_key import ApiKey, IssuedKey, KeyRole, NewKey
-from skyway_gateway.access.audit_store import LONGEST_PATH, AuditEntry, AuditFilter
+from skyway_gateway.access.audit_store import LONGEST_PATH, AuditEntry, AuditFilter, AuditRole
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.scopes import require_scope
 from skyway_gateway.access.store import KeyFilter
@@ -150,7 +150,7 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
 class AuditQuery(PageQuery):
     """The query of the audit log; `path` is how the entries' paths begin."""
 
-    role: Annotated[KeyRole | None, Field(description="Only calls of this role.")] = None
+    role: Annotated[AuditRole | None, Field(description="Only calls of this role.")] = None
     subject_id: Annotated[
         SubjectId | None, Field(description="Only calls of this provider or operator.")
     ] = None
@@ -172,7 +172,7 @@ def audit_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
     async def list_audit_entries(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[AuditQuery, Query()]
     ) -> Page[AuditEntry]:
-        """List what operators and providers changed, the newest first.
+        """List what operators and providers changed, and refused keys, the newest first.
 
         Callers: operator.
         """

@@ -95,6 +95,14 @@ async def shown(connection: AsyncConnection, key_hash: str) -> StoredKey | None:
     return StoredKey(holder, row.deleted_wall_ms is not None, _moment(row.ends_wall_ms), ends_first)
 
 
+async def hashes_in_use(connection: AsyncConnection, *, since_wall_ms: int) -> Sequence[str]:
+    """The hashes of the keys that are not deleted and were made since then."""
+    statement = select(api_keys.c.key_hash).where(
+        api_keys.c.deleted_wall_ms.is_(None), api_keys.c.created_wall_ms >= since_wall_ms
+    )
+    return list((await connection.execute(statement)).scalars())
+
+
 async def is_account_open(connection: AsyncConnection, key_id: KeyId) -> bool:
     """Whether the registry has the broker account that was issued with this key."""
     statement = select(api_keys.c.is_account_open).where(api_keys.c.key_id == key_id)

@@ -7,7 +7,7 @@ from sqlalchemy import Column, ColumnElement, exists, select
 from skyway.runtime.idempotency_store import KEPT_MS
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import union_of
-from skyway_gateway.access.audit_store import entry_hash
+from skyway_gateway.access.audit_store import UNKNOWN, entry_hash
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.tables import api_keys, audit, audit_head, events, idempotency, webhooks
 
@@ -55,8 +55,12 @@ CALLS: Final = (
     Rule(
         "whose deliveries, webhooks and calls are stored has a key, or had one",
         union_of(
-            select(subject).where(_without_key(subject))
-            for subject in (deliveries.c.customer_id, webhooks.c.customer_id, audit.c.subject_id)
+            select(subject).where(_without_key(subject), *conditions)
+            for subject, *conditions in (
+                (deliveries.c.customer_id,),
+                (webhooks.c.customer_id,),
+                (audit.c.subject_id, audit.c.role != UNKNOWN),
+            )
         ),
         "A row of `api_keys` was deleted or changed, so its owner cannot call. Restore it from a "
         "backup, or make a new key: POST /v1/keys.",

@@ -1,7 +1,8 @@
 """Who may come in: the key and the budget of each request, before any of its body is read.
 
 A request without a known key is paid by its address, any other by its tenant: the customer,
-provider, operator or drone. A key that was good before is looked up again even if the address has
+provider, operator or drone. An address that shows wrong keys waits longer and longer before another
+key of it is looked up. A key that is in use is looked up even then, and even if the address has
 spent its budget, so an unknown caller cannot shut out a customer of the same address.
 """
 
@@ -17,6 +18,7 @@ from fastapi.security.utils import get_authorization_scheme_param
 from skyway.runtime.errors import BudgetSpent, Unauthenticated
 from skyway.runtime.http.brake import Brake
 from skyway.runtime.http.identity import KeyHolder, RefusedKey, ServiceGate
+from skyway.runtime.http.wrong_keys import WrongKeys
 from skyway.runtime.meter import Meter
 from skyway.runtime.network_address import network_of
 
@@ -31,6 +33,9 @@ _MOST_RECOGNISED: Final = 20_000
 _NEVER_METERED: Final = frozenset({"/healthz", "/readyz"})
 _PUBLIC, _INTERNAL = "/v1/", "/internal/"
 
+#: The budget of an address that has to wait, in problem documents.
+_WRONG_KEYS: Final = "WRONG_KEYS"
+
 _NO_KEY: Final = "an API key is needed: Authorization: Bearer sk_..."
 _UNKNOWN_KEY: Final = "this API key is not known, has expired, or was withdrawn"
 
@@ -40,6 +45,18 @@ class KnownKeys(Protocol):
 
     async def recognise(self, secret: str) -> KeyHolder | RefusedKey:
         """The holder of this key, or why it is refused."""
+        ...
+
+    async def may_be_in_use(self, secret: str) -> bool | None:
+        """False for a key that is not in use; None if that is known only by recognising it."""
+        ...
+
+
+class Refusals(Protocol):
+    """Takes note of refused keys."""
+
+    def note(self, refused: RefusedKey, *, method: str, path: str, address: str) -> None:
+        """Note a call with a key that was refused, and the address from which it came."""
         ...
 
 
@@ -67,6 +84,8 @@ class KeyEntrance:
     services: ServiceGate
     meters: Meters
     open_calls: Collection[str]
+    refusals: Refusals
+    wrong_keys: WrongKeys = field(default_factory=WrongKeys)
     brake: Brake = field(default_factory=Brake)
     #: Hashes of keys that were good when they were last shown; the last shown is last.
     _recognised: dict[bytes, None] = field(default_factory=dict)
@@ -120,18 +139,44 @@ class KeyEntrance:
             self.meters.addresses.take(address, REFUSED_COST)
             raise Unauthenticated(_NO_KEY)
         key_hash = hashlib.sha256(key.encode()).digest()
-        is_new = key_hash not in self._recognised
-        if is_new:
-            self.meters.addresses.take(address, REFUSED_COST)
+        is_charged = key_hash not in self._recognised and await self._charge(request, key, address)
         shown = await self.keys.recognise(key)
         if isinstance(shown, RefusedKey):
             self._recognised.pop(key_hash, None)
+            self.wrong_keys.note(address)
+            self._note(shown, request, address)
             raise Unauthenticated(_UNKNOWN_KEY)
-        if is_new:
+        if is_charged:
             self.meters.addresses.charge(address, KEYLESS_COST - REFUSED_COST)
         self._remember(key_hash)
         request.state.is_still_known = partial(self._is_still_known, key)
         return shown
+
+    async def _charge(self, request: Request, key: str, address: str) -> bool:
+        """Charge the address for a new key; False for a key in use that it cannot pay for.
+
+        Raises
+        ------
+        BudgetSpent
+            The address has to wait, or has spent its budget, and the key is not in use.
+        """
+        wait_s = self.wrong_keys.wait_s(address)
+        if wait_s > 0 and (is_in_use := await self.keys.may_be_in_use(key)) is not None:
+            if is_in_use:
+                return False
+            self._note(RefusedKey("slowed"), request, address)
+            raise BudgetSpent(_WRONG_KEYS, wait_s)
+        try:
+            self.meters.addresses.take(address, REFUSED_COST)
+        except BudgetSpent:
+            if await self.keys.may_be_in_use(key):
+                return False
+            raise
+        return True
+
+    def _note(self, refused: RefusedKey, request: Request, address: str) -> None:
+        path: str = request.scope["path"]
+        self.refusals.note(refused, method=request.method, path=path, address=address)
 
     async def _is_still_known(self, key: str) -> bool:
         return isinstance(await self.keys.recognise(key), KeyHolder)

@@ -76,8 +76,9 @@ class Caller:
         raise Unauthenticated(f"{CALLER_HEADER} must be role:subject")
 
 
-#: Why a key is refused; callers are told the same in each case.
-RefusalReason = Literal["unknown", "expired", "revoked"]
+#: Why a key is refused; callers see no difference. A slowed one was not looked up, because its
+#: address has to wait.
+RefusalReason = Literal["unknown", "expired", "revoked", "slowed"]
 
 
 @dataclass(frozen=True, slots=True)
