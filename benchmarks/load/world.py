@@ -12,6 +12,7 @@ from skyway.cli.gateway import GatewayApi
 from skyway.cli.system.niceness import SIMULATES
 from skyway.cli.system.running_system import System
 from skyway.errors import SkywayError
+from skyway.runtime.signing.fleet_keys import FleetKeys
 
 NETWORK_ID: Final = "city"
 _CUSTOMERS: Final = 5
@@ -51,8 +52,9 @@ async def populate(
         terms = {"name": f"Provider {number}", "tariff": city.tariff(number)}
         provider_id = (await operate("POST", "/v1/providers", terms))["provider_id"]
         fleet = city.fleet(number, providers=burst.providers, drones=burst.drones)
-        answer = await operate("POST", f"/v1/providers/{provider_id}/drones", fleet)
-        drones += answer["items"]
+        own = FleetKeys(fleet)
+        answer = await operate("POST", f"/v1/providers/{provider_id}/drones", own.bodies)
+        drones += own.kept(answer["items"])
     customers = [
         _customer(await operate("POST", "/v1/keys", {"role": "customer", "subject_id": f"c{n}"}))
         for n in range(_CUSTOMERS)

@@ -25,6 +25,8 @@ from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.senders import MqttSender, ReportSender
 from skyway.runtime.outbox.stream_sender import unhurried_pace
+from skyway.runtime.signing.cloud_key_file import read_signing_key
+from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
 from skyway_gateway.access.audit_trail import AuditTrail
 from skyway_gateway.access.limit_routes import limit_routes
@@ -159,6 +161,7 @@ def build_app(settings: GatewaySettings) -> FastAPI:
         user_name=SERVICE,
         password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
         on_connected=on_connected,
+        seal=CloudSeal(read_signing_key(settings.secrets_dir, SERVICE)),
     )
 
     @asynccontextmanager

@@ -21,6 +21,8 @@ from skyway.runtime.http.entrance import ServiceEntrance
 from skyway.runtime.http.identity import ServiceIdentity, read_secret
 from skyway.runtime.loops import Loops
 from skyway.runtime.mqtt.client import MqttClient
+from skyway.runtime.signing.cloud_key_file import read_signing_key
+from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarm_routes import alarm_routes, drone_alarm_routes
 from skyway_composition.closures.routes import area_routes, place_routes
@@ -38,7 +40,7 @@ from skyway_composition.missions.tracking_routes import tracking_routes
 from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, airspace_routes, network_routes
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
 from skyway_composition.pads.routes import pad_routes
-from skyway_composition.parts import SERVICE, Parts, parts_of
+from skyway_composition.parts import SERVICE, Parts, parts_of, registry_client
 from skyway_composition.planning.routes import (
     COMPOSITION_LIMIT_BYTES,
     CompositionProblem,
@@ -103,7 +105,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             drone_alarm_routes(db=db, gate=gate, mint=parts.mint),
             renewal_routes(db=db, gate=gate),
             quarantine_routes(
-                db=db, gate=gate, replays=Replays(db, clock=clock, handler=parts.handler)
+                db=db, gate=gate, replays=Replays(db, clock, parts.handler, parts.keys)
             ),
         ],
         entrance=ServiceEntrance(gate),
@@ -120,11 +122,11 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
 
 def build_app(settings: CompositionSettings) -> FastAPI:
     """The app of the running service; its lifespan opens everything."""
-    parts = parts_of(settings)
+    registry = registry_client(settings)
+    parts = parts_of(settings, registry)
     replica = f"{SERVICE}-{secrets.token_hex(8)}"
     identity = ServiceIdentity(SERVICE, settings.secrets_dir)
     gateway = ServiceClient("gateway", settings.gateway_url, identity)
-    registry = ServiceClient("registry", settings.registry_url, identity)
 
     async def on_connected() -> None:
         await work.greet()
@@ -135,6 +137,7 @@ def build_app(settings: CompositionSettings) -> FastAPI:
         user_name=SERVICE,
         password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
         on_connected=on_connected,
+        seal=CloudSeal(read_signing_key(settings.secrets_dir, SERVICE)),
     )
     clients = {"gateway": gateway, "registry": registry}
     work = Work(parts, mqtt=mqtt, clients=clients, replica=replica)
@@ -174,5 +177,7 @@ def openapi_app() -> FastAPI:
     )
 
     return composition_app(
-        parts_of(settings), lifespan=nothing_to_open, readiness=nothing_to_wait_for
+        parts_of(settings, registry_client(settings)),
+        lifespan=nothing_to_open,
+        readiness=nothing_to_wait_for,
     )

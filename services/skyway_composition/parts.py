@@ -4,12 +4,16 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from skyway.runtime.clock import FleetClock, load_clock
-from skyway.runtime.http.identity import ServiceGate
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint, mint
+from skyway.runtime.signing.check import SignatureCheck
+from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
 from skyway_composition.closures.close import Closings
 from skyway_composition.links.listening import Listening
+from skyway_composition.links.registered_keys import RegisteredKeys
 from skyway_composition.missions.booking.book import Bookings
 from skyway_composition.missions.booking.hold_quote import HeldQuotes
 from skyway_composition.missions.booking.keep_offer import OfferKeeper
@@ -52,6 +56,8 @@ class Parts:
     calendars: Wake
     listening: Listening
     quarantine: Quarantine
+    keys: KeyBook
+    signatures: SignatureCheck
     turns: Turns = field(default_factory=Turns)
     reading: ReadingTurn = field(default_factory=ReadingTurn)
 
@@ -103,11 +109,19 @@ class Parts:
         return Closings(self.db, self.networks, self.impact, self.clock, self.mint)
 
 
-def parts_of(settings: CompositionSettings) -> Parts:
+def registry_client(settings: CompositionSettings) -> ServiceClient:
+    """The client that asks the registry about drones."""
+    identity = ServiceIdentity(SERVICE, settings.secrets_dir)
+    return ServiceClient("registry", settings.registry_url, identity)
+
+
+def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
     """The parts for these settings."""
     db = Database(settings.database_url, outbox=outbox)
     clock = load_clock(settings.clock_file)
     listening = Listening(clock)
+    keys = KeyBook(RegisteredKeys(registry), clock)
+    quarantine = Quarantine(db, clock=clock, mint=mint, listening=listening)
     return Parts(
         db=db,
         gate=ServiceGate(settings.secrets_dir, allowed=("gateway", "registry")),
@@ -122,7 +136,9 @@ def parts_of(settings: CompositionSettings) -> Parts:
         stuck=Wake(),
         calendars=Wake(),
         listening=listening,
-        quarantine=Quarantine(db, clock=clock, mint=mint, listening=listening),
+        quarantine=quarantine,
+        keys=keys,
+        signatures=SignatureCheck(keys, quarantine),
     )
 
 

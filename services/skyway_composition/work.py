@@ -52,6 +52,7 @@ class Work:
         self._follower = Follower(
             self._handler,
             mqtt,
+            doorkeeper=parts.signatures,
             clock=clock,
             quarantine=parts.quarantine,
             listening=self._listening,
@@ -89,6 +90,7 @@ class Work:
         loops.start("listening", self._notice_lost_connections())
         loops.start("instructions", self._instructions.run())
         loops.start("reports", self._reports.run())
+        self._parts.signatures.start(loops)
         loops.start("follow", self._follower.run())
         for name, step, wake in (
             ("recompose", self._replanner.step, self._parts.stuck),

@@ -16,6 +16,8 @@ from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient, Will
+from skyway.runtime.signing.key_pair import PrivateKey
+from skyway.runtime.signing.seal import DroneSeal
 from skyway_drone_agent.agent import DroneAgent, MakeLink
 from skyway_drone_agent.clock_keeper import KeptClock
 from skyway_drone_agent.enrolment.cloud import CloudAccess
@@ -127,6 +129,8 @@ def _link_maker(
     """Makes the drone's links to the broker; a scenario may interrupt them."""
     shown = drone.certificate
     tls = None if shown is None else client_tls(shown, scratch=folder.path)
+    own = None if drone.signing_key is None else PrivateKey.read(drone.signing_key)
+    seal = DroneSeal(own, drone.cloud_keys)
 
     def make_link(
         will: Will, on_connected: Callable[[], Awaitable[None]]
@@ -139,6 +143,7 @@ def _link_maker(
             will=will,
             on_connected=on_connected,
             tls=tls,
+            seal=seal,
         )
         if not has_outages(disturbances, drone.drone_id):
             return client

@@ -25,7 +25,12 @@ from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.migrations import migrate
 from skyway_provider_registry.candidates.routes import candidate_routes, service_state_routes
-from skyway_provider_registry.enrolment.routes import drone_key_routes, enrolment_routes
+from skyway_provider_registry.enrolment.routes import (
+    drone_key_routes,
+    drone_signature_routes,
+    enrolment_routes,
+)
+from skyway_provider_registry.enrolment.stored_keys import StoredKeys
 from skyway_provider_registry.fleets.announce_renewals import CompositionNotice, RenewalAnnouncer
 from skyway_provider_registry.fleets.credential_routes import credential_routes
 from skyway_provider_registry.fleets.drone_model_routes import drone_model_routes
@@ -81,6 +86,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
                 stations=stations,
                 password_file=password_file,
                 limit=parts.drone_limit,
+                cloud_keys=parts.cloud_keys,
             ),
             fleet_routes(
                 db=db, gate=gate, clock=clock, stations=stations, password_file=password_file
@@ -91,6 +97,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
                 db=db, gate=gate, clock=clock, password_file=password_file, issuer=parts.issuer
             ),
             drone_key_routes(db=db, gate=gate, clock=clock, password_file=password_file),
+            drone_signature_routes(gate=gate, keys=StoredKeys(db, clock)),
             enrolment_routes(db=db, gate=gate, password_file=password_file),
             quota_routes(gate=gate, limit=parts.drone_limit),
             live_routes(db=db, gate=gate, clock=clock),
@@ -123,18 +130,20 @@ def build_app(settings: RegistrySettings) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        parts.cloud_keys.read()  # without them no drone could be registered
         await migrate(settings.database_url, PACKAGE)
         async with parts.db, composition, mqtt, Loops() as loops:
             # First of all: without its accounts the broker refuses everybody, this service too.
             await parts.password_file.refresh()
             recorder = TelemetryRecorder(parts.db, parts.clock)
             follower = PresenceFollower(
-                mqtt.batches(*PRESENCE_TOPICS),
+                mqtt.batches(*PRESENCE_TOPICS, doorkeeper=parts.signatures),
                 db=parts.db,
                 clock=parts.clock,
                 pause_s=_PRESENCE_EVERY_S,
                 listener=recorder.accept,
             )
+            parts.signatures.start(loops)
             loops.start("presence", repeat("presence", follower.step, every_s=1.0))
             loops.start("networks", parts.networks.run(mqtt))
             _start_telemetry(loops, recorder, Thinning(parts.db, parts.clock, keep_times))

@@ -10,12 +10,17 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.loops import Pace
 from skyway.runtime.minting import Mint, mint
+from skyway.runtime.signing.check import SignatureCheck
+from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile
+from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.enrolment.password_file import PasswordFile
+from skyway_provider_registry.enrolment.stored_keys import StoredKeys
 from skyway_provider_registry.fleets.issue_credentials import Issuer
 from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.fleets.registration import CompositionStations, StationLookup
+from skyway_provider_registry.presence.no_quarantine import NoQuarantine
 from skyway_provider_registry.settings import RegistrySettings
 
 SERVICE: Final = "registry"
@@ -37,6 +42,8 @@ class Parts:
     networks: NetworkLearner
     password_file: PasswordFile
     issuer: Issuer
+    cloud_keys: CloudKeyFile
+    signatures: SignatureCheck
     drone_limit: DroneLimit
 
     @property
@@ -53,11 +60,15 @@ def composition_client(settings: RegistrySettings) -> ServiceClient:
 
 def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Parts:
     """The parts with the files of these settings and the system's clock."""
-    db = Database(settings.database_url)
+    db, clock = Database(settings.database_url), load_clock(settings.clock_file)
+    cloud_keys = CloudKeyFile(settings.secrets_dir / CLOUD_KEYS)
+    authority = None
+    if settings.drone_ca_dir is not None:
+        authority = CertificateAuthority.load(settings.drone_ca_dir)
     return Parts(
         db=db,
         gate=ServiceGate(settings.secrets_dir, allowed=("gateway", "composition")),
-        clock=load_clock(settings.clock_file),
+        clock=clock,
         mint=mint,
         stations=CompositionStations(composition),
         networks=NetworkLearner(stations_from(composition)),
@@ -67,10 +78,8 @@ def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Par
             secrets_dir=settings.secrets_dir,
             broker_pid_file=settings.broker_pid_file,
         ),
-        issuer=Issuer(
-            None
-            if settings.drone_ca_dir is None
-            else CertificateAuthority.load(settings.drone_ca_dir)
-        ),
+        issuer=Issuer(authority, cloud_keys),
+        cloud_keys=cloud_keys,
+        signatures=SignatureCheck(KeyBook(StoredKeys(db, clock), clock), NoQuarantine()),
         drone_limit=DroneLimit(db, settings.drones_per_provider),
     )

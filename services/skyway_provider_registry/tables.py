@@ -123,6 +123,7 @@ renewals = Table(
     Column("renewed_ms", BigInteger, nullable=False),
     Column("renewed_wall_ms", BigInteger, nullable=False),
     Column("is_announced", Boolean, nullable=False),  # whether composition knows
+    Index("renewals_by_moment", "renewed_wall_ms"),
     Index(
         "renewals_to_announce",
         "renewed_wall_ms",
@@ -217,6 +218,18 @@ drone_keys = Table(
     Column("next_password_hash", Text),
     UniqueConstraint("key_hash", name="drone_key_hash"),
     UniqueConstraint("next_key_hash", name="drone_next_key_hash"),
+)
+
+#: The public keys with which drones sign; the next key takes effect with the next credentials.
+#: While `is_required`, nothing is believed without a signature: without a key nothing at all.
+drone_signing_keys = Table(
+    "drone_signing_keys",
+    metadata,
+    Column("drone_id", Text, ForeignKey("drones.drone_id", ondelete="CASCADE"), primary_key=True),
+    Column("is_required", Boolean, nullable=False),
+    Column("public_key", Text),
+    Column("next_public_key", Text),
+    CheckConstraint("is_required OR public_key IS NULL", name="drone_signing_required"),
 )
 
 #: One row: the number of the last change, and of the last change of two kinds.

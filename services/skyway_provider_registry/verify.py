@@ -18,6 +18,7 @@ from skyway.contracts.service_facts import AnyFacts, DroneFacts, HintFacts, Prov
 from skyway.delivery.offer import Tariff
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DRONE_MODELS
+from skyway.runtime.signing.key_pair import public_key_bytes
 from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import storage_rules
@@ -30,6 +31,7 @@ from skyway_provider_registry.tables import (
     changes,
     drone_keys,
     drone_models,
+    drone_signing_keys,
     drones,
     enrolment_tokens,
     idempotency,
@@ -110,6 +112,8 @@ _FORMS: Final = form_rule(
         drone_keys.c.key_hash: read_sha256,
         drone_keys.c.next_key_hash: read_sha256,
         drone_keys.c.next_password_hash: read_hash,
+        drone_signing_keys.c.public_key: public_key_bytes,
+        drone_signing_keys.c.next_public_key: public_key_bytes,
         idempotency.c.key_hash: read_sha256,
         idempotency.c.answer: read_fernet_token,
     }

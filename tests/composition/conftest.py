@@ -41,10 +41,12 @@ from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received
+from skyway.runtime.signing.check import SignatureCheck
 from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
 from tests.composition.drone_messages import DroneMessages
 from tests.shared_app import shared_app
+from tests.unsigned_drones import unsigned_book
 
 #: The drone of the paper's scenario must recharge after a flight of 20 km.
 SCENARIO_MODEL = DRONE_MODELS[DroneModelId("paper-scenario")]
@@ -272,6 +274,8 @@ async def unpublished(
         SolverPool(threads=2, time_limit_s=600.0) as inquiries,
         SolverPool(threads=2, time_limit_s=600.0) as problems,
     ):
+        quarantine = Quarantine(db, clock=clock, mint=mint, listening=listening)
+        keys = unsigned_book(clock)
         parts = Parts(
             db=db,
             gate=ServiceGate(secrets_dir, allowed=("gateway", "registry")),
@@ -286,7 +290,9 @@ async def unpublished(
             stuck=Wake(),
             calendars=Wake(),
             listening=listening,
-            quarantine=Quarantine(db, clock=clock, mint=mint, listening=listening),
+            quarantine=quarantine,
+            keys=keys,
+            signatures=SignatureCheck(keys, quarantine),
         )
         handler = parts.handler
         async with httpx.AsyncClient(
@@ -297,6 +303,7 @@ async def unpublished(
             follower = Follower(
                 handler,
                 SilentSubscriber(),
+                doorkeeper=parts.signatures,
                 clock=clock,
                 quarantine=parts.quarantine,
                 listening=listening,

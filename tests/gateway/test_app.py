@@ -18,6 +18,7 @@ from skyway_gateway.settings import GatewaySettings
 
 from skyway.runtime.errors import InvalidSettings
 from tests.gateway.whole_gateway import VAULT_KEY
+from tests.signing_files import write_cloud_keys
 
 KEY = "sk_operator-0123456789abcdef"
 
@@ -58,6 +59,7 @@ class Process:
         secrets.mkdir()
         for name in ("service_gateway", "service_composition", "mqtt_gateway", "mqtt_operator"):
             (secrets / name).write_text("0123456789abcdef")
+        write_cloud_keys(secrets)
         (secrets / "operator_key").write_text(KEY)
         (secrets / "webhook_keys").write_text(VAULT_KEY)
         self.listener = socket.create_server(("127.0.0.1", 0))

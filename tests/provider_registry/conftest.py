@@ -13,6 +13,7 @@ from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets.issue_credentials import Issuer
 from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.parts import Parts
+from skyway_provider_registry.presence.no_quarantine import NoQuarantine
 
 from skyway.announced_networks import NetworkLearner
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
@@ -23,8 +24,12 @@ from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.minting import CountingMint
+from skyway.runtime.signing.check import SignatureCheck
+from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile
 from skyway.runtime.sql.database import Database
 from tests.shared_app import shared_app
+from tests.signing_files import write_cloud_keys
+from tests.unsigned_drones import unsigned_book
 
 STATIONS = {
     StationId("san-marcos"): Position(-97.94139, 29.88327),
@@ -113,6 +118,7 @@ def secrets_dir(tmp_path: Path) -> Path:
         (folder / name).write_text(f"secret of {name}\n")
     for name in ("gateway", "registry", "composition", "operator"):
         (folder / f"mqtt_{name}").write_text(f"mqtt password of {name}\n")
+    write_cloud_keys(folder)
     return folder
 
 
@@ -163,7 +169,9 @@ async def api(
         stations=stations,
         networks=networks,
         password_file=password_file,
-        issuer=Issuer(None),
+        issuer=Issuer(None, CloudKeyFile(secrets_dir / CLOUD_KEYS)),
+        cloud_keys=CloudKeyFile(secrets_dir / CLOUD_KEYS),
+        signatures=SignatureCheck(unsigned_book(clock), NoQuarantine()),
         drone_limit=DroneLimit(db, 6_000),
     )
 

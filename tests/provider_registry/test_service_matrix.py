@@ -13,6 +13,7 @@ OF_COMPOSITION = {
     "/internal/mission-reports",
     "/internal/mission-reports/many",
     "/internal/drones-out-of-service",
+    "/internal/drone-signatures",
 }
 
 

@@ -1,6 +1,9 @@
 """Sets messages aside: they are judged and counted now, and kept by a loop of their own.
 
 So no message waits until another one is kept, and a sender that floods the quarantine slows nobody.
+
+A forged message does not count against the drone that it names: somebody else has sent it. A few of
+them are kept, further ones are only counted, and operators get an alarm.
 """
 
 import logging
@@ -17,6 +20,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt.client import Received
+from skyway.runtime.mqtt.inbox import Arrival
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition import alarm_store
@@ -53,9 +57,14 @@ _MOST_ERRORS: Final = 3
 
 _PUT_OUT: Final = "SENDER_PUT_OUT"
 
+#: How much a forged message adds to the level of forgeries in a drone's name. Above the first limit
+#: no more are kept, and there is an alarm: a single one may be of a key that was just replaced.
+_FORGED_WEIGHT: Final = 5.0
+_FORGED: Final = "FORGED_MESSAGES"
+
 
 class Quarantine:
-    """The door for the messages of drones; `Doorkeeper` of their inbox."""
+    """Takes the messages of drones that are not handled; `Reception` of their signatures' check."""
 
     def __init__(
         self, db: Database, *, clock: FleetClock, mint: Mint, listening: Listening
@@ -65,8 +74,10 @@ class Quarantine:
         self._mint = mint
         self._listening = listening
         self._offenders = Offenders()
+        self._forgeries = Offenders()
         self._waiting: dict[ProviderId, list[SetAsideMessage]] = defaultdict(list)
         self._newly_put_out: list[Sender] = []
+        self._newly_forged: dict[Sender, None] = {}
         self._put_out_ms: dict[Sender, int] = {}
         self._failed_at: dict[str, datetime] = {}
         self._swept_at = clock.wall_now()
@@ -96,13 +107,32 @@ class Quarantine:
         name = received.topic(*received.ids).name
         self._add(SetAsideMessage.of(name, received.ids, received.payload, reason, detail))
 
+    def forged(self, arrival: Arrival) -> None:
+        """Set aside a message that its drone has not signed, without counting it as the drone's."""
+        sender, now = (arrival.ids[0], arrival.ids[1]), self._clock.wall_now()
+        is_flood = self._forgeries.is_put_out(sender, now=now)
+        standing = self._forgeries.note(sender, _FORGED_WEIGHT, now=now)
+        if standing != "NORMAL":
+            self._newly_forged[sender] = None
+            self.wake.set()
+        detail = "it has no valid signature of its drone"
+        message = SetAsideMessage.of(arrival.name, arrival.ids, arrival.payload, "FORGED", detail)
+        self._keep_if(message, standing == "NORMAL" and not is_flood)
+
+    def postponed(self, ids: tuple[str, ...]) -> None:
+        """Note that a message of this drone waits for its key: it may be an answer."""
+        self._listening.miss(DroneId(ids[1]))
+
     def _add(self, message: SetAsideMessage) -> None:
+        standing = self._note((message.provider_id, message.drone_id), _WEIGHTS[message.reason])
+        self._keep_if(message, standing == "NORMAL")
+
+    def _keep_if(self, message: SetAsideMessage, has_room: bool) -> None:
         # The message may have been an answer: the drone's silence proves nothing from here on.
         self._listening.miss(message.drone_id)
         count("skyway_set_aside_messages", "drone messages not taken", reason=message.reason)
-        standing = self._note((message.provider_id, message.drone_id), _WEIGHTS[message.reason])
         waiting = self._waiting[message.provider_id]
-        if standing == "NORMAL" and len(waiting) < _MOST_WAITING:
+        if has_room and len(waiting) < _MOST_WAITING:
             waiting.append(message)
             self.wake.set()
         else:
@@ -166,23 +196,40 @@ class Quarantine:
 
     async def _raise_alarms(self) -> None:
         while self._newly_put_out:
-            provider_id, drone_id = self._newly_put_out[0]
             until_at = self._clock.wall_now() + PUT_OUT_FOR
-            async with self._db.write() as tx:
-                # One open alarm is enough, however often the drone is put out.
-                if not await alarm_store.is_open(tx.connection, DroneId(drone_id), code=_PUT_OUT):
-                    await alarm_store.add(
-                        tx,
-                        level="URGENT",
-                        code=_PUT_OUT,
-                        detail="too many messages of the drone could not be taken: none of its "
-                        f"messages is read until {until_at:%Y-%m-%d %H:%M:%S} UTC, wall time",
-                        at_ms=moment_to_ms(self._clock.now()),
-                        mint=self._mint,
-                        provider_id=ProviderId(provider_id),
-                        drone_id=DroneId(drone_id),
-                    )
+            await self._raise_alarm(
+                self._newly_put_out[0],
+                code=_PUT_OUT,
+                detail="too many messages of the drone could not be taken: none of its messages is "
+                f"read until {until_at:%Y-%m-%d %H:%M:%S} UTC, wall time",
+            )
             del self._newly_put_out[0]
+        while self._newly_forged:
+            sender = next(iter(self._newly_forged))
+            await self._raise_alarm(
+                sender,
+                code=_FORGED,
+                detail="messages came in the drone's name that it has not signed: look at the "
+                "broker, and at the drone's key. They are not believed; its own messages are",
+            )
+            del self._newly_forged[sender]
+
+    async def _raise_alarm(self, sender: Sender, *, code: str, detail: str) -> None:
+        """Raise an alarm about a drone, unless there is an open one of this kind."""
+        provider_id, drone_id = sender
+        async with self._db.write() as tx:
+            if await alarm_store.is_open(tx.connection, DroneId(drone_id), code=code):
+                return
+            await alarm_store.add(
+                tx,
+                level="URGENT",
+                code=code,
+                detail=detail,
+                at_ms=moment_to_ms(self._clock.now()),
+                mint=self._mint,
+                provider_id=ProviderId(provider_id),
+                drone_id=DroneId(drone_id),
+            )
 
     async def _sweep(self) -> None:
         now = self._clock.wall_now()

@@ -18,8 +18,10 @@ from typing import Final, Protocol
 
 from skyway.errors import SkywayError
 from skyway.ids import DroneId
+from skyway.runtime.signing.key_pair import PrivateKey
 from skyway_drone_agent.enrolment.cloud import Cloud, CloudAccess, CloudRefused, CloudUnreachable
 from skyway_drone_agent.enrolment.enrolled_drone import (
+    Attempt,
     Credentials,
     CredentialsFolder,
     EnrolledDrone,
@@ -57,16 +59,23 @@ def enrol(token: str, *, api_url: str, folder: CredentialsFolder) -> KeptCredent
         if kept.token_sha256 == token_sha256:
             folder.forget_attempt(token_sha256)
             return kept
-    # The key is on disk before the call, so that a repeated call gets the same answer.
-    attempt = folder.attempt(token_sha256, new_key=secrets.token_urlsafe(32))
+    # It is on disk before the call, so that a repeated call gets the same answer.
+    attempt = folder.attempt(token_sha256, new=_new_attempt())
+    public_key = PrivateKey.read(attempt.signing_key).public_key
     answer = Cloud(api_url).post(
-        "/v1/enrolments", {"enrolment_token": token}, idempotency_key=attempt
+        "/v1/enrolments",
+        {"enrolment_token": token, "public_key": public_key},
+        idempotency_key=attempt.idempotency_key,
     )
-    drone = Enrolment.model_validate(answer)
+    drone = Enrolment.model_validate({**answer, "signing_key": attempt.signing_key})
     kept = KeptCredentials(api_url=api_url, token_sha256=token_sha256, drone=drone)
     folder.keep(kept)
     folder.forget_attempt(token_sha256)
     return kept
+
+
+def _new_attempt() -> Attempt:
+    return Attempt(idempotency_key=secrets.token_urlsafe(32), signing_key=PrivateKey.new().text)
 
 
 def enrolled(folder: CredentialsFolder, *, drone_id: DroneId | None) -> tuple[KeptCredentials, ...]:
@@ -95,8 +104,12 @@ def begin_rotation(kept: KeptCredentials, folder: CredentialsFolder) -> KeptCred
     """
     if kept.following is not None:
         return kept
-    answer = Cloud(kept.api_url).post("/v1/enrolments/rotations", {}, key=kept.drone.key)
-    begun = kept.model_copy(update={"following": Credentials.model_validate(answer)})
+    own = PrivateKey.new()
+    answer = Cloud(kept.api_url).post(
+        "/v1/enrolments/rotations", {"public_key": own.public_key}, key=kept.drone.key
+    )
+    following = Credentials.model_validate({**answer, "signing_key": own.text})
+    begun = kept.model_copy(update={"following": following})
     folder.keep(begun)
     return begun
 

@@ -3,6 +3,7 @@
 The files of credentials lie beside the journals: one file per drone, readable by this user only.
 """
 
+import contextlib
 import json
 import os
 import ssl
@@ -14,6 +15,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from skyway.contracts.broker_rules import drone_account
 from skyway.contracts.message import Soc
+from skyway.contracts.signature import CloudKeys
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidInput, SkywayError
 from skyway.geo import Position
@@ -53,6 +55,9 @@ class EnrolledDrone(WireModel):
     soc: Soc
     mqtt: BrokerLogin
     certificate: ClientCertificate | None = None
+    #: The drone's own key, with which it signs; a drone of an older version has none.
+    signing_key: str | None = Field(default=None, repr=False)
+    cloud_keys: CloudKeys | None = None
 
     @property
     def user_name(self) -> str:
@@ -99,6 +104,8 @@ class Credentials(WireModel):
     mqtt: BrokerLogin
     certificate: ClientCertificate | None = None
     key: str = Field(repr=False)
+    signing_key: str | None = Field(default=None, repr=False)
+    cloud_keys: CloudKeys | None = None
 
 
 class Enrolment(EnrolledDrone):
@@ -128,6 +135,13 @@ class KeptCredentials(WireModel):
         return self.model_copy(update={"drone": drone, "following": None})
 
 
+class Attempt(WireModel):
+    """With what a token is exchanged: the call's idempotency key and the drone's own key."""
+
+    idempotency_key: str = Field(repr=False)
+    signing_key: str = Field(repr=False)
+
+
 class DamagedCredentials(SkywayError):
     """A file of credentials cannot be read; the drone needs another enrolment token."""
 
@@ -151,18 +165,19 @@ class CredentialsFolder:
         name = f"{credentials.drone.drone_id}{_SUFFIX}"
         self._replace(name, credentials.model_dump_json())
 
-    def attempt(self, token_sha256: str, *, new_key: str) -> str:
-        """The idempotency key of this token's exchange: the first one that was given.
+    def attempt(self, token_sha256: str, *, new: Attempt) -> Attempt:
+        """The attempt to exchange this token: the first one that was given.
 
-        When an answer is lost, a call with the same key gets the same answer.
+        When an answer is lost, the same call gets the same answer.
         """
         path = self._path / _attempt(token_sha256)
-        if not path.exists():
-            self._replace(path.name, new_key)
-        return path.read_text().strip()
+        with contextlib.suppress(OSError, ValidationError):
+            return Attempt.read(path.read_bytes())
+        self._replace(path.name, new.model_dump_json())
+        return new
 
     def forget_attempt(self, token_sha256: str) -> None:
-        """Delete the idempotency key: the exchange is over."""
+        """Delete the attempt: the exchange is over."""
         (self._path / _attempt(token_sha256)).unlink(missing_ok=True)
 
     def _replace(self, name: str, text: str) -> None:

@@ -22,6 +22,7 @@ from skyway.runtime.errors import AccessDenied, Conflict
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_provider_registry import renewal_store
+from skyway_provider_registry.enrolment import signing_store
 from skyway_provider_registry.renewal_store import RenewalMoment
 from skyway_provider_registry.tables import (
     broker_accounts,
@@ -163,6 +164,7 @@ async def bring_into_force(tx: Tx, key_hash: str, moment: RenewalMoment) -> None
         .where(broker_accounts.c.user_name == row.drone_id, broker_accounts.c.kind == "DRONE")
         .values(password_hash=row.next_password_hash)
     )
+    await signing_store.bring_into_force(tx, DroneId(row.drone_id))
     await renewal_store.note(tx, DroneId(row.drone_id), moment)
 
 

@@ -13,6 +13,11 @@ from skyway.contracts.broker_rules import (
     operator_account,
 )
 from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery
+from skyway.contracts.drone_signature import (
+    DRONE_SIGNATURES,
+    DroneSignatureQuery,
+    DroneSignatures,
+)
 from skyway.errors import InvalidInput
 from skyway.ids import SubjectId
 from skyway.json_model import WireModel
@@ -24,6 +29,7 @@ from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.credential_store import PersonKind
 from skyway_provider_registry.enrolment.password_file import PasswordFile
+from skyway_provider_registry.enrolment.stored_keys import StoredKeys
 from skyway_provider_registry.renewal_store import RenewalMoment
 
 #: Names of Skyway's own processes, which a customer must not have.
@@ -145,5 +151,22 @@ def drone_key_routes(
                 await credential_store.bring_into_force(tx, query.key_hash, moment)
             await password_file.refresh()
         return DroneKeyAnswer(drone_id=found.drone_id)
+
+    return router
+
+
+def drone_signature_routes(*, gate: ServiceGate, keys: StoredKeys) -> ServiceRouter:
+    """POST /internal/drone-signatures."""
+    router = ServiceRouter(tags=("internal",))
+
+    @router.post(DRONE_SIGNATURES)
+    async def find_drone_signatures(
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[DroneSignatureQuery, Depends(internal_body(DroneSignatureQuery))],
+    ) -> DroneSignatures:
+        """How these drones sign; without any, those whose credentials have just changed."""
+        caller.must_be_service("composition")
+        found = await keys.of(query.drone_ids) if query.drone_ids else await keys.changed()
+        return DroneSignatures(signatures=tuple(found))
 
     return router

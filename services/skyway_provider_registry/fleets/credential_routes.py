@@ -22,6 +22,7 @@ from skyway_provider_registry.fleets.issue_credentials import (
     EnrolmentRequest,
     IssuedToken,
     Issuer,
+    RotationRequest,
     enrol,
     issue_token,
     revoke,
@@ -90,7 +91,7 @@ def credential_routes(
             await credential_store.require_token(connection, hashed)
 
         async def act(tx: Tx) -> Enrolment:
-            return await enrol(tx, requested.enrolment_token, issuer=issuer, moment=now())
+            return await enrol(tx, requested, issuer=issuer, moment=now())
 
         # All drones enrol by way of the gateway: the key counts for this token only.
         answer = await answer_once(request, f"token:{hashed}", idempotency_key, act)
@@ -101,6 +102,7 @@ def credential_routes(
     async def rotate_drone_credentials(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
+        requested: RotationRequest | None = None,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Give the calling drone new credentials.
@@ -110,7 +112,8 @@ def credential_routes(
         caller.must_be("drone")
 
         async def act(tx: Tx) -> Credentials:
-            return await rotate(tx, DroneId(caller.subject_id), issuer=issuer)
+            own = requested or RotationRequest()
+            return await rotate(tx, DroneId(caller.subject_id), own, issuer=issuer)
 
         return await answer_once(request, str(caller), idempotency_key, act)
 

@@ -12,10 +12,12 @@ from skyway.contracts.candidate import Standby
 from skyway.contracts.drone_report import ActiveFailsafe, DroneHealth, Fault
 from skyway.contracts.message import Soc
 from skyway.contracts.mission_reports import FreeFrom
+from skyway.contracts.signature import CloudKeys
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, DroneModelId, MissionId, ProviderId, StationId
 from skyway.json_model import JsonModel
+from skyway_provider_registry.enrolment.signing_key import SigningKey
 from skyway_provider_registry.presence.drone_presence import Activity, Presence, condition_of
 
 DroneStateName = Literal[
@@ -116,6 +118,7 @@ class NewDrone(JsonModel):
         Standby | None,
         Field(description="HOME, STAY or PARKING when it is idle; null means as its provider"),
     ] = None
+    public_key: SigningKey = None
 
 
 class DroneChange(JsonModel):
@@ -212,6 +215,9 @@ class RegisteredDrone(Drone):
         str, Field(description="token for POST /v1/enrolments; it is shown only once")
     ]
     mqtt: Annotated[MqttAccount, Field(description="account at the broker; it is shown only once")]
+    cloud_keys: Annotated[
+        CloudKeys, Field(description="keys by which the drone knows the cloud's messages")
+    ]
 
 
 class RegisteredDrones(JsonModel):
@@ -251,12 +257,14 @@ class FleetDrone:
         """The drone as its provider sees it."""
         return Drone.model_construct(**self._members(wall_now))
 
-    def shown_once(self, wall_now: datetime, *, password: str, token: str) -> RegisteredDrone:
+    def shown_once(
+        self, wall_now: datetime, *, password: str, token: str, cloud_keys: CloudKeys
+    ) -> RegisteredDrone:
         """The drone as its provider sees it once: with its token and its broker account."""
         user_name = drone_account(self.provider_id, self.drone_id)
         account = MqttAccount(user_name=user_name, password=password)
         return RegisteredDrone.model_construct(
-            **self._members(wall_now), enrolment_token=token, mqtt=account
+            **self._members(wall_now), enrolment_token=token, mqtt=account, cloud_keys=cloud_keys
         )
 
     def _members(self, wall_now: datetime) -> dict[str, Any]:  # of every type

@@ -14,14 +14,17 @@ from skyway.broker_setup.passwords import hash_password
 from skyway.contracts.broker_rules import drone_account
 from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.contracts.message import Soc
+from skyway.contracts.signature import CloudKeys
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import AccessDenied
+from skyway.runtime.signing.cloud_key_file import CloudKeyFile
 from skyway.runtime.sql.database import Tx
 from skyway_provider_registry import renewal_store
-from skyway_provider_registry.enrolment import credential_store
+from skyway_provider_registry.enrolment import credential_store, signing_store
+from skyway_provider_registry.enrolment.signing_key import SigningKey
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.drone import MqttAccount
 from skyway_provider_registry.presence import store as presence
@@ -51,6 +54,13 @@ class EnrolmentRequest(JsonModel):
             examples=["enr_3q2-7w"],
         ),
     ]
+    public_key: SigningKey = None
+
+
+class RotationRequest(JsonModel):
+    """The body of POST /v1/enrolments/rotations."""
+
+    public_key: SigningKey = None
 
 
 class IssuedToken(JsonModel):
@@ -84,6 +94,9 @@ class Credentials(JsonModel):
     key: Annotated[
         str, Field(repr=False, description="bearer token for the drone's own REST calls")
     ]
+    cloud_keys: Annotated[
+        CloudKeys, Field(description="keys by which the drone knows the cloud's messages")
+    ]
 
 
 class Enrolment(Credentials):
@@ -108,8 +121,9 @@ class Enrolment(Credentials):
 class Issuer:
     """Makes credentials; with an authority they include a certificate."""
 
-    def __init__(self, authority: CertificateAuthority | None) -> None:
+    def __init__(self, authority: CertificateAuthority | None, cloud_keys: CloudKeyFile) -> None:
         self._authority = authority
+        self._cloud_keys = cloud_keys
 
     def make(self, provider_id: ProviderId, drone_id: DroneId) -> Credentials:
         """New credentials, not stored yet; this only computes."""
@@ -118,6 +132,7 @@ class Issuer:
             mqtt=MqttAccount(user_name=user_name, password=_new_password()),
             certificate=self._certificate(drone_id),
             key=_new_key(),
+            cloud_keys=self._cloud_keys.read(),
         )
 
     def _certificate(self, drone_id: DroneId) -> ClientCertificate | None:
@@ -140,23 +155,29 @@ async def issue_token(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> Issue
     return IssuedToken(drone_id=drone_id, enrolment_token=token, expires_at=expires_at)
 
 
-async def enrol(tx: Tx, token: str, *, issuer: Issuer, moment: RenewalMoment) -> Enrolment:
+async def enrol(
+    tx: Tx, requested: EnrolmentRequest, *, issuer: Issuer, moment: RenewalMoment
+) -> Enrolment:
     """Exchange a token for credentials; the drone's earlier credentials stop working.
 
     Raises
     ------
+    InvalidInput
+        The drone has signed its messages before, and gives no public key.
     AccessDenied
         No drone has this token.
     Conflict
         The token was used before or is too old.
     """
-    drone_id = await credential_store.use_token(tx, token_hash(token), at=moment.wall_at)
+    token = token_hash(requested.enrolment_token)
+    drone_id = await credential_store.use_token(tx, token, at=moment.wall_at)
     drone = (await store.by_id(tx.connection, drone_id)).shown(moment.wall_at)
     made = issuer.make(drone.provider_id, drone_id)
     await credential_store.set_password(
         tx, drone_id, password_hash=hash_password(made.mqtt.password)
     )
     await credential_store.put_key(tx, drone_id, key_hash=_key_hash(made.key))
+    await signing_store.put_key(tx, drone_id, requested.public_key)
     await renewal_store.note(tx, drone_id, moment)
     return Enrolment(
         drone_id=drone_id,
@@ -170,14 +191,19 @@ async def enrol(tx: Tx, token: str, *, issuer: Issuer, moment: RenewalMoment) ->
         mqtt=made.mqtt,
         certificate=made.certificate,
         key=made.key,
+        cloud_keys=made.cloud_keys,
     )
 
 
-async def rotate(tx: Tx, drone_id: DroneId, *, issuer: Issuer) -> Credentials:
+async def rotate(
+    tx: Tx, drone_id: DroneId, requested: RotationRequest, *, issuer: Issuer
+) -> Credentials:
     """The next credentials; they replace the present ones when the drone first uses the new key.
 
     Raises
     ------
+    InvalidInput
+        The drone has signed its messages before, and gives no public key.
     AccessDenied
         The drone's credentials were revoked in the meantime.
     """
@@ -191,6 +217,7 @@ async def rotate(tx: Tx, drone_id: DroneId, *, issuer: Issuer) -> Credentials:
     )
     if not has_key:
         raise AccessDenied(f"drone {drone_id} has no credentials to rotate")
+    await signing_store.put_next_key(tx, drone_id, requested.public_key)
     return made
 
 
@@ -201,6 +228,7 @@ async def revoke(tx: Tx, drone_id: DroneId, moment: RenewalMoment) -> None:
     await credential_store.block_account(tx, drone_id, at=moment.wall_at)
     await credential_store.remove_keys(tx, drone_id)
     await credential_store.remove_token(tx, drone_id)
+    await signing_store.revoke(tx, drone_id)
 
 
 def _new_password() -> str:

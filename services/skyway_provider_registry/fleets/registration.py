@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Protocol
 
+from skyway.contracts.signature import CloudKeys
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneId, DroneModelId, ProviderId, StationId
@@ -13,7 +14,7 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway_provider_registry.change_store import next_change
-from skyway_provider_registry.enrolment import credential_store
+from skyway_provider_registry.enrolment import credential_store, signing_store
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.drone import FleetDrone, NewDrone, RegisteredDrone
 from skyway_provider_registry.fleets.issue_credentials import (
@@ -56,6 +57,7 @@ class PreparedDrones:
     password_hashes: Mapping[DroneId, str]
     token_hashes: Mapping[DroneId, str]
     tokens_expire_at: datetime
+    public_keys: Mapping[DroneId, str]
     shown: tuple[RegisteredDrone, ...]
 
 
@@ -67,6 +69,7 @@ def prepare(
     stations: StationCheck,
     mint: Mint,
     clock: FleetClock,
+    cloud_keys: CloudKeys,
 ) -> PreparedDrones:
     """The drones as they will be stored; this only computes, so run it in a thread."""
     now, wall_now = clock.now(), clock.wall_now()
@@ -94,9 +97,17 @@ def prepare(
         password_hashes=hashes,
         token_hashes={drone_id: token_hash(token) for drone_id, token in shown_tokens.items()},
         tokens_expire_at=wall_now + TOKEN_LIFE,
+        public_keys={
+            drone.drone_id: new_drone.public_key
+            for drone, new_drone in zip(drones, new_drones, strict=True)
+            if new_drone.public_key is not None
+        },
         shown=tuple(
             drone.shown_once(
-                wall_now, password=passwords[drone.drone_id], token=shown_tokens[drone.drone_id]
+                wall_now,
+                password=passwords[drone.drone_id],
+                token=shown_tokens[drone.drone_id],
+                cloud_keys=cloud_keys,
             )
             for drone in drones
         ),
@@ -104,7 +115,7 @@ def prepare(
 
 
 async def store_drones(tx: Tx, prepared: PreparedDrones) -> None:
-    """Store drones, their presence, accounts and tokens: all or none."""
+    """Store drones, their presence, accounts, tokens and keys: all or none."""
     change = await next_change(tx)
     await store.add(tx, prepared.drones)
     await sightings.begin(tx, prepared.password_hashes, change=change)
@@ -112,6 +123,7 @@ async def store_drones(tx: Tx, prepared: PreparedDrones) -> None:
     await credential_store.add_tokens(
         tx, prepared.token_hashes, expires_at=prepared.tokens_expire_at
     )
+    await signing_store.add_keys(tx, prepared.public_keys)
 
 
 @dataclass(frozen=True, slots=True)

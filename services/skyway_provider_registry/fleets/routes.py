@@ -18,6 +18,7 @@ from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.minting import Mint
+from skyway.runtime.signing.cloud_key_file import CloudKeyFile
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_provider_registry.enrolment import credential_store
@@ -200,6 +201,7 @@ def registration_routes(
     stations: StationLookup,
     password_file: PasswordFile,
     limit: DroneLimit,
+    cloud_keys: CloudKeyFile,
 ) -> ServiceRouter:
     """POST /v1/providers/{provider_id}/drones."""
     router = ServiceRouter(tags=("drones",))
@@ -222,6 +224,7 @@ def registration_routes(
             stations=check,
             mint=mint,
             clock=clock,
+            cloud_keys=cloud_keys.read(),
         )
 
     @router.post(

@@ -13,6 +13,7 @@ from skyway.network.bundled import texas_corridor
 from skyway.network.geojson import write_network
 from skyway.planner.compose import compose
 from skyway.planner.problem import Problem
+from skyway.runtime.signing.fleet_keys import FleetKeys
 
 NETWORK_ID: Final = "texas-corridor"
 
@@ -126,8 +127,9 @@ async def register(api: GatewayApi, operator_key: str, *, folder: Path) -> World
             {"model_id": PAPER_SCENARIO.model_id, "home_station_id": home}
             for home in provider["homes"]
         ]
-        answer = await operate("POST", f"/v1/providers/{provider_id}/drones", fleet)
-        drones += answer["items"]
+        own = FleetKeys(fleet)
+        answer = await operate("POST", f"/v1/providers/{provider_id}/drones", own.bodies)
+        drones += own.kept(answer["items"])
     fleet_file = folder / "fleet.json"
     fleet_file.touch(mode=0o600)
     fleet_file.write_text(json.dumps({"items": drones}))

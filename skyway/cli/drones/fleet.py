@@ -149,15 +149,18 @@ def _register(
 
     A new provider whose drones are refused is suspended: it must not look as if it could fly.
     """
+    from skyway.runtime.signing.fleet_keys import FleetKeys  # other commands start without it
+
+    keys = FleetKeys(new_drones)
     owner = provider_id or _new_provider(folder)
     try:
-        answer = _operate(folder, "POST", f"/v1/providers/{owner}/drones", new_drones)
+        answer = _operate(folder, "POST", f"/v1/providers/{owner}/drones", keys.bodies)
     except typer.Exit:
         if provider_id is None:
             _operate(folder, "PATCH", f"/v1/providers/{owner}", {"state": "SUSPENDED"})
             typer.echo(f"the new provider {owner} has no drones and is suspended", err=True)
         raise
-    registered: Drones = answer["items"]
+    registered = keys.kept(answer["items"])
     typer.echo(f"{len(registered)} drones registered with provider {owner}", err=True)
     return registered
 

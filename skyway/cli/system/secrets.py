@@ -12,9 +12,14 @@ from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_
 from skyway.cli.gateway import fail
 from skyway.cli.system.broker_files import make_drone_ca, write_mosquitto_files
 from skyway.cli.system.children import OWN_BROKER_URL
+from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, read_signing_key
+from skyway.runtime.signing.key_pair import PrivateKey
 
 #: Broker accounts that exist before any drone: the services' and the operator's.
 _BROKER_ACCOUNTS = (*CLOUD_SERVICES, "operator")
+
+#: The services whose messages drones believe only with a signature.
+_SIGNERS = ("composition", "gateway")
 
 #: API keys that exist before any request; `skyway up` writes them into keys.env.
 _API_KEYS = ("operator_key", "customer_key")
@@ -31,6 +36,20 @@ def make_secrets(folder: DataFolder) -> None:
         _write_once(folder.secrets / name, f"sk_{secrets.token_urlsafe(32)}")
     # Without it the gateway cannot read the secrets of webhooks any more.
     _write_once(folder.secrets / "webhook_keys", b64encode(secrets.token_bytes(32)).decode())
+    for service in _SIGNERS:
+        _write_once(folder.secrets / f"signing_{service}", PrivateKey.new().text)
+    _publish_signing_keys(folder)
+
+
+def _publish_signing_keys(folder: DataFolder) -> None:
+    """Add the services' public keys to those that drones get; earlier lines stay."""
+    file = folder.secrets / CLOUD_KEYS
+    before = file.read_text() if file.exists() else ""
+    keys = {each: read_signing_key(folder.secrets, each).public_key for each in _SIGNERS}
+    lines = [f"{service} {key}\n" for service, key in keys.items()]
+    added = "".join(line for line in lines if line not in before)
+    if added:
+        write_private(file, before + added)
 
 
 def read_secret(folder: DataFolder, name: str) -> str:

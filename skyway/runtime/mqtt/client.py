@@ -18,6 +18,7 @@ from skyway.runtime.loops import MissingParts, pause_s
 from skyway.runtime.mqtt.address import BrokerAddress
 from skyway.runtime.mqtt.connection import Login, MqttConnection, RawMessage
 from skyway.runtime.mqtt.inbox import Doorkeeper, Inbox, Received, Subscription
+from skyway.runtime.signing.seal import NoSeal, Seal
 
 __all__ = ["MqttClient", "Received"]
 
@@ -49,6 +50,8 @@ class MqttClient:
         long, the broker gives it up and sends its last will.
     tls
         What ``mqtts`` trusts and shows; by default the system's roots and no certificate.
+    seal
+        Signs what is published, and refuses what may not be read; by default neither.
 
     Notes
     -----
@@ -67,9 +70,11 @@ class MqttClient:
         on_connected: Callable[[], Awaitable[None]] | None = None,
         keepalive_s: int = 10,
         tls: ssl.SSLContext | None = None,
+        seal: Seal | None = None,
     ) -> None:
         self._broker = BrokerAddress.parse(url)
         self._tls = tls
+        self._seal = seal or NoSeal()
         self._login = Login(client_id, user_name, password, keepalive_s)
         self._will = will
         self._on_connected = on_connected
@@ -130,12 +135,12 @@ class MqttClient:
         retained: bool,
         timeout_s: float = 5.0,
     ) -> None:
-        """Publish bytes, as `publish` does."""
+        """Publish the bytes of a JSON object, as `publish` does."""
         if self._link is None:
             raise MqttUnavailable(f"{self._login.client_id} is not connected to the broker")
         try:
             async with asyncio.timeout(timeout_s):
-                await self._link.publish(RawMessage(name, payload, mqtt_qos, retained))
+                await self._link.publish(self._sealed(name, payload, mqtt_qos, retained))
         except TimeoutError as error:
             raise MqttUnavailable(f"no PUBACK on {name} within {timeout_s:g} s") from error
 
@@ -167,6 +172,8 @@ class MqttClient:
 
     def _arrived(self, name: str, payload: bytes, retained: bool) -> None:
         if not payload:  # this is how MQTT clears a retained message
+            return
+        if not self._seal.admits(name, payload):
             return
         for inbox in self._inboxes:
             inbox.offer(name, payload, retained=retained)
@@ -219,7 +226,10 @@ class MqttClient:
             return None
         address, message = self._will()
         topic = address.topic
-        return RawMessage(address.name, _payload(message), topic.mqtt_qos, topic.retained)
+        return self._sealed(address.name, _payload(message), topic.mqtt_qos, topic.retained)
+
+    def _sealed(self, name: str, payload: bytes, mqtt_qos: int, retained: bool) -> RawMessage:
+        return RawMessage(name, self._seal.sealed(name, payload), mqtt_qos, retained)
 
     async def _renew_subscriptions(self, link: MqttConnection) -> None:
         """Subscribe for every inbox that this connection does not serve yet."""

@@ -3,7 +3,7 @@
 import asyncio
 import logging
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
 from typing import Any, Final, Generic, Protocol, TypeVar
 
@@ -39,11 +39,29 @@ class Received(Generic[R]):
     payload: bytes = b""
 
 
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """A message as it arrived, not read yet; `ids` are what `name` has in the topic's places."""
+
+    topic: Topic[Any]
+    ids: tuple[str, ...]
+    name: str
+    payload: bytes
+    retained: bool
+
+
+#: Puts a message back among those that wait for the reader.
+ReadAgain = Callable[[Arrival], None]
+
+
 class Doorkeeper(Protocol):
     """Decides whose messages are read, and gets the messages that cannot be read."""
 
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         """Whether to drop the messages with these ids in their topic, unread."""
+
+    def is_proven(self, arrival: Arrival, read_again: ReadAgain) -> bool:
+        """Whether to read this message now; the doorkeeper may pass it to `read_again` later."""
 
     def unreadable(
         self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, error: ValidationError
@@ -68,7 +86,7 @@ class Inbox:
             else (wanted, None, _narrower_than(wanted))
             for wanted in subscriptions
         )
-        self._waiting: deque[tuple[Topic[Any], tuple[str, ...], bytes, bool]] = deque()
+        self._waiting: deque[Arrival] = deque()
         self._light = 0  # how many waiting messages have mqtt_qos 0
         self._has_news = asyncio.Event()
         self._unreadable: set[str] = set()
@@ -85,12 +103,15 @@ class Inbox:
                 continue
             ids = topic.ids_in(name)
             if ids is not None and all(other.ids_in(name) is None for other in narrower):
-                self._waiting.append((topic, ids, payload, retained))
-                self._light += topic.mqtt_qos == 0
-                if self._light > MOST_LIGHT:
-                    self._drop_older_half()
-                self._has_news.set()
+                self._add(Arrival(topic, ids, name, payload, retained))
                 return
+
+    def _add(self, arrival: Arrival) -> None:
+        self._waiting.append(arrival)
+        self._light += arrival.topic.mqtt_qos == 0
+        if self._light > MOST_LIGHT:
+            self._drop_older_half()
+        self._has_news.set()
 
     async def batches(self) -> AsyncIterator[list[Received[Any]]]:
         """Everything that has arrived, in order, at most `BATCH_SIZE` messages at a time."""
@@ -98,10 +119,10 @@ class Inbox:
             await self._has_news.wait()
             count = min(len(self._waiting), BATCH_SIZE)
             items = [self._waiting.popleft() for _ in range(count)]
-            self._light -= sum(topic.mqtt_qos == 0 for topic, *_ in items)
+            self._light -= sum(item.topic.mqtt_qos == 0 for item in items)
             if not self._waiting:
                 self._has_news.clear()
-            batch = [received for item in items if (received := self._read(*item)) is not None]
+            batch = [received for item in items if (received := self._read(item)) is not None]
             if batch:
                 yield batch
 
@@ -112,18 +133,19 @@ class Inbox:
         self._light -= doomed
         for _ in range(len(self._waiting)):
             item = self._waiting.popleft()
-            if doomed and item[0].mqtt_qos == 0:
+            if doomed and item.topic.mqtt_qos == 0:
                 doomed -= 1
             else:
                 self._waiting.append(item)
 
-    def _read(
-        self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, retained: bool
-    ) -> Received[Any] | None:
-        if self._doorkeeper is not None and self._doorkeeper.is_shut_out(ids):
+    def _read(self, arrival: Arrival) -> Received[Any] | None:
+        topic, ids, payload = arrival.topic, arrival.ids, arrival.payload
+        if self._doorkeeper is not None and (
+            self._doorkeeper.is_shut_out(ids) or not self._doorkeeper.is_proven(arrival, self._add)
+        ):
             return None
         try:
-            return Received(topic, ids, topic.read(payload), retained, payload)
+            return Received(topic, ids, topic.read(payload), arrival.retained, payload)
         except ValidationError as error:
             count("skyway_mqtt_unreadable", "messages dropped unread", topic=topic.template)
             if self._doorkeeper is not None:

@@ -18,6 +18,7 @@ async def set_aside(composition: Any, *batch: Any) -> list[Any]:
     follower = Follower(
         composition.handler,
         OneBatch([*batch]),
+        doorkeeper=composition.parts.signatures,
         clock=composition.clock,
         quarantine=composition.parts.quarantine,
         listening=composition.listening,

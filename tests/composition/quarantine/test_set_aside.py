@@ -12,6 +12,8 @@ from skyway.contracts.topics import STATE
 from skyway.ids import DroneId
 from skyway.runtime.metrics import COUNTERS
 from skyway.runtime.mqtt.inbox import Inbox
+from skyway.runtime.signing.check import SignatureCheck
+from tests.unsigned_drones import unsigned_book
 
 
 @pytest.fixture
@@ -28,6 +30,13 @@ def unreadable(
     quarantine.unreadable(STATE, (provider, drone), payload, raised.value)
 
 
+async def inbox_of(composition: Any, quarantine: Quarantine) -> Inbox:
+    """An inbox of drones that sign nothing."""
+    book = unsigned_book(composition.clock)
+    await book.look_up([DroneId("drn_1"), DroneId("drn_2")])
+    return Inbox((STATE,), SignatureCheck(book, quarantine))
+
+
 async def rows(composition: Any) -> Any:
     return await composition.rows("SELECT * FROM quarantine ORDER BY quarantine_id")
 
@@ -35,7 +44,7 @@ async def rows(composition: Any) -> Any:
 async def test_an_unreadable_message_is_kept_and_the_others_of_its_batch_are_read(
     composition: Any, drone: Any, quarantine: Quarantine
 ) -> None:
-    inbox = Inbox((STATE,), quarantine)
+    inbox = await inbox_of(composition, quarantine)
     state = drone.state().message.model_dump_json().encode()
     inbox.offer(STATE("prv_1", "drn_1").name, b"{", retained=False)
     inbox.offer(STATE("prv_1", "drn_1").name, state, retained=False)
@@ -127,7 +136,7 @@ async def test_a_slowed_sender_is_only_counted(composition: Any, quarantine: Qua
 async def test_a_sender_that_is_put_out_is_not_read_and_raises_one_alarm(
     composition: Any, quarantine: Quarantine
 ) -> None:
-    inbox = Inbox((STATE,), quarantine)
+    inbox = await inbox_of(composition, quarantine)
     for _ in range(2):
         for number in range(101):
             unreadable(quarantine, b"{%d" % number)

@@ -9,7 +9,11 @@ from typing import Any
 import pytest
 from skyway_drone_agent.enrolment.cloud import Cloud, CloudRefused, CloudUnreachable
 from skyway_drone_agent.enrolment.enrol import NotEnrolled, enrol, enrolled
-from skyway_drone_agent.enrolment.enrolled_drone import CredentialsFolder, DamagedCredentials
+from skyway_drone_agent.enrolment.enrolled_drone import (
+    Attempt,
+    CredentialsFolder,
+    DamagedCredentials,
+)
 
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId
@@ -122,7 +126,8 @@ def test_an_attempt_keeps_its_first_key(tmp_path: Path) -> None:
     folder = CredentialsFolder(tmp_path)
     token_sha256 = hashlib.sha256(b"enr_good").hexdigest()
 
-    first = folder.attempt(token_sha256, new_key="one")
-    again = folder.attempt(token_sha256, new_key="two")
+    one = Attempt(idempotency_key="one", signing_key="first")
+    two = Attempt(idempotency_key="two", signing_key="second")
 
-    assert (first, again) == ("one", "one")
+    assert folder.attempt(token_sha256, new=one) == one
+    assert folder.attempt(token_sha256, new=two) == one

@@ -51,6 +51,7 @@ class Follower:
         handler: ReportHandler,
         mqtt: Subscriber,
         *,
+        doorkeeper: Doorkeeper,
         clock: FleetClock,
         quarantine: Quarantine,
         listening: Listening,
@@ -59,7 +60,7 @@ class Follower:
         self._clock = clock
         self._quarantine = quarantine
         self._listening = listening
-        self._batches = mqtt.batches(*FOLLOWED_TOPICS, doorkeeper=quarantine)
+        self._batches = mqtt.batches(*FOLLOWED_TOPICS, doorkeeper=doorkeeper)
         self._batch: list[Received[Any]] = []
         self._tries = 0
 

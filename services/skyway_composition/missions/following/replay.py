@@ -10,11 +10,13 @@ from skyway.ids import DroneId, ProviderId, QuarantineId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound, ServiceUnavailable
 from skyway.runtime.mqtt.client import Received
+from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
 from skyway_composition.links.store import link_to
 from skyway_composition.missions.following.handle_batch import FOLLOWED_TOPICS, ReportHandler
 from skyway_composition.missions.following.plausibility import is_ahead, latest_believed
 from skyway_composition.quarantine import store
+from skyway_composition.quarantine.store import KeptPayload
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +26,7 @@ class Replays:
     db: Database
     clock: FleetClock
     handler: ReportHandler
+    keys: KeyBook
 
     async def replay(self, quarantine_id: QuarantineId) -> None:
         """Handle the message; it leaves the quarantine when it was taken.
@@ -41,9 +44,16 @@ class Replays:
             raise NotFound("quarantined message", quarantine_id)
         if not kept.is_whole:
             raise Conflict("PAYLOAD_CUT", "only the begin of this message was kept")
-        await self._handle(_read(kept.topic, kept.payload))
+        received = _read(kept.topic, kept.payload)
+        await self._refuse_forged(DroneId(received.ids[1]), kept)
+        await self._handle(received)
         async with self.db.write() as tx:
             await store.remove(tx, quarantine_id)
+
+    async def _refuse_forged(self, drone_id: DroneId, kept: KeptPayload) -> None:
+        await self.keys.look_up([drone_id])
+        if self.keys.judge(drone_id, kept.topic, kept.payload) != "PROVEN":
+            raise _refusal(f"{drone_id} has not signed it")
 
     async def _handle(self, received: Received[Any]) -> None:
         if is_ahead(received.message, latest_at=latest_believed(self.clock)):

@@ -61,6 +61,7 @@ async def test_nothing_is_dropped_while_the_database_is_away(
     follower = Follower(
         parts.handler,
         OneBatch([drone.ack(instruction)]),
+        doorkeeper=parts.signatures,
         clock=composition.clock,
         quarantine=parts.quarantine,
         listening=parts.listening,

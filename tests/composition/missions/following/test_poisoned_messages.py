@@ -56,6 +56,7 @@ def following(composition: Any, *batch: Received[Any]) -> Follower:
     return Follower(
         composition.handler,
         OneBatch([*batch]),
+        doorkeeper=composition.parts.signatures,
         clock=composition.clock,
         quarantine=composition.parts.quarantine,
         listening=composition.listening,

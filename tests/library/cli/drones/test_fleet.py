@@ -1,7 +1,7 @@
 """`skyway fleet --drones` checks everything before it registers anything."""
 
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import pytest
 from typer.testing import CliRunner
@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from skyway.cli.drones import fleet
 from skyway.cli.main import make_app
 from skyway.contracts.candidate import Standby
+from skyway.runtime.signing.key_pair import PrivateKey
 from tests.library.cli.conftest import Gateway
 
 runner = CliRunner()
@@ -94,13 +95,17 @@ def test_a_new_provider_whose_drones_are_refused_is_suspended(gateway: Gateway) 
 def test_a_fleet_that_can_fly_is_registered_and_stored(
     gateway: Gateway, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flown: list[object] = []
+    flown: list[Any] = []
     monkeypatch.setattr(fleet, "fly", lambda _folder, drones, _arguments: flown.append(drones))
     file = tmp_path / "fleet.json"
 
-    result = runner.invoke(make_app(), ["fleet", str(file), "--drones", "2", "--home", "home"])
+    result = runner.invoke(make_app(), ["fleet", str(file), "--drones", "1", "--home", "home"])
 
     assert result.exit_code == 0, result.stderr
-    assert gateway.calls[-1][2] == [{"model_id": "paper-scenario", "home_station_id": "home"}] * 2
-    assert flown == [[{"drone_id": "drn_1"}]]
+    ((registered,),) = (gateway.calls[-1][2],)
+    ((drone,),) = flown
+    key = PrivateKey.read(drone.pop("signing_key"))
+    assert registered.pop("public_key") == key.public_key
+    assert registered == {"model_id": "paper-scenario", "home_station_id": "home"}
+    assert drone == {"drone_id": "drn_1"}
     assert "drn_1" in file.read_text()

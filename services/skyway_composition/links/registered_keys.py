@@ -1,0 +1,34 @@
+"""The keys with which drones sign, as the registry answers."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from skyway.contracts.drone_signature import (
+    DRONE_SIGNATURES,
+    DroneSignature,
+    DroneSignatureQuery,
+    DroneSignatures,
+)
+from skyway.ids import DroneId
+from skyway.runtime.http.client import ServiceClient
+
+
+@dataclass(frozen=True, slots=True)
+class RegisteredKeys:
+    """`KeySource` of the registry; each call raises `ServiceUnavailable` while it is away."""
+
+    registry: ServiceClient
+
+    async def of(self, drone_ids: Collection[DroneId]) -> Sequence[DroneSignature]:
+        """How each of these drones signs; one that is not registered is left out."""
+        return await self._ask(DroneSignatureQuery(drone_ids=tuple(drone_ids)))
+
+    async def changed(self) -> Sequence[DroneSignature]:
+        """How the drones sign whose credentials have changed within a minute."""
+        return await self._ask(DroneSignatureQuery())
+
+    async def _ask(self, query: DroneSignatureQuery) -> Sequence[DroneSignature]:
+        answer = await self.registry.call(
+            "POST", DRONE_SIGNATURES, body=query, answer=DroneSignatures
+        )
+        return answer.signatures

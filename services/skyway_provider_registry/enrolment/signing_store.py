@@ -1,0 +1,118 @@
+"""All SQL of the keys with which drones sign their messages."""
+
+from collections.abc import Collection, Mapping
+from datetime import datetime
+from typing import Final
+
+from sqlalchemy import Text, bindparam, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.drone_signature import DroneSignature
+from skyway.errors import InvalidInput
+from skyway.ids import DroneId
+from skyway.runtime.sql.connection import AnyRow
+from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.in_list import in_list
+from skyway.units import moment_to_ms
+from skyway_provider_registry.tables import drone_signing_keys, drones, renewals
+
+_SIGNATURES: Final = select(
+    drones.c.drone_id, drone_signing_keys.c.is_required, drone_signing_keys.c.public_key
+).select_from(drones.outerjoin(drone_signing_keys))
+
+# Built once: every batch of messages of unknown drones runs the first one, and every process the
+# second one each second.
+_OF: Final = _SIGNATURES.where(in_list(drones.c.drone_id, "drone_ids"))
+_CHANGED: Final = _SIGNATURES.join(renewals, renewals.c.drone_id == drones.c.drone_id).where(
+    renewals.c.renewed_wall_ms >= bindparam("since_wall_ms")
+)
+
+_is_of_drone: Final = drone_signing_keys.c.drone_id == bindparam("of_drone", type_=Text)
+_REVOKE: Final = update(drone_signing_keys).where(_is_of_drone, drone_signing_keys.c.is_required)
+_FOLLOW: Final = (
+    update(drone_signing_keys)
+    .where(_is_of_drone, drone_signing_keys.c.next_public_key.is_not(None))
+    .values(is_required=True, public_key=drone_signing_keys.c.next_public_key, next_public_key=None)
+)
+
+
+async def signatures_of(
+    connection: AsyncConnection, drone_ids: Collection[DroneId]
+) -> list[DroneSignature]:
+    """How each of these drones signs; one that is not registered is left out."""
+    found = await connection.execute(_OF, {"drone_ids": sorted(drone_ids)})
+    return [_signature(row) for row in found]
+
+
+async def changed_since(
+    connection: AsyncConnection, *, since_wall_at: datetime
+) -> list[DroneSignature]:
+    """How the drones sign whose credentials were renewed since this moment of wall time."""
+    found = await connection.execute(_CHANGED, {"since_wall_ms": moment_to_ms(since_wall_at)})
+    return [_signature(row) for row in found]
+
+
+async def add_keys(tx: Tx, public_keys: Mapping[DroneId, str]) -> None:
+    """Store the keys of new drones."""
+    rows = [
+        {"drone_id": drone_id, "is_required": True, "public_key": key, "next_public_key": None}
+        for drone_id, key in public_keys.items()
+    ]
+    if rows:
+        await tx.execute(drone_signing_keys.insert(), rows)
+
+
+async def put_key(tx: Tx, drone_id: DroneId, public_key: str | None) -> None:
+    """Let a drone sign with this key from now on, or sign nothing as before.
+
+    Raises
+    ------
+    InvalidInput
+        The drone has signed before, and there is no key.
+    """
+    if public_key is None:
+        await _must_not_sign(tx, drone_id)
+        return
+    row = {"is_required": True, "public_key": public_key, "next_public_key": None}
+    statement = tx.insert(drone_signing_keys).values(drone_id=drone_id, **row)
+    await tx.execute(statement.on_conflict_do_update(index_elements=["drone_id"], set_=row))
+
+
+async def put_next_key(tx: Tx, drone_id: DroneId, public_key: str | None) -> None:
+    """Store the key that comes into force with the drone's next credentials.
+
+    Raises
+    ------
+    InvalidInput
+        The drone has signed before, and there is no key.
+    """
+    if public_key is None:
+        await _must_not_sign(tx, drone_id)
+        return
+    row = {"is_required": False, "public_key": None, "next_public_key": public_key}
+    statement = tx.insert(drone_signing_keys).values(drone_id=drone_id, **row)
+    changed = {"next_public_key": public_key}
+    await tx.execute(statement.on_conflict_do_update(index_elements=["drone_id"], set_=changed))
+
+
+async def bring_into_force(tx: Tx, drone_id: DroneId) -> None:
+    """Let a drone sign with its next key from now on; nothing happens without one."""
+    await tx.execute(_FOLLOW, {"of_drone": drone_id})
+
+
+async def revoke(tx: Tx, drone_id: DroneId) -> None:
+    """Believe nothing of a drone that signs until it has another key."""
+    values = {"public_key": None, "next_public_key": None}
+    await tx.execute(_REVOKE.values(values), {"of_drone": drone_id})
+
+
+async def _must_not_sign(tx: Tx, drone_id: DroneId) -> None:
+    query = select(drone_signing_keys.c.is_required).where(_is_of_drone)
+    if (await tx.execute(query, {"of_drone": drone_id})).scalar_one_or_none():
+        raise InvalidInput("public_key", "is missing, and this drone signs its messages")
+
+
+def _signature(row: AnyRow) -> DroneSignature:  # with the columns of `_SIGNATURES`
+    return DroneSignature(
+        drone_id=row.drone_id, is_signed=bool(row.is_required), public_key=row.public_key
+    )

@@ -1,0 +1,112 @@
+"""Holds back the messages of drones until it is proven who sent them.
+
+Messages are checked before anything else: before they are decoded, and before something in them
+can count against the drone that they name.
+"""
+
+from typing import Any, Final, Protocol
+
+from pydantic import ValidationError
+
+from skyway.contracts.topics import Topic
+from skyway.ids import DroneId
+from skyway.runtime.loops import Loops, Wake, repeat
+from skyway.runtime.metrics import count
+from skyway.runtime.mqtt.inbox import Arrival, ReadAgain
+from skyway.runtime.signing.key_book import KeyBook
+
+#: The most messages that wait for a key: about 4 MiB.
+_MOST_HELD: Final = 4_000
+
+#: Seconds of wall time between two looks for keys that have changed.
+_REFRESH_EVERY_S: Final = 1.0
+
+
+class Reception(Protocol):
+    """Takes what the check has decided."""
+
+    def is_shut_out(self, ids: tuple[str, ...]) -> bool:
+        """Whether to drop the messages of this sender, unread."""
+        ...
+
+    def unreadable(
+        self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, error: ValidationError
+    ) -> None:
+        """Take a message of this sender that cannot be read."""
+        ...
+
+    def forged(self, arrival: Arrival) -> None:
+        """Take a message that is not from the drone that its topic names."""
+        ...
+
+    def postponed(self, ids: tuple[str, ...]) -> None:
+        """Note that a message of this drone is not read now, and perhaps never."""
+        ...
+
+
+class SignatureCheck:
+    """The `Doorkeeper` of an inbox with the messages of drones."""
+
+    def __init__(self, book: KeyBook, reception: Reception) -> None:
+        self._book = book
+        self._reception = reception
+        self._held: list[tuple[Arrival, ReadAgain]] = []
+        self._wake = Wake()
+
+    def is_shut_out(self, ids: tuple[str, ...]) -> bool:
+        """Whether to drop the messages of this sender, unread."""
+        return self._reception.is_shut_out(ids)
+
+    def unreadable(
+        self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, error: ValidationError
+    ) -> None:
+        """Pass on a message of this sender that cannot be read."""
+        self._reception.unreadable(topic, ids, payload, error)
+
+    def is_proven(self, arrival: Arrival, read_again: ReadAgain) -> bool:
+        """Whether the message is from its drone; if not yet, it is held and read again later."""
+        drone_id = arrival.ids[1]
+        verdict = self._book.judge(drone_id, arrival.name, arrival.payload)
+        if verdict == "PROVEN":
+            return True
+        if verdict == "FORGED" and self._book.is_current(drone_id):
+            self._reject(arrival)
+            return False
+        self._reception.postponed(arrival.ids)
+        if len(self._held) < _MOST_HELD:
+            self._held.append((arrival, read_again))
+            self._wake.set()
+        else:
+            count("skyway_unproven_messages", "drone messages dropped: their keys are not known")
+        return False
+
+    def start(self, loops: Loops) -> None:
+        """Start the loops that look up keys."""
+        loops.start("signatures", repeat("signatures", self.step, every_s=1.0, wake=self._wake))
+        loops.start("keys", repeat("keys", self._book.refresh, every_s=_REFRESH_EVERY_S))
+
+    async def step(self) -> bool:
+        """Step of a loop: look up the keys of the held messages, and decide; always False.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The registry is away; the messages are held on.
+        """
+        if not self._held:
+            return False
+        await self._book.look_up({DroneId(arrival.ids[1]) for arrival, _ in self._held})
+        held, self._held = self._held, []
+        for arrival, read_again in held:
+            verdict = self._book.judge(arrival.ids[1], arrival.name, arrival.payload)
+            if verdict == "UNKNOWN":  # it came while the keys were looked up
+                self.is_proven(arrival, read_again)
+            elif verdict == "PROVEN":
+                read_again(arrival)
+            else:
+                self._reject(arrival)
+        return False
+
+    def _reject(self, arrival: Arrival) -> None:
+        count("skyway_forged_messages", "drone messages without a valid signature of the drone")
+        self._reception.forged(arrival)

@@ -1,0 +1,125 @@
+"""The keys of drones, as this process knows them: the registry decides.
+
+A key is looked up when a drone's first message comes, and when a message does not verify: the drone
+may have another key by now. Keys that were replaced or revoked are dropped within seconds, because
+`refresh` reads what has changed.
+"""
+
+import logging
+from collections.abc import Collection, Iterable
+from datetime import datetime, timedelta
+from typing import Final, Literal, Protocol
+
+from skyway.contracts.drone_signature import MOST_ASKED, DroneSignature
+from skyway.errors import InvalidInput
+from skyway.ids import DroneId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.signing.key_pair import is_signed_by, public_key_bytes
+
+log = logging.getLogger(__name__)
+
+#: Whether a message is from its drone. UNKNOWN: the drone's key was not looked up.
+Verdict = Literal["PROVEN", "FORGED", "UNKNOWN"]
+
+#: The wall time for which the registry names a key that has changed.
+CHANGES_NAMED_FOR: Final = timedelta(minutes=1)
+#: Wall time for which a key counts as current after it was looked up.
+_CURRENT_FOR: Final = timedelta(seconds=2)
+#: The most drones whose keys are kept, about 300 bytes each.
+_MOST_KEPT: Final = 50_000
+
+
+class KeySource(Protocol):
+    """The registry's answers."""
+
+    async def of(self, drone_ids: Collection[DroneId]) -> Iterable[DroneSignature]:
+        """How each of these drones signs; `ServiceUnavailable` when nobody answers."""
+        ...
+
+    async def changed(self) -> Iterable[DroneSignature]:
+        """How the drones sign whose credentials have changed within `CHANGES_NAMED_FOR`."""
+        ...
+
+
+class KeyBook:
+    """Judges by the keys that it knows, and looks keys up in its source."""
+
+    def __init__(self, source: KeySource, clock: FleetClock) -> None:
+        self._source = source
+        self._clock = clock
+        #: By drone: None if it signs nothing, empty bytes if nothing of it is believed.
+        self._keys: dict[str, bytes | None] = {}
+        self._looked_up_at: dict[str, datetime] = {}
+        self._refreshed_at = clock.wall_now()
+
+    def judge(self, drone_id: str, topic_name: str, payload: bytes) -> Verdict:
+        """Whether this payload on this topic is from the drone, by what is known now."""
+        if drone_id not in self._keys:
+            return "UNKNOWN"
+        key = self._keys[drone_id]
+        if key is None or (key and is_signed_by(key, topic_name, payload)):
+            return "PROVEN"
+        return "FORGED"
+
+    def is_current(self, drone_id: str) -> bool:
+        """Whether the drone's key was looked up just now."""
+        looked_up_at = self._looked_up_at.get(drone_id)
+        return looked_up_at is not None and self._clock.wall_now() - looked_up_at < _CURRENT_FOR
+
+    async def look_up(self, drone_ids: Collection[DroneId]) -> None:
+        """Look up the keys of these drones.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The source is away; what was known is still known.
+        """
+        wanted = sorted(drone_ids)
+        self._forget_old()
+        for first in range(0, len(wanted), MOST_ASKED):
+            part = wanted[first : first + MOST_ASKED]
+            answer = await self._source.of(part)
+            now = self._clock.wall_now()
+            # A drone that the source leaves out is not registered: nothing of it is believed.
+            self._keys.update(dict.fromkeys(part, b""))
+            self._keep(answer)
+            self._looked_up_at.update(dict.fromkeys(part, now))
+
+    async def refresh(self) -> bool:
+        """Step of a loop: note the keys that have changed; always False.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The source is away. After a minute without it all keys are looked up anew.
+        """
+        asked_at = self._clock.wall_now()
+        changed = await self._source.changed()
+        if asked_at - self._refreshed_at > CHANGES_NAMED_FOR / 2:
+            self._keys.clear()
+        self._refreshed_at = asked_at
+        self._keep(each for each in changed if each.drone_id in self._keys)
+        return False
+
+    def _forget_old(self) -> None:
+        while len(self._keys) > _MOST_KEPT:
+            self._keys.pop(next(iter(self._keys)))
+        self._looked_up_at = {
+            each: at for each, at in self._looked_up_at.items() if self.is_current(each)
+        }
+
+    def _keep(self, signatures: Iterable[DroneSignature]) -> None:
+        for each in signatures:
+            self._keys[each.drone_id] = _key_of(each)
+
+
+def _key_of(signature: DroneSignature) -> bytes | None:
+    if not signature.is_signed:
+        return None
+    if signature.public_key is None:
+        return b""
+    try:
+        return public_key_bytes(signature.public_key)
+    except InvalidInput:
+        log.exception("drone has no valid key", extra={"drone_id": signature.drone_id})
+        return b""
