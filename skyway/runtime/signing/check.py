@@ -4,6 +4,9 @@ Messages are checked before anything else: before they are decoded, and before s
 can count against the drone that they name.
 """
 
+import logging
+import time
+from collections import Counter
 from typing import Any, Final, Protocol
 
 from pydantic import ValidationError
@@ -15,8 +18,14 @@ from skyway.runtime.metrics import count
 from skyway.runtime.mqtt.inbox import Arrival, ReadAgain
 from skyway.runtime.signing.key_book import KeyBook
 
-#: The most messages that wait for a key: about 4 MiB.
+log = logging.getLogger(__name__)
+
+#: The most messages that wait for a key, about 4 MiB, and the most of a drone whose key is known.
 _MOST_HELD: Final = 4_000
+_MOST_HELD_OF_DRONE: Final = 20
+
+#: Seconds of wall time between two lines in the log about forged messages.
+_LOG_EVERY_S: Final = 60.0
 
 #: Seconds of wall time between two looks for keys that have changed.
 _REFRESH_EVERY_S: Final = 1.0
@@ -51,7 +60,9 @@ class SignatureCheck:
         self._book = book
         self._reception = reception
         self._held: list[tuple[Arrival, ReadAgain]] = []
+        self._held_of: Counter[str] = Counter()  # how many, by drone
         self._wake = Wake()
+        self._logged_s = -_LOG_EVERY_S
 
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         """Whether to drop the messages of this sender, unread."""
@@ -69,15 +80,16 @@ class SignatureCheck:
         verdict = self._book.judge(drone_id, arrival.name, arrival.payload)
         if verdict == "PROVEN":
             return True
-        if verdict == "FORGED" and self._book.is_current(drone_id):
-            self._reject(arrival)
-            return False
+        # Its drone may have another key by now; it is decided after the next look-up.
         self._reception.postponed(arrival.ids)
-        if len(self._held) < _MOST_HELD:
-            self._held.append((arrival, read_again))
-            self._wake.set()
-        else:
+        if verdict == "FORGED" and self._held_of[drone_id] >= _MOST_HELD_OF_DRONE:
+            self._reject(arrival)
+        elif len(self._held) >= _MOST_HELD:
             count("skyway_unproven_messages", "drone messages dropped: their keys are not known")
+        else:
+            self._held.append((arrival, read_again))
+            self._held_of[drone_id] += 1
+            self._wake.set()
         return False
 
     def start(self, loops: Loops) -> None:
@@ -88,20 +100,26 @@ class SignatureCheck:
     async def step(self) -> bool:
         """Step of a loop: look up the keys of the held messages, and decide; always False.
 
+        A key that was looked up just now is not looked up again: messages that came since wait.
+
         Raises
         ------
         ServiceUnavailable
             The registry is away; the messages are held on.
         """
-        if not self._held:
+        due = {each for each in self._held_of if not self._book.is_current(each)}
+        if not due:
             return False
-        await self._book.look_up({DroneId(arrival.ids[1]) for arrival, _ in self._held})
-        held, self._held = self._held, []
+        waiting = len(self._held)
+        await self._book.look_up({DroneId(each) for each in due})
+        # Messages that have come during the look-up wait for the next one.
+        held, later = self._held[:waiting], self._held[waiting:]
+        self._held = [each for each in held if each[0].ids[1] not in due] + later
+        self._held_of = Counter(arrival.ids[1] for arrival, _ in self._held)
         for arrival, read_again in held:
-            verdict = self._book.judge(arrival.ids[1], arrival.name, arrival.payload)
-            if verdict == "UNKNOWN":  # it came while the keys were looked up
-                self.is_proven(arrival, read_again)
-            elif verdict == "PROVEN":
+            if arrival.ids[1] not in due:
+                continue
+            if self._book.judge(arrival.ids[1], arrival.name, arrival.payload) == "PROVEN":
                 read_again(arrival)
             else:
                 self._reject(arrival)
@@ -109,4 +127,8 @@ class SignatureCheck:
 
     def _reject(self, arrival: Arrival) -> None:
         count("skyway_forged_messages", "drone messages without a valid signature of the drone")
+        now_s = time.monotonic()
+        if now_s - self._logged_s >= _LOG_EVERY_S:
+            self._logged_s = now_s
+            log.warning("drone message without a valid signature", extra={"topic": arrival.name})
         self._reception.forged(arrival)

@@ -178,17 +178,35 @@ async def test_a_new_key_is_looked_up_when_a_message_does_not_verify(door: Door)
     assert await door.read() == [state(NEW, 2)]
     door.offer(state(OLD, 3))
     assert await door.read() == []
+    assert door.taken.forged_payloads == []
+    door.clock.advance(timedelta(seconds=3))
+    assert await door.read() == []
     assert door.taken.forged_payloads == [state(OLD, 3)]
 
 
 async def test_forgeries_cause_one_look_up_in_two_seconds(door: Door) -> None:
     door.registry.keys["drn_1"] = OLD.public_key
-    for number in range(100):
+    for number in range(101):
         door.offer(state(None, number))
         await door.read()
 
-    assert len(door.taken.forged_payloads) == 100
-    assert len(door.registry.asked) == 1
+    assert (len(door.taken.forged_payloads), len(door.registry.asked)) == (81, 1)
+    door.clock.advance(timedelta(seconds=3))
+    await door.read()
+    assert (len(door.taken.forged_payloads), len(door.registry.asked)) == (101, 2)
+
+
+async def test_a_key_that_changes_just_after_it_was_looked_up_is_found(door: Door) -> None:
+    door.registry.keys["drn_1"] = OLD.public_key
+    door.offer(state(OLD))
+    await door.read()
+    door.registry.keys["drn_1"] = NEW.public_key
+    door.offer(state(NEW, 2))
+    assert await door.read() == []
+    door.clock.advance(timedelta(seconds=3))
+
+    assert await door.read() == [state(NEW, 2)]
+    assert door.taken.forged_payloads == []
 
 
 async def test_a_key_that_was_replaced_or_revoked_is_dropped(door: Door) -> None:
@@ -201,6 +219,7 @@ async def test_a_key_that_was_replaced_or_revoked_is_dropped(door: Door) -> None
     await door.book.refresh()
     door.offer(state(OLD, 2))
     door.offer(state(None, 3))
+    door.clock.advance(timedelta(seconds=3))
 
     assert await door.read() == []
     assert door.taken.forged_payloads == [state(OLD, 2), state(None, 3)]
