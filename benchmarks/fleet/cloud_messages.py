@@ -14,6 +14,7 @@ from benchmarks.fleet.trip import trip_of
 from skyway.contracts.topics import CLOCK, INSTRUCTIONS
 from skyway.contracts.world import ClockAnchor
 from skyway.runtime.mqtt.client import MqttClient
+from skyway.runtime.signing.seal import Seal
 
 _CONNECT_WITHIN_S: Final = 20.0
 
@@ -42,14 +43,15 @@ async def send_missions(
     seed: int,
     over_s: float,
     password: str = PASSWORD,
+    seal: Seal | None = None,
 ) -> None:
     """Send each drone its trip, spread over so many seconds.
 
-    Only composition's account may instruct drones.
+    Only composition's account may instruct drones, and drones that know its key obey its seal only.
     """
     chance = random.Random(seed)
     async with MqttClient(
-        url, client_id="bench-sends", user_name="composition", password=password
+        url, client_id="bench-sends", user_name="composition", password=password, seal=seal
     ) as composition:
         async with asyncio.timeout(_CONNECT_WITHIN_S):
             await composition.wait_connected()

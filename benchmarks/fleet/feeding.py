@@ -30,6 +30,8 @@ from skyway.cli.system.children import Ports
 from skyway.cli.system.databases import database_urls
 from skyway.cli.system.running_system import System, running_system
 from skyway.cli.system.secrets import read_secret
+from skyway.runtime.signing.cloud_key_file import read_signing_key
+from skyway.runtime.signing.seal import CloudSeal
 
 #: What the issue wants of the newest states, seconds.
 LAG_S: Final = 2.0
@@ -111,6 +113,7 @@ async def _measured(system: System, pids: dict[str, int], *, flying: int, burst:
             seed=burst.seed,
             over_s=_SEND_OFF_S,
             password=read_secret(folder, "mqtt_composition"),
+            seal=CloudSeal(read_signing_key(folder.secrets, "composition")),
         )
         await messages.wait_airborne(flying, within_s=_AIRBORNE_WITHIN_S)
         await asyncio.sleep(_SETTLE_S)

@@ -8,7 +8,7 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint, mint
-from skyway.runtime.signing.check import SignatureCheck
+from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
 from skyway_composition.closures.close import Closings

@@ -41,7 +41,7 @@ from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received
-from skyway.runtime.signing.check import SignatureCheck
+from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
 from tests.composition.drone_messages import DroneMessages

@@ -10,7 +10,8 @@ from pydantic import TypeAdapter
 
 from skyway.contracts.drone_report import Ack, DroneEvent, DroneState, RefusalCode
 from skyway.contracts.instruction import Instruction
-from skyway.contracts.topics import TOPICS
+from skyway.contracts.topics import CONNECTION, TOPICS
+from skyway.runtime.signing.key_pair import PrivateKey, is_signed_by, public_key_bytes
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/drone-protocol.md").read_text()
 MISSION, ACK, EVENT, STATE = (
@@ -25,6 +26,20 @@ MISSION, ACK, EVENT, STATE = (
 )
 def test_a_message_on_the_page_is_one_of_its_topic(message: dict[str, Any], form: Any) -> None:
     TypeAdapter(form).validate_json(json.dumps(message), extra="forbid")
+
+
+def test_the_signed_example_on_the_page_verifies() -> None:
+    (signed,) = re.findall(r"```text\n(.*?)\n```", PAGE, re.DOTALL)
+    seed, public_key = re.findall(r"`([A-Za-z0-9_-]{43})`", PAGE)
+    (name,) = re.findall(r"on the topic `(\S+)`:", PAGE)
+    key = PrivateKey.read(seed)
+
+    assert key.public_key == public_key
+    assert is_signed_by(public_key_bytes(public_key), name, signed.encode())
+    plain = re.sub(r',"signature":.*', "}", signed)
+    assert key.signed(name, plain.encode()) == signed.encode()
+    assert CONNECTION.ids_in(name) is not None
+    assert CONNECTION.read(signed.encode()).status == "ONLINE"
 
 
 def test_the_page_names_every_refusal_code() -> None:

@@ -24,7 +24,7 @@ from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.minting import CountingMint
-from skyway.runtime.signing.check import SignatureCheck
+from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile
 from skyway.runtime.sql.database import Database
 from tests.shared_app import shared_app

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Final
 
-from skyway.contracts.drone_report import Connection, DroneState
+from skyway.contracts.drone_report import Connection, DroneEvent, DroneState
 from skyway.contracts.message import is_newer
 from skyway.ids import DroneId, ProviderId
 
@@ -74,6 +74,10 @@ class DroneLink:
             return before.journal_session != state.journal_session
         is_continued = 0 < self.last_event_seq <= state.last_event_seq
         return state.stream < self.stream and not is_continued
+
+    def is_before_journal(self, event: DroneEvent) -> bool:
+        """Whether the drone has begun another journal since this event, and numbers anew."""
+        return self.state is not None and event.session < self.state.journal_session
 
     def has_new_journal(self, state: DroneState) -> bool:
         """Whether the drone has certainly begun another journal since its last state."""

@@ -12,7 +12,7 @@ from skyway.contracts.topics import STATE
 from skyway.ids import DroneId
 from skyway.runtime.metrics import COUNTERS
 from skyway.runtime.mqtt.inbox import Inbox
-from skyway.runtime.signing.check import SignatureCheck
+from skyway.runtime.mqtt.signature_check import SignatureCheck
 from tests.unsigned_drones import unsigned_book
 
 

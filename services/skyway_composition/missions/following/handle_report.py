@@ -62,7 +62,7 @@ _ACTIVITIES_AFTER_START: Final = ("LOADING", "FLYING", "RECHARGING", "DELIVERING
 async def handle_event(work: MissionUnitOfWork, link: DroneLink, event: DroneEvent) -> None:
     """Handle the next event of a drone; drop a repeated one, request missing ones."""
     is_of_lost_journal = event.stream < link.stream == link.acked_stream
-    if is_of_lost_journal or event.seq <= link.last_event_seq:
+    if is_of_lost_journal or link.is_before_journal(event) or event.seq <= link.last_event_seq:
         return
     if event.seq > link.last_event_seq + 1:
         work.links[link.drone_id] = await work.courier.ask_for_events(work.tx, link)

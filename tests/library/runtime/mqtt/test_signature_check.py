@@ -14,7 +14,7 @@ from skyway.ids import DroneId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.mqtt.inbox import Arrival, Inbox
-from skyway.runtime.signing.check import SignatureCheck
+from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.signing.key_pair import PrivateKey
 
