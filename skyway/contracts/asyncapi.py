@@ -36,9 +36,9 @@ def asyncapi_document(topics: Iterable[Topic[Any]], *, version: str) -> Document
             "title": "Skyway over MQTT",
             "version": version,
             "description": "What the cloud, drones and customers tell one another. Readers ignore "
-            "fields that they do not know, and expect repeated, reordered and missing messages. What "
-            "drones write and what they may read has one more member, the last one: `signature`, "
-            "Ed25519 over topic and payload (docs/reference/drone-protocol.md, Signatures).",
+            "fields that they do not know, and expect repeated, reordered and missing messages. "
+            "What drones write and what they may read has one more member, the last one: "
+            "`signature`, Ed25519 over topic and payload (docs/reference/drone-protocol.md).",
         },
         "defaultContentType": "application/json",
         "servers": {"broker": _server()},

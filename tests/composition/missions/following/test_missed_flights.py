@@ -9,7 +9,7 @@ import pytest
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 OPERATOR = "operator:op"
-JOURNAL = 100
+JOURNAL = 1
 
 
 async def booked(composition: Any, drone: Any) -> Any:
