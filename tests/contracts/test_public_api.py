@@ -85,11 +85,7 @@ def test_every_write_says_what_its_body_is() -> None:
     }
 
     assert without_body == {
-<<<<<<< HEAD
-        "POST /v1/enrolments/rotations",
         "POST /v1/keys/rotations",
-=======
->>>>>>> e2acad53 (Describe signatures, and measure them)
         "POST /v1/providers/{provider_id}/drones/{drone_id}/enrolment-tokens",
         "POST /v1/quarantine/{quarantine_id}/replay",
         "POST /v1/webhooks/{webhook_id}/secret-rotations",
