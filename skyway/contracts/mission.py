@@ -7,7 +7,7 @@ from pydantic import Field
 from skyway.contracts.candidate import Candidate, ProviderReason
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.shortlist import Shortlist
-from skyway.delivery.offer import Price
+from skyway.delivery.offer import Price, Tariff
 from skyway.delivery.plan import Plan, Recharge
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import (
@@ -159,6 +159,13 @@ class OfferLimits(WireModel):
     hold: Annotated[
         OfferHold | None,
         Field(description="What was held when the offer was accepted; null without a hold."),
+    ] = None
+    tariff: Annotated[
+        Tariff | None,
+        Field(
+            description="The provider's tariff when the offer was made: the offer is booked by it, "
+            "whatever the tariff is now. Null for offers of an earlier version."
+        ),
     ] = None
 
 

@@ -152,6 +152,18 @@ class Shortlist(WireModel):
             standbys=tuple(self.each_standby[row] for row in rows),
         )
 
+    def with_tariff(self, provider_id: ProviderId, tariff: Tariff | None) -> Self:
+        """The shortlist with another tariff of this provider; None leaves its tariff."""
+        if tariff is None or provider_id not in self.terms_of:
+            return self
+        providers = tuple(
+            each.model_copy(update={"tariff": tariff}) if each.provider_id == provider_id else each
+            for each in self.providers
+        )
+        # Not `model_copy`: the copy would keep the terms that `terms_of` has cached.
+        columns = {name: getattr(self, name) for name in type(self).model_fields}
+        return type(self)(**{**columns, "providers": providers})
+
     def of_provider(self, provider_id: ProviderId) -> Self:
         """The shortlist of one provider's drones."""
         return self.only([row for row, of in enumerate(self.provider_ids) if of == provider_id])

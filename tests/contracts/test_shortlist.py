@@ -100,3 +100,16 @@ def test_some_rows_are_those_candidates_in_the_order_asked_for() -> None:
     assert shortlist.only([3, 2, 1, 0]).candidates == tuple(reversed(candidates))
     assert shortlist.only([]).is_empty
     assert shortlist.of_provider(ProviderId("prv_1")).candidates == (candidates[1], candidates[3])
+
+
+def test_another_tariff_of_a_provider_holds_for_all_its_drones() -> None:
+    shortlist = Shortlist.of([make_candidate(n, provider_id=f"prv_{n % 2}") for n in range(4)])
+    before = shortlist.terms_of[ProviderId("prv_1")].tariff
+
+    changed = shortlist.with_tariff(ProviderId("prv_1"), Tariff(base=7))
+
+    assert [each.tariff.base for each in changed.candidates] == [before.base, 7, before.base, 7]
+    assert changed.terms_of[ProviderId("prv_1")].tariff == Tariff(base=7)
+    assert shortlist.terms_of[ProviderId("prv_1")].tariff == before
+    assert shortlist.with_tariff(ProviderId("prv_9"), Tariff(base=7)) == shortlist
+    assert shortlist.with_tariff(ProviderId("prv_1"), None) == shortlist

@@ -25,6 +25,8 @@ def test_the_accepted_offer_is_flown(system: Any) -> None:
     cheapest = _quote(system, {"objective": "cheapest"})
     pinned = _quote(system, {"providers": {"pinned": none["provider_id"]}})
     key = system.keys["SKYWAY_CUSTOMER_KEY"]
+    raised = {"tariff": {"currency": "USD", "base": 90_000, "per_km": 900}}
+    system.operate("PATCH", f"/v1/providers/{cheap['provider_id']}", raised)
     acceptance = {"quote_id": cheapest["quote_id"], "offer_id": cheapest["offers"][0]["offer_id"]}
     accepted = system.call("POST", "/v1/deliveries", key=key, body=acceptance)
     again = system.call("POST", "/v1/deliveries", key=key, body=acceptance)

@@ -66,12 +66,9 @@ class OfferKeeper:
             hold_id=HoldId(f"hld_{quote.quote_id}_{number}"),
             customer_id=SubjectId(caller.subject_id),
             request=quote.request,
-            shortlist=found.shortlist,
-            offer=OfferLimits(
-                provider_id=offer.provider_id,
-                price=offer.price,
-                within_s=offer.delivery_time_s,
-                hold=OfferHold(hold_id=hold_id, number=number) if is_held and hold_id else None,
+            shortlist=found.shortlist.with_tariff(offer.provider_id, offer.tariff),
+            offer=offer.limits(
+                OfferHold(hold_id=hold_id, number=number) if is_held and hold_id else None
             ),
         )
         kept = await self.composition.keep(asked)
@@ -151,10 +148,4 @@ async def accept_offer(
     # The write decides, not the read above: two calls may accept at the same time.
     if not await store.mark_accepted(tx, quote_id, offer_id, delivery_id=delivery_id):
         raise Conflict("QUOTE_TAKEN", f"an offer of quote {quote_id} was accepted before")
-    promised = OfferLimits(
-        provider_id=offer.provider_id,
-        price=offer.price,
-        within_s=offer.delivery_time_s,
-        hold=hold,
-    )
-    return AcceptedOffer(quote.request, promised)
+    return AcceptedOffer(quote.request, offer.limits(hold))

@@ -2,13 +2,13 @@
 
 import contextlib
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import timedelta
 from typing import Annotated, Final
 
 from pydantic import Field
 
 from skyway.contracts.candidate import CandidateQuery
-from skyway.contracts.quote import HoldTerms, OfferTerms, QuoteAnswer, QuoteQuery
+from skyway.contracts.quote import HoldTerms, QuoteAnswer, QuoteQuery
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import InvalidInput, SkywayError
 from skyway.geo import Position
@@ -171,7 +171,12 @@ class QuoteMaker:
             made_at=self.clock.now(),
             expires_at=expires_at,
             offers=tuple(
-                _offer(terms, OfferId(self.mint("off")), expires_at=expires_at)
+                Offer(
+                    **dict(terms),
+                    offer_id=OfferId(self.mint("off")),
+                    expires_at=expires_at,
+                    tariff=found.shortlist.terms_of[terms.provider_id].tariff,
+                )
                 for terms in answer.offers
             ),
             infeasible=infeasible,
@@ -206,10 +211,6 @@ def _candidate_query(request: DeliveryRequest, position: Position) -> CandidateQ
         heaviest_kg=max(package.mass_kg for package in request.packages),
         providers=request.qos.providers,
     )
-
-
-def _offer(terms: OfferTerms, offer_id: OfferId, *, expires_at: datetime) -> Offer:
-    return Offer(**dict(terms), offer_id=offer_id, expires_at=expires_at)
 
 
 def _count(quote: Quote) -> None:

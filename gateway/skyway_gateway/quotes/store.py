@@ -14,8 +14,10 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.message import FleetMoment, WallMoment
+from skyway.contracts.mission import OfferHold, OfferLimits
 from skyway.contracts.quote import OfferTerms
 from skyway.contracts.station_check import NetworkStations
+from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, HoldId, OfferId, QuoteId, SubjectId
 from skyway.json_model import JsonModel
@@ -39,6 +41,23 @@ class Offer(OfferTerms):
 
     offer_id: Annotated[OfferId, Field(description="The id of the offer, to accept it with.")]
     expires_at: WallMoment
+    tariff: Annotated[
+        Tariff | None,
+        Field(
+            description="The provider's tariff when the offer was made, by which an accepted offer "
+            "is booked; null for offers of an earlier version."
+        ),
+    ] = None
+
+    def limits(self, hold: OfferHold | None) -> OfferLimits:
+        """What a booking of the offer keeps; `hold` is what composition holds for it."""
+        return OfferLimits(
+            provider_id=self.provider_id,
+            price=self.price,
+            within_s=self.delivery_time_s,
+            hold=hold,
+            tariff=self.tariff,
+        )
 
 
 class Quote(JsonModel):

@@ -23,10 +23,12 @@ def _differs(row: Any) -> bool:  # a delivery with its quote
     if row.offer is None or not accepted:
         return True
     limits, [offer] = json.loads(row.offer), accepted
-    return (limits["provider_id"], limits["price"], limits["within_s"]) != (
+    promised = (limits["provider_id"], limits["price"], limits["within_s"], limits.get("tariff"))
+    return promised != (
         offer["provider_id"],
         offer["price"],
         offer["delivery_time_s"],
+        offer.get("tariff"),
     )
 
 

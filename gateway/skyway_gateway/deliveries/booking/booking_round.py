@@ -45,7 +45,10 @@ def candidate_query(queued: QueuedDelivery) -> CandidateQuery:
 
 
 def booking_request(delivery: Delivery, shortlist: Shortlist) -> BookMissions:
-    """The question to composition."""
+    """The question to composition; an accepted offer is booked by the tariff of its quote."""
+    offer = delivery.offer
+    if offer is not None:
+        shortlist = shortlist.with_tariff(offer.provider_id, offer.tariff)
     return BookMissions(
         attempt=delivery.attempt,
         request=_request(delivery),

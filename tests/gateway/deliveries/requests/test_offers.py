@@ -1,5 +1,6 @@
 """Accepting an offer: it is booked within its limits immediately, or rejected with the reason."""
 
+import json
 from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
@@ -7,6 +8,8 @@ from typing import Any
 import httpx
 import pytest
 
+from skyway.delivery.offer import Tariff
+from tests.gateway.peers import make_candidate
 from tests.gateway.whole_gateway import Gateway
 
 
@@ -38,6 +41,7 @@ async def test_an_accepted_offer_is_booked_within_its_limits(
         "price": offer["price"],
         "within_s": offer["delivery_time_s"],
         "hold": {"hold_id": gateway.composition.kept[0].hold_id, "number": 0},
+        "tariff": offer["tariff"],
     }
     await gateway.book_next()
     assert (await gateway.get(delivery["delivery_id"]))["state"] == "PLANNED"
@@ -45,6 +49,39 @@ async def test_an_accepted_offer_is_booked_within_its_limits(
     assert asked.offer is not None
     assert asked.offer.price.amount == offer["price"]["amount"]
     assert gateway.registry.queries[-1].providers.pinned == offer["provider_id"]
+
+
+async def test_an_offer_is_kept_and_booked_by_the_tariff_of_its_quote(
+    gateway_on_both: Gateway, request_body: Callable[..., dict[str, Any]]
+) -> None:
+    gateway = gateway_on_both
+    quote, choice = await quoted(gateway, request_body())
+    assert quote["offers"][0]["tariff"]["base"] == 500
+    raised = Tariff(base=50_000, currency="EUR")
+    gateway.registry.candidates_now = [make_candidate().model_copy(update={"tariff": raised})]
+
+    delivery = (await taken(gateway, choice)).json()
+    await gateway.book_next()
+
+    for asked in (gateway.composition.kept[-1], gateway.composition.asked[-1]):
+        assert [each.tariff for each in asked.candidates] == [Tariff(base=500)]
+    assert (await gateway.get(delivery["delivery_id"]))["state"] == "PLANNED"
+    later, _ = await quoted(gateway, request_body())
+    assert later["offers"][0]["tariff"]["currency"] == "EUR"
+
+
+async def test_an_offer_of_an_earlier_version_is_booked_by_the_present_tariff(
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]]
+) -> None:
+    quote, choice = await quoted(gateway, request_body())
+    offers = [{name: each[name] for name in each if name != "tariff"} for each in quote["offers"]]
+    await gateway.execute("UPDATE quotes SET offers = :offers", offers=json.dumps(offers))
+
+    delivery = (await taken(gateway, choice)).json()
+    await gateway.book_next()
+
+    assert delivery["offer"]["tariff"] is None
+    assert (await gateway.get(delivery["delivery_id"]))["state"] == "PLANNED"
 
 
 async def test_one_offer_of_a_quote_is_accepted_once(
