@@ -87,6 +87,7 @@ COMMAND_LINE: Final = (
     Row("SKYWAY_MQTT_TLS_URL", "text", "port 8883", "Its TLS listener (`skyway secrets`)."),
     Row("SKYWAY_GATEWAY_URL", "text", "from `keys.env`", "The gateway that commands ask."),
     Row("SKYWAY_OPERATOR_KEY", "text", "from `keys.env`", "The key of operators' commands."),
+    Row("SKYWAY_METRICS_KEY", "text", "from `keys.env`", "The key of `/metrics`."),
     Row("SKYWAY_CUSTOMER_KEY", "text", "from `keys.env`", "The key of `request` and `track`."),
     Row(
         "SKYWAY_MQTT_OPERATOR_PASSWORD", "text", "from `keys.env`", "The operator's broker account."

@@ -8,10 +8,11 @@ import httpx
 _OURS: Final = "skyway_"
 
 
-async def counters(urls: Mapping[str, str]) -> dict[str, float]:
+async def counters(urls: Mapping[str, str], *, metrics_key: str) -> dict[str, float]:
     """Each counter of ours by name, added up over services and labels."""
     sums: dict[str, float] = {}
-    async with httpx.AsyncClient(timeout=10.0) as client:
+    headers = {"Authorization": f"Bearer {metrics_key}"}
+    async with httpx.AsyncClient(timeout=10.0, headers=headers) as client:
         for url in urls.values():
             text = (await client.get(f"{url}/metrics")).text
             for name, value in _values(text):

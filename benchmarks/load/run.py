@@ -27,7 +27,9 @@ from skyway.cli.data_folder import DataFolder
 from skyway.cli.gateway import GatewayApi, read_keys
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import System, running_system
+from skyway.cli.system.secrets import read_secret
 from skyway.errors import SkywayError
+from skyway.runtime.metrics import METRICS_KEY
 
 #: Wall seconds to find out what the system costs when nothing is asked of it.
 _IDLE_S: Final = 8.0
@@ -87,14 +89,15 @@ async def _measured(
     # Afterwards: a service that has just started still compiles and reads.
     idle, idle_s = await _idle(pids)
     async with following(world, mqtt_url=system.mqtt_url) as followed:
-        counted = await counters(system.urls)
+        metrics_key = read_secret(system.folder, METRICS_KEY)
+        counted = await counters(system.urls, metrics_key=metrics_key)
         with profiled(_python_only(pids), burst.profile):
             async with statements_counted(burst.profile, dispatched=followed.dispatched):
                 busy_from, started_s = CpuReading.of(pids), time.monotonic()
                 sent = await send(system.urls["gateway"], world, requests)
                 await _until_settled(followed, len(sent.asked_at), within_s=burst.patience_s)
                 busy_to, ended_s = CpuReading.of(pids), time.monotonic()
-        after = await counters(system.urls)
+        after = await counters(system.urls, metrics_key=metrics_key)
     return Outcome(
         burst=burst,
         started_s=started_s,

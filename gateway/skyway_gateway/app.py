@@ -19,6 +19,7 @@ from skyway.runtime.http.app import (
     nothing_to_wait_for,
 )
 from skyway.runtime.http.identity import read_secret
+from skyway.runtime.http.metrics_routes import metrics_routes
 from skyway.runtime.idempotency_store import sweep
 from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.minting import mint
@@ -136,6 +137,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 meters=parts.meters,
                 planning=parts.composing,
             ),
+            metrics_routes(gate=parts.metrics_gate),
         ],
         lifespan=lifespan,
         readiness=readiness,

@@ -12,6 +12,7 @@ from skyway.runtime.fair_queue import FairQueue
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import KeyEntrance, Meters
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
+from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.http.request_boundary import BodyLimit, body_limits
 from skyway.runtime.loops import Wake
 from skyway.runtime.meter import Budget, Meter
@@ -73,6 +74,7 @@ class Parts:
     networks: NetworkLearner
     cached_keys: CachedKeys
     gate: KeyGate
+    metrics_gate: MetricsGate
     entrance: KeyEntrance
     refused_logins: RefusedLogins
     body_limit: BodyLimit
@@ -211,6 +213,7 @@ def build_parts(
         networks=networks,
         cached_keys=cached_keys,
         gate=KeyGate(),
+        metrics_gate=MetricsGate(settings.secrets_dir),
         entrance=KeyEntrance(all_keys, services, meters, open_calls(), refused_logins),
         refused_logins=refused_logins,
         body_limit=body_limits(

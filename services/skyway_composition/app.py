@@ -19,6 +19,7 @@ from skyway.runtime.http.app import (
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import ServiceEntrance
 from skyway.runtime.http.identity import ServiceIdentity, read_secret
+from skyway.runtime.http.metrics_routes import metrics_routes
 from skyway.runtime.loops import Loops
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.signing.cloud_key_file import read_signing_key
@@ -107,6 +108,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             quarantine_routes(
                 db=db, gate=gate, replays=Replays(db, clock, parts.handler, parts.keys)
             ),
+            metrics_routes(gate=parts.metrics_gate),
         ],
         entrance=ServiceEntrance(gate),
         lifespan=lifespan,

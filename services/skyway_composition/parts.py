@@ -6,6 +6,7 @@ from typing import Final
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
+from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint, mint
 from skyway.runtime.mqtt.signature_check import SignatureCheck
@@ -42,6 +43,7 @@ class Parts:
 
     db: Database
     gate: ServiceGate
+    metrics_gate: MetricsGate
     clock: FleetClock
     mint: Mint
     networks: PreparedNetworks
@@ -125,6 +127,7 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
     return Parts(
         db=db,
         gate=ServiceGate(settings.secrets_dir, allowed=("gateway", "registry")),
+        metrics_gate=MetricsGate(settings.secrets_dir),
         clock=clock,
         mint=mint,
         networks=PreparedNetworks(db),

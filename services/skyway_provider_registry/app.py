@@ -20,6 +20,7 @@ from skyway.runtime.http.app import (
 )
 from skyway.runtime.http.entrance import ServiceEntrance
 from skyway.runtime.http.identity import read_secret
+from skyway.runtime.http.metrics_routes import metrics_routes
 from skyway.runtime.idempotency_store import sweep
 from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.mqtt.client import MqttClient
@@ -102,6 +103,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             quota_routes(gate=gate, limit=parts.drone_limit),
             live_routes(db=db, gate=gate, clock=clock),
             telemetry_routes(db=db, gate=gate),
+            metrics_routes(gate=parts.metrics_gate),
         ],
         entrance=ServiceEntrance(gate),
         lifespan=lifespan,

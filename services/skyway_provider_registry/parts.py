@@ -8,6 +8,7 @@ from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
+from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.loops import Pace
 from skyway.runtime.minting import Mint, mint
 from skyway.runtime.mqtt.signature_check import SignatureCheck
@@ -36,6 +37,7 @@ class Parts:
 
     db: Database
     gate: ServiceGate
+    metrics_gate: MetricsGate
     clock: FleetClock
     mint: Mint
     stations: StationLookup
@@ -68,6 +70,7 @@ def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Par
     return Parts(
         db=db,
         gate=ServiceGate(settings.secrets_dir, allowed=("gateway", "composition")),
+        metrics_gate=MetricsGate(settings.secrets_dir),
         clock=clock,
         mint=mint,
         stations=CompositionStations(composition),

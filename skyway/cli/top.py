@@ -65,7 +65,7 @@ def top_command(
         if not settings.get(name):
             fail(f"{name} is not set, neither in the environment nor in {folder.keys_file}")
     url, key = (settings[name] for name in _NEEDED)
-    with TopReader(url, key=key) as reader:
+    with TopReader(url, key=key, metrics_key=settings.get("SKYWAY_METRICS_KEY")) as reader:
         try:
             reader.read()
         except NoAnswer as error:
@@ -162,7 +162,8 @@ def _message_table(picture: Picture) -> Table:
     table.add_row("samples per second", _number(picture.samples_per_s))
     table.add_row("lag of the newest, mean", _seconds(picture.lag_mean_s))
     table.add_row("lag of the newest, max", _seconds(picture.lag_max_s))
-    table.add_row("recompositions", f"{picture.recompositions:,}")
+    if picture.recompositions is not None:
+        table.add_row("recompositions", f"{picture.recompositions:,}")
     for channel, number in sorted(picture.unsent.items()) or [("all", 0)]:
         table.add_row(f"waiting to leave, {channel}", f"{number:,}")
     return table

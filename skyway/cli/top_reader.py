@@ -40,7 +40,7 @@ class Picture:
     lag_max_s: float | None
     states_per_s: float | None
     samples_per_s: float | None
-    recompositions: int
+    recompositions: int | None  # unknown without the metrics key
     unsent: Mapping[str, int]
 
 
@@ -79,8 +79,16 @@ class NoAnswer(SkywayError):
 class TopReader:
     """Reads one picture after another; rates come from the last two."""
 
-    def __init__(self, url: str, *, key: str, transport: httpx.BaseTransport | None = None) -> None:
+    def __init__(
+        self,
+        url: str,
+        *,
+        key: str,
+        metrics_key: str | None = None,
+        transport: httpx.BaseTransport | None = None,
+    ) -> None:
         self._url = url
+        self._metrics_key = metrics_key
         self._client = httpx.Client(
             base_url=url,
             headers={"Authorization": f"Bearer {key}"},
@@ -131,7 +139,7 @@ class TopReader:
             lag_max_s=fleets["lag_max_s"],
             states_per_s=None if before is None else counts.states_since(before),
             samples_per_s=None if before is None else counts.samples_since(before),
-            recompositions=_replanned(self._ask("/metrics").text),
+            recompositions=self._recompositions(),
             unsent=missions["unsent"],
         )
 
@@ -144,9 +152,15 @@ class TopReader:
             self._waiting = _by_age(found["waiting"]["by_age"])
             self._deliveries_due_s = now_s + _DELIVERIES_EVERY_S
 
-    def _ask(self, path: str) -> httpx.Response:
+    def _recompositions(self) -> int | None:
+        if self._metrics_key is None:
+            return None
+        headers = {"Authorization": f"Bearer {self._metrics_key}"}
+        return _replanned(self._ask("/metrics", headers=headers).text)
+
+    def _ask(self, path: str, headers: Mapping[str, str] | None = None) -> httpx.Response:
         try:
-            answer = self._client.get(path)
+            answer = self._client.get(path, headers=headers)
         except (httpx.TransportError, httpx.InvalidURL) as error:
             why = f"no answer from {self._url}: {error}. Is `skyway up` running?"
             raise NoAnswer(why) from error

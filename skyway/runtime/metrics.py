@@ -6,10 +6,13 @@ only imported by a service that is asked for its metrics.
 
 from collections import defaultdict
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from prometheus_client.core import CounterMetricFamily
+
+#: The file in the secrets folder with the key of GET /metrics.
+METRICS_KEY: Final = "metrics_key"
 
 _Labels = tuple[tuple[str, str], ...]
 

@@ -38,6 +38,7 @@ from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.http.identity import ServiceGate
+from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received
@@ -279,6 +280,7 @@ async def unpublished(
         parts = Parts(
             db=db,
             gate=ServiceGate(secrets_dir, allowed=("gateway", "registry")),
+            metrics_gate=MetricsGate(secrets_dir),
             clock=clock,
             mint=mint,
             networks=PreparedNetworks(db),

@@ -23,6 +23,7 @@ from skyway.ids import NetworkId, StationId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.identity import ServiceGate
+from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile
@@ -164,6 +165,7 @@ async def api(
     parts = Parts(
         db=db,
         gate=ServiceGate(secrets_dir, allowed=("gateway", "composition")),
+        metrics_gate=MetricsGate(secrets_dir),
         clock=clock,
         mint=CountingMint(),
         stations=stations,

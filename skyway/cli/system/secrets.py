@@ -12,6 +12,7 @@ from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_
 from skyway.cli.gateway import fail
 from skyway.cli.system.broker_files import make_drone_ca, write_mosquitto_files
 from skyway.cli.system.children import OWN_BROKER_URL
+from skyway.runtime.metrics import METRICS_KEY
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, read_signing_key
 from skyway.runtime.signing.key_pair import PrivateKey
 
@@ -34,6 +35,7 @@ def make_secrets(folder: DataFolder) -> None:
         _write_once(folder.secrets / f"mqtt_{account}", secrets.token_urlsafe(24))
     for name in _API_KEYS:
         _write_once(folder.secrets / name, f"sk_{secrets.token_urlsafe(32)}")
+    _write_once(folder.secrets / METRICS_KEY, f"mk_{secrets.token_urlsafe(32)}")
     # Without it the gateway cannot read the secrets of webhooks any more.
     _write_once(folder.secrets / "webhook_keys", b64encode(secrets.token_bytes(32)).decode())
     for service in _SIGNERS:
@@ -86,6 +88,7 @@ def write_keys_file(
         OWN_BROKER_URL: own_broker_url,
         "SKYWAY_OPERATOR_KEY": read_secret(folder, "operator_key"),
         "SKYWAY_CUSTOMER_KEY": read_secret(folder, "customer_key"),
+        "SKYWAYMETRICS_KEY": read_secret(folder, METRICS_KEY),
         "SKYWAY_MQTT_OPERATOR_PASSWORD": read_secret(folder, "mqtt_operator"),
     }
     lines = [f"export {name}={value}\n" for name, value in values.items()]

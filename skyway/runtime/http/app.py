@@ -14,7 +14,7 @@ from importlib.resources import as_file, files
 from typing import Annotated, Final
 
 from fastapi import APIRouter, FastAPI, Request, Response
-from fastapi.responses import HTMLResponse, PlainTextResponse
+from fastapi.responses import HTMLResponse
 from pydantic import BaseModel, Field
 from starlette.middleware import Middleware
 
@@ -30,7 +30,6 @@ from skyway.runtime.http.request_boundary import (
     body_limits,
 )
 from skyway.runtime.http.service_router import ServiceRouter, internal_body, read_json
-from skyway.runtime.metrics import exposition
 
 __all__ = ["Health", "Readiness", "body_limits", "create_app", "internal_body", "read_json"]
 
@@ -179,12 +178,6 @@ def _health_routes(service: str, readiness: Readiness) -> ServiceRouter:
         if missing - _NOT_NEEDED_FOR_ANSWERS:
             raise ServiceUnavailable(service, f"missing: {', '.join(sorted(missing))}")
         return Health(service=service, checks=checks)
-
-    @router.get("/metrics", response_class=PlainTextResponse)
-    async def get_metrics() -> Response:
-        """What the process counts, for Prometheus."""
-        content, content_type = exposition()
-        return Response(content, headers={"Content-Type": content_type})
 
     return router
 

@@ -41,8 +41,9 @@ class Gateway:
     def __call__(self, request: httpx.Request) -> httpx.Response:
         if self.is_away:
             raise httpx.ConnectError("refused")
-        assert request.headers["Authorization"] == "Bearer sk_op"
         path = request.url.path
+        key = "mk_metrics" if path == "/metrics" else "sk_op"
+        assert request.headers["Authorization"] == f"Bearer {key}"
         self.asked.append(path)
         if path == "/metrics":
             return httpx.Response(200, text=METRICS)
@@ -79,7 +80,12 @@ def gateway() -> Gateway:
 
 @pytest.fixture
 def reader(gateway: Gateway) -> TopReader:
-    return TopReader("http://gateway", key="sk_op", transport=httpx.MockTransport(gateway))
+    return reader_of(gateway, metrics_key="mk_metrics")
+
+
+def reader_of(gateway: Gateway, *, metrics_key: str | None) -> TopReader:
+    transport = httpx.MockTransport(gateway)
+    return TopReader("http://gateway", key="sk_op", metrics_key=metrics_key, transport=transport)
 
 
 @pytest.fixture
@@ -113,6 +119,13 @@ def test_an_alarm_can_be_read_on_a_narrow_screen(reader: TopReader) -> None:
 
     assert "CRITICAL  FORCED_LANDING  drn_01m7zr11rd0wr1te7yaxwwrjm3" in captured.get()
     assert "it is down in a field, 140 m from the nearest road" in captured.get()
+
+
+def test_without_the_metrics_key_recompositions_are_unknown(gateway: Gateway) -> None:
+    reader = reader_of(gateway, metrics_key=None)
+
+    assert reader.read().recompositions is None
+    assert "/metrics" not in gateway.asked
 
 
 def test_recompositions_count_the_replans_announced_to_customers(reader: TopReader) -> None:

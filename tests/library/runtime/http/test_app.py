@@ -53,14 +53,6 @@ def test_routes_are_taken_over_as_they_are_for_one_that_is_included_is_matched_t
     assert all(isinstance(route, Route) for route in make_app().routes)
 
 
-async def test_requests_are_counted(client: httpx.AsyncClient) -> None:
-    await client.get("/loads")
-
-    text = (await client.get("/metrics")).text
-
-    assert 'skyway_http_requests_total{method="GET",route="/loads",status="200"}' in text
-
-
 @pytest.mark.parametrize("path", ["/healthz", "/loads", "/nowhere", "/openapi.json"])
 async def test_nobody_keeps_an_answer_or_guesses_its_type(
     client: httpx.AsyncClient, path: str
