@@ -11,7 +11,9 @@ RUN /opt/skyway/bin/pip install --no-cache-dir --no-deps --no-build-isolation .
 
 FROM python:3.11-slim
 RUN useradd --uid 10001 --home-dir /var/lib/skyway --create-home skyway \
-    && install --directory --owner=skyway /var/lib/postgres-passwords /var/cache/skyway
+    && install --directory --owner=skyway /var/lib/postgres-passwords /var/cache/skyway \
+        /var/lib/skyway/broker /var/lib/skyway/drone-ca /var/lib/secrets/registry \
+        /var/lib/secrets/composition /var/lib/secrets/gateway /var/lib/secrets/commands
 COPY --from=build /opt/skyway /opt/skyway
 ENV PATH=/opt/skyway/bin:$PATH PYTHONUNBUFFERED=1 SKYWAY_DATA=/var/lib/skyway \
     NUMBA_CACHE_DIR=/var/cache/skyway

@@ -92,6 +92,45 @@ def test_no_process_gains_rights_or_uses_up_the_memory(name: str) -> None:
     assert SERVICES[name]["mem_limit"]
 
 
+def mounts(name: str) -> dict[str, str]:
+    """Where each volume of a process is mounted."""
+    pairs = [mount.split(":")[:2] for mount in SERVICES[name]["volumes"]]
+    return {source: place for source, place in pairs if not source.startswith(".")}
+
+
+def test_each_service_reads_its_own_secrets_only() -> None:
+    holders = {
+        volume: {name for name in SERVICES if volume in mounts(name)} - {"secrets"}
+        for volume in COMPOSE["volumes"]
+    }
+
+    assert holders["skyway"] == set()
+    assert holders["drone-ca"] == {"registry"}
+    assert holders["broker"] == {"registry", "mosquitto"}
+    assert holders["postgres-passwords"] == {"postgres"}
+    assert holders["commands"] == {"network", "fleet"}
+    for service in SETTINGS:
+        assert holders[f"{service}-secrets"] == {service}
+
+
+@pytest.mark.parametrize("name", list(SETTINGS))
+def test_a_service_finds_its_secrets_and_cannot_change_them(name: str) -> None:
+    volume = f"{name}-secrets"
+
+    assert (
+        f"{volume}:{SERVICES[name]['environment']['SKYWAY_SECRETS_DIR']}:ro"
+        in (SERVICES[name]["volumes"])
+    )
+    assert mounts("secrets")[volume] == f"/var/lib/secrets/{name}"
+    assert f"/var/lib/secrets/{name}" in (ROOT / "Dockerfile").read_text()
+    assert SERVICES[name]["environment"]["PGPASSFILE"] == "/var/lib/secrets/pgpass"
+
+
+@pytest.mark.parametrize("name", list(SERVICES))
+def test_logs_rotate(name: str) -> None:
+    assert set(SERVICES[name]["logging"]["options"]) == {"max-size", "max-file"}
+
+
 def test_the_image_holds_no_tools_of_developers() -> None:
     locked = (ROOT / "requirements-image.txt").read_text()
 

@@ -14,6 +14,7 @@ from skyway.broker_setup.private_file import write_private
 from skyway.contracts.broker_rules import DEPLOYMENT_OPERATOR, BrokerRules, is_operator
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.identity import read_secret
+from skyway.runtime.peer_secrets import account_file
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment import credential_store
 
@@ -108,6 +109,8 @@ class PasswordFile:
         write_password_file(self._path, accounts)
 
     def _hash_of_secret(self, name: str) -> str:
+        if (self._secrets_dir / account_file(name)).exists():
+            return read_secret(self._secrets_dir, account_file(name))
         return hash_password(read_secret(self._secrets_dir, f"mqtt_{name}"))
 
     def _notify_broker(self) -> None:

@@ -13,6 +13,7 @@ from skyway.cli.system.broker_files import write_mosquitto_files
 from skyway.cli.system.children import Ports, bind_when_free, child, environment, service_urls
 from skyway.cli.system.databases import database_urls
 from skyway.cli.system.fleet_time import anchor_clock, keep_heartbeat
+from skyway.cli.system.log_rotation import keep_logs_small
 from skyway.cli.system.patience import until_done
 from skyway.cli.system.readiness import until_ready
 from skyway.cli.system.secrets import make_secrets, write_keys_file
@@ -79,7 +80,7 @@ async def running_system(
         write_keys_file(
             folder, system.urls["gateway"], system.mqtt_url, own_broker_url=own_broker_url
         )
-        heartbeat = asyncio.create_task(keep_heartbeat(folder))
+        keepers = [asyncio.create_task(keep(folder)) for keep in (keep_heartbeat, keep_logs_small)]
         try:
             async with system.supervisor:
                 for name, listener in sockets.items():
@@ -91,6 +92,7 @@ async def running_system(
                 await first_of(until_ready(system.urls, say=say), system.supervisor.failed())
                 yield system
         finally:
-            heartbeat.cancel()
-            with suppress(asyncio.CancelledError):
-                await heartbeat
+            for keeper in keepers:
+                keeper.cancel()
+                with suppress(asyncio.CancelledError):
+                    await keeper

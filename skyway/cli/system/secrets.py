@@ -12,6 +12,7 @@ from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_
 from skyway.cli.gateway import fail
 from skyway.cli.system.broker_files import make_drone_ca, write_mosquitto_files
 from skyway.cli.system.children import OWN_BROKER_URL
+from skyway.cli.system.service_secrets import write_service_secrets
 from skyway.runtime.metrics import METRICS_KEY
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, read_signing_key
 from skyway.runtime.signing.key_pair import PrivateKey
@@ -120,6 +121,12 @@ def secrets_command(
     postgres_passwords: Annotated[
         Path | None, typer.Option(help="The folder in which that server finds them.")
     ] = None,
+    service_secrets: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write a folder for each service here, with the secrets that it reads only."
+        ),
+    ] = None,
     data: DataOption = None,
 ) -> None:
     """Make the missing secrets, keys.env and Mosquitto's configuration."""
@@ -133,4 +140,6 @@ def secrets_command(
     write_mosquitto_files(folder, host=mosquitto_host)
     if postgres_host is not None and postgres_passwords is not None:
         make_database_passwords(folder, postgres_passwords, host=postgres_host)
+    if service_secrets is not None:
+        write_service_secrets(folder, service_secrets)
     typer.echo(f"secrets, keys.env and the broker's files are in {folder.path}", err=True)

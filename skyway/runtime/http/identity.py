@@ -14,6 +14,7 @@ from fastapi.security.base import SecurityBase
 from fastapi.security.utils import get_authorization_scheme_param
 
 from skyway.runtime.errors import AccessDenied, InvalidSettings, Unauthenticated
+from skyway.runtime.peer_secrets import peer_file, peer_hash
 
 CallerRole = Literal["customer", "provider", "operator", "drone", "service"]
 
@@ -156,21 +157,24 @@ class ServiceGate(SecurityBase):
         self._allowed = allowed
 
     @cached_property
-    def _secrets(self) -> dict[str, bytes]:
-        return {
-            name: read_secret(self._secrets_dir, f"service_{name}").encode()
-            for name in self._allowed
-        }
+    def _hashes(self) -> dict[str, str]:
+        return {name: self._hash_of(name) for name in self._allowed}
+
+    def _hash_of(self, name: str) -> str:
+        """The hash of a service's secret: from its own file, or of the secret if that is here."""
+        if (self._secrets_dir / peer_file(name)).exists():
+            return read_secret(self._secrets_dir, peer_file(name))
+        return peer_hash(read_secret(self._secrets_dir, f"service_{name}"))
 
     async def __call__(self, request: Request) -> Caller:
         """The caller of a request that carries a service's secret."""
         scheme, shown = get_authorization_scheme_param(request.headers.get("Authorization"))
         if scheme.lower() != "bearer" or not shown:
             raise Unauthenticated
-        # Every secret is compared, in constant time: the duration must not reveal a match.
-        secret = shown.encode()
+        # Every hash is compared, in constant time: the duration must not reveal a match.
+        hashed = peer_hash(shown)
         matching = [
-            name for name, each in self._secrets.items() if hmac.compare_digest(secret, each)
+            name for name, each in self._hashes.items() if hmac.compare_digest(hashed, each)
         ]
         if not matching:
             raise Unauthenticated("the bearer is not the secret of a service")
