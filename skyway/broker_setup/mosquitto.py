@@ -22,6 +22,22 @@ INFLIGHT_BYTES: Final = 8 << 20
 QUEUED_MESSAGES: Final = 100_000
 QUEUED_BYTES: Final = 64 << 20
 
+#: The suites of TLS 1.2 and 1.3: forward secrecy and authenticated encryption only. Certificates
+#: that `skyway secrets` makes are ECDSA; an own certificate of the broker may be RSA.
+_TLS_1_2: Final = (
+    "ECDHE-ECDSA-AES256-GCM-SHA384",
+    "ECDHE-ECDSA-CHACHA20-POLY1305",
+    "ECDHE-ECDSA-AES128-GCM-SHA256",
+    "ECDHE-RSA-AES256-GCM-SHA384",
+    "ECDHE-RSA-CHACHA20-POLY1305",
+    "ECDHE-RSA-AES128-GCM-SHA256",
+)
+_TLS_1_3: Final = (
+    "TLS_AES_256_GCM_SHA384",
+    "TLS_CHACHA20_POLY1305_SHA256",
+    "TLS_AES_128_GCM_SHA256",
+)
+
 
 @dataclass(frozen=True, slots=True)
 class TlsFiles:
@@ -112,7 +128,8 @@ max_connections {connections}
 
 
 def _tls_listener(tls: TlsFiles, host: str, clients: AccountFiles) -> str:
-    # Not `use_identity_as_username`: it would let in by the certificate alone.
+    # Not `use_identity_as_username`: it would let in by the certificate alone, and a revoked drone
+    # would stay connected (decision 0026).
     return f"""
 # Drones over TLS: a certificate of this deployment, and the password too.
 listener {tls.port} {host}
@@ -123,4 +140,6 @@ certfile {tls.certificate_file}
 keyfile {tls.key_file}
 require_certificate true
 tls_version tlsv1.2
+ciphers {":".join(_TLS_1_2)}
+ciphers_tls1.3 {":".join(_TLS_1_3)}
 """

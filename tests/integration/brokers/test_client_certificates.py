@@ -173,6 +173,49 @@ async def test_a_broker_of_another_deployment_is_not_trusted(
         await address.open_socket(trusting)
 
 
+@pytest.mark.parametrize(
+    ("offered", "is_accepted"),
+    [
+        (["-tls1_3"], True),
+        (["-tls1_2", "-cipher", "ECDHE-ECDSA-AES128-GCM-SHA256"], True),
+        (["-tls1_2", "-cipher", "ECDHE-ECDSA-CHACHA20-POLY1305"], True),
+        (["-tls1_2", "-cipher", "ECDHE-ECDSA-AES128-SHA256"], False),
+        (["-tls1_2", "-cipher", "ECDHE-ECDSA-AES256-SHA"], False),
+        (["-tls1_1", "-cipher", "DEFAULT@SECLEVEL=0"], False),
+    ],
+)
+async def test_only_current_versions_and_suites_of_tls_are_accepted(
+    tls_broker: TlsBroker, offered: list[str], is_accepted: bool
+) -> None:
+    program = shutil.which("openssl")
+    if program is None:
+        pytest.skip("openssl is not installed")
+    signed = tls_broker.authority.sign_drone("p/drone-1")
+    shown = tls_broker.folder / "shown.pem"
+    shown.write_text(signed.certificate_pem + signed.private_key_pem)
+    where = ["-connect", f"127.0.0.1:{tls_broker.port}", "-cert", str(shown)]
+
+    client = await asyncio.create_subprocess_exec(
+        *(program, "s_client", *where, *offered),
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.STDOUT,
+    )
+    said, _ = await client.communicate()
+
+    assert (b"Cipher is (NONE)" not in said) == is_accepted
+
+
+async def test_another_drones_certificate_opens_no_account_without_its_password(
+    tls_broker: TlsBroker,
+) -> None:
+    certificate = tls_broker.shown_by("p/drone-1")
+
+    assert not await tls_broker.is_let_in(certificate, name="p/drone-2", password="p/drone-1")
+    # Mosquitto does not compare the certificate with the account: decision 0026 says why.
+    assert await tls_broker.is_let_in(certificate, name="p/drone-2", password="p/drone-2")
+
+
 async def test_a_revoked_drone_is_cut_off_within_a_second(tls_broker: TlsBroker) -> None:
     async with tls_broker.client("p/drone-1") as revoked, tls_broker.client("p/drone-2") as other:
         async with asyncio.timeout(60):
