@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from skyway.broker_setup.private_file import give_to_owner_of
 from skyway.contracts.broker_rules import USER_NAME
 from skyway.errors import InvalidInput
 
@@ -66,6 +67,7 @@ def write_password_file(path: Path, accounts: Mapping[str, str]) -> None:
     descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(descriptor, "w") as file:
+            give_to_owner_of(path.parent, descriptor)
             file.write(text)
             file.flush()
             os.fsync(file.fileno())

@@ -1,7 +1,7 @@
 """Mosquitto's files: its configuration, its access rules, and its TLS files."""
 
-import getpass
 import os
+import pwd
 from collections.abc import Sequence
 from urllib.parse import urlsplit
 
@@ -10,6 +10,7 @@ from skyway.broker_setup.mosquitto import TlsFiles, mosquitto_conf
 from skyway.broker_setup.private_file import write_private
 from skyway.cli.data_folder import DataFolder
 from skyway.contracts.broker_rules import BrokerRules
+from skyway.runtime.errors import InvalidSettings
 
 #: Mosquitto's ports for drones and customers, and for services, when no setting names them.
 _DRONE_PORT = 1883
@@ -28,18 +29,37 @@ def write_mosquitto_files(folder: DataFolder, *, host: str = "127.0.0.1") -> Non
     # The registry writes these files, with the operators and all accounts.
     if not clients.acl_file.exists():
         write_private(clients.acl_file, rules.client_acl())
-    clients.password_file.touch(mode=0o600)
-    services.password_file.touch(mode=0o600)
+    for file in (clients.password_file, services.password_file):
+        if not file.exists():
+            write_private(file, "")
     configuration = mosquitto_conf(
         port=_port("SKYWAY_MQTT_DRONE_URL", _DRONE_PORT),
         service_port=_port("SKYWAY_MQTT_URL", _SERVICE_PORT),
         password_file=passwords,
         pid_file=folder.broker_pid.resolve(),
-        user=getpass.getuser(),
+        # Root must not serve the internet: Mosquitto becomes the owner of its files.
+        user=folder.broker.owner(),
         host=host,
         tls=made_tls_files(folder),
     )
     (folder.broker / "mosquitto.conf").write_text(configuration)
+
+
+def give_broker_files(folder: DataFolder, user: str) -> None:
+    """Give the folder of the broker's files to a user, who may pass through the data folder.
+
+    Raises
+    ------
+    InvalidSettings
+        There is no such user, or this process is not root.
+    """
+    try:
+        owner = pwd.getpwnam(user)
+        for path in (folder.broker, *folder.broker.iterdir()):
+            os.chown(path, owner.pw_uid, owner.pw_gid)
+    except (KeyError, PermissionError) as error:
+        raise InvalidSettings(f"cannot give {folder.broker} to {user}: {error}") from error
+    folder.path.chmod(0o711)
 
 
 def _port(setting: str, otherwise: int) -> int:

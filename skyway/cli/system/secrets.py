@@ -10,9 +10,10 @@ import typer
 from skyway.broker_setup.private_file import write_private
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_folder
 from skyway.cli.gateway import fail
-from skyway.cli.system.broker_files import make_drone_ca, write_mosquitto_files
+from skyway.cli.system.broker_files import give_broker_files, make_drone_ca, write_mosquitto_files
 from skyway.cli.system.children import OWN_BROKER_URL
 from skyway.cli.system.service_secrets import write_service_secrets
+from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.metrics import METRICS_KEY
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, read_signing_key
 from skyway.runtime.signing.key_pair import PrivateKey
@@ -107,6 +108,13 @@ def secrets_command(
     mosquitto_host: Annotated[
         str, typer.Option(help="The address on which Mosquitto listens.")
     ] = "127.0.0.1",
+    mosquitto_user: Annotated[
+        str | None,
+        typer.Option(
+            help="The user that Mosquitto becomes when root starts it; only root can give its"
+            " files to another user."
+        ),
+    ] = None,
     tls_name: Annotated[
         list[str] | None,
         typer.Option(
@@ -135,6 +143,11 @@ def secrets_command(
     folder = data_folder(data)
     make_secrets(folder)
     write_keys_file(folder, gateway_url, mqtt_url)
+    if mosquitto_user is not None:
+        try:
+            give_broker_files(folder, mosquitto_user)
+        except InvalidSettings as error:
+            fail(str(error))
     if tls_name:
         make_drone_ca(folder, tls_name)
     write_mosquitto_files(folder, host=mosquitto_host)

@@ -203,6 +203,11 @@ def free_port() -> int:
         return port
 
 
+@pytest.fixture(name="free_port")
+def find_free_port() -> Callable[[], int]:
+    return free_port
+
+
 def make_connection(number: int, status: str = "ONLINE") -> Connection:
     return Connection(
         message_id="m",

@@ -129,6 +129,19 @@ async def test_nothing_is_written_when_nothing_has_changed(
     assert not (tmp_path / "passwords").exists()
 
 
+async def test_the_hash_of_a_password_is_enough(
+    db: Database, secrets_dir: Path, tmp_path: Path
+) -> None:
+    (secrets_dir / "mqtt_operator").unlink()
+    (secrets_dir / "mqtt_operator.hash").write_text(hash_password("of the operator") + "\n")
+    path = tmp_path / "passwords"
+    password_file = PasswordFile(path, db=db, secrets_dir=secrets_dir, broker_pid_file=None)
+
+    await password_file.refresh()
+
+    assert matches("of the operator", read_password_file(path)["operator/deployment"])
+
+
 async def test_a_missing_secret_is_named(db: Database, secrets_dir: Path, tmp_path: Path) -> None:
     (secrets_dir / "mqtt_operator").unlink()
     path = tmp_path / "passwords"

@@ -7,6 +7,7 @@ from fastapi import Request
 
 from skyway.runtime.errors import AccessDenied, Unauthenticated
 from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.peer_secrets import peer_file, peer_hash
 
 
 @pytest.fixture
@@ -23,6 +24,17 @@ def request(*, secret: str | None, caller: str | None = None, path: str = "/inte
     if caller is not None:
         headers.append((b"skyway-caller", caller.encode()))
     return Request({"type": "http", "path": path, "headers": headers})
+
+
+async def test_a_hash_of_a_secret_is_enough_to_recognise_a_service(
+    gate: ServiceGate, tmp_path: Path
+) -> None:
+    (tmp_path / "service_gateway").unlink()
+    (tmp_path / peer_file("gateway")).write_text(peer_hash("secret of gateway") + "\n")
+
+    assert await gate(request(secret="secret of gateway")) == Caller("service", "gateway")
+    with pytest.raises(Unauthenticated):
+        await gate(request(secret=peer_hash("secret of gateway")))
 
 
 async def test_the_gateway_speaks_for_whom_it_names(gate: ServiceGate) -> None:
