@@ -15,6 +15,7 @@ import httpx
 
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.gateway import read_keys
+from skyway.runtime.signing.fleet_keys import FleetKeys
 from tests.end_to_end.corridor_network import corridor
 from tests.end_to_end.eventually import LONGEST_WAIT_S, eventually
 
@@ -117,12 +118,13 @@ class LocalSystem:
         registered = self.operate("POST", "/v1/providers", terms | provider)
         drones = [{"model_id": model_id, "home_station_id": home} for home in homes]
         path = f"/v1/providers/{registered['provider_id']}/drones"
-        answer = self.operate("POST", path, drones)
+        keys = FleetKeys(drones)
+        items = keys.kept(self.operate("POST", path, keys.bodies)["items"])
         file = self.folder.path / f"{registered['provider_id']}.json"
-        file.write_text(json.dumps(answer))
+        file.write_text(json.dumps({"items": items}))
         self.run_fleet(file, *options)
         self.until_available(registered["provider_id"], drones=len(homes))
-        return {**registered, "drones": answer["items"], "file": file}
+        return {**registered, "drones": items, "file": file}
 
     def until_available(self, provider_id: str, *, drones: int) -> None:
         """Return when the provider has this many drones and all are AVAILABLE."""
