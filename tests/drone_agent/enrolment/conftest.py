@@ -23,6 +23,7 @@ class FakeCloud:
     is_down: bool = False
     is_busy: bool = False
     asked: list[str] = field(default_factory=list)
+    public_keys: list[str] = field(default_factory=list)
     made: int = 0
 
     @property
@@ -32,6 +33,8 @@ class FakeCloud:
 
     def answer(self, method: str, path: str, headers: Any, body: Any) -> tuple[int, Any]:
         self.asked.append(f"{method} {path}")
+        if body is not None and "public_key" in body:
+            self.public_keys.append(body["public_key"])
         bearer = str(headers.get("Authorization", "")).removeprefix("Bearer ")
         if self.is_busy:
             return 429, {"code": "ADDRESS_REQUESTS", "detail": "spent in this test"}

@@ -13,10 +13,12 @@ from skyway_drone_agent.enrolment.enrolled_drone import (
     Attempt,
     CredentialsFolder,
     DamagedCredentials,
+    Enrolment,
 )
 
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId
+from skyway.runtime.signing.key_pair import PrivateKey
 
 
 def test_the_credentials_for_a_token_are_readable_only_by_this_user(
@@ -30,6 +32,11 @@ def test_the_credentials_for_a_token_are_readable_only_by_this_user(
     assert enrolled(folder, drone_id=None) == (given,)
     [kept] = (tmp_path / "journal").iterdir()
     assert stat.S_IMODE(kept.stat().st_mode) == 0o600
+
+
+def public_key_of(drone: Enrolment) -> str:
+    assert drone.signing_key is not None
+    return PrivateKey.read(drone.signing_key).public_key
 
 
 def test_the_same_command_line_asks_once(tmp_path: Path, cloud: Any) -> None:
@@ -54,6 +61,8 @@ def test_a_lost_answer_is_asked_for_again(tmp_path: Path, cloud: Any) -> None:
 
     assert given.drone.mqtt.password == cloud.password
     assert cloud.made == 1
+    # The repeated call registers the same key, and the drone has it.
+    assert cloud.public_keys == [public_key_of(given.drone)] * 2
 
 
 def test_a_cloud_that_has_no_budget_left_for_the_address_is_asked_again_later(
@@ -83,7 +92,8 @@ def test_no_secret_is_shown(tmp_path: Path, cloud: Any, caplog: pytest.LogCaptur
         enrol("enr_bad", api_url=cloud.url, folder=folder)
 
     shown = f"{caplog.text} {given!r} {refused.value}"
-    for secret in ("enr_good", "enr_bad", cloud.password, given.drone.key):
+    signing_key = given.drone.signing_key or ""
+    for secret in ("enr_good", "enr_bad", cloud.password, given.drone.key, signing_key):
         assert secret not in shown
 
 

@@ -9,6 +9,8 @@ from skyway_drone_agent.enrolment.cloud import CloudRefused, CloudUnreachable
 from skyway_drone_agent.enrolment.enrol import EnrolledCrew, begin_rotation, enrol, settle_rotation
 from skyway_drone_agent.enrolment.enrolled_drone import CredentialsFolder, KeptCredentials
 
+from skyway.runtime.signing.key_pair import PrivateKey
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> CredentialsFolder:
@@ -39,6 +41,21 @@ def test_a_rotation_ends_with_credentials_that_the_broker_accepts(
 
     assert password(crew) == cloud.password != kept.drone.mqtt.password
     assert password(restarted(folder)) == cloud.password
+
+
+def test_a_rotation_brings_another_signing_key_that_never_leaves_the_drone(
+    cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
+) -> None:
+    crew = EnrolledCrew([kept], folder)
+    [before] = crew.drones
+
+    crew.rotate()
+
+    [after] = crew.drones
+    keys = [PrivateKey.read(each.signing_key or "").public_key for each in (before, after)]
+    assert cloud.public_keys == keys
+    assert len({*keys}) == 2
+    assert restarted(folder).drones == crew.drones
 
 
 def test_a_lost_rotation_leaves_the_old_credentials(
