@@ -20,8 +20,9 @@ from skyway.runtime.signing.key_book import KeyBook
 
 log = logging.getLogger(__name__)
 
-#: The most messages that wait for a key, about 4 MiB, and the most of a drone whose key is known.
-_MOST_HELD: Final = 4_000
+#: The most messages that wait for a key: what brokers have retained of a large fleet comes at once.
+#: And the most of one drone whose key is known.
+_MOST_HELD: Final = 50_000
 _MOST_HELD_OF_DRONE: Final = 20
 
 #: Seconds of wall time between two lines in the log about forged messages.
