@@ -16,6 +16,7 @@ import pytest
 from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion
 
+from skyway.contracts.broker_rules import DEPLOYMENT_OPERATOR
 from skyway.runtime.signing.key_pair import PrivateKey
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(60.0)]
@@ -110,7 +111,7 @@ def test_a_broker_that_forges_and_repeats_changes_nothing(system: Any) -> None:
     attacker = Attacker(system, fleet)
     operator, composition = attacker.secret("mqtt_operator"), attacker.secret("mqtt_composition")
     with (
-        attacker.account("operator", operator, reads=True),
+        attacker.account(DEPLOYMENT_OPERATOR, operator, reads=True),
         attacker.account("composition", composition) as cloud,
     ):
         delivery_id = system.request_delivery(["broker-s3"], pickup="broker-s1")
