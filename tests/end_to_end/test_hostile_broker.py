@@ -1,7 +1,7 @@
 """A broker in the wrong hands can neither steer a drone nor speak for it.
 
 The attacker has the broker accounts of composition and of the drone, and has read every message: it
-can publish whatever a broker could deliver.
+can publish everything that a broker could deliver.
 """
 
 import json
@@ -79,11 +79,11 @@ def forged_reports(attacker: Attacker) -> list[tuple[str, bytes]]:
     ended = event | {"seq": event["seq"] + 1, "step_id": 3, "step_kind": "DELIVER"}
     mission_over = event | {"seq": event["seq"] + 1, "event": "MISSION_ENDED", "step_id": None}
     far = state | {"session": FAR, "seq": FAR, "stream": FAR, "at": now}
-    stranger = PrivateKey.new()
+    unknown = PrivateKey.new()
     forged: list[tuple[str, bytes]] = []
     for kind, message in (("events", ended), ("events", mission_over), ("state", far)):
         name, payload = f"{attacker.branch}/{kind}", json.dumps(message).encode()
-        forged += [(name, payload), (name, stranger.signed(name, payload))]
+        forged += [(name, payload), (name, unknown.signed(name, payload))]
     # Another signature of the drone, and true messages under another kind.
     tail = attacker.of_kind("events")[-1][-102:]
     forged.append((f"{attacker.branch}/events", json.dumps(ended).encode()[:-1] + tail))

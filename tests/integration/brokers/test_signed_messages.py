@@ -42,13 +42,13 @@ async def test_a_drone_reads_what_composition_has_signed_and_nothing_else(
     own = CloudSeal(SIGNING_KEYS["composition"])
     composition = await connect(broker.service_port, "composition", seal=own)
     forger = await connect(broker.service_port, "composition", client_id="forger")
-    stranger = await connect(
-        broker.service_port, "composition", client_id="stranger", seal=CloudSeal(PrivateKey.new())
+    unknown = await connect(
+        broker.service_port, "composition", client_id="unknown", seal=CloudSeal(PrivateKey.new())
     )
-    await all_connected(drone, composition, forger, stranger)
+    await all_connected(drone, composition, forger, unknown)
 
     await forger.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(7))
-    await stranger.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(8))
+    await unknown.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(8))
     await until(lambda: seal.refused == 2)
     await composition.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(1))
 
