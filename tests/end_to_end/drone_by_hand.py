@@ -26,7 +26,7 @@ def run(system: Any, *options: str, token: str | None = None) -> subprocess.Pope
     variables = {} if token is None else {"SKYWAY_ENROLMENT_TOKEN": token}
     if "SKYWAY_MQTT_TLS_URL" in system.environment:
         # As in production: the drone shows the certificate that it got when it enrolled.
-        variables["SKYWAY_MQTT_URL"] = system.environment["SKYWAY_MQTT_TLS_URL"]
+        variables["SKYWAY_MQTT_DRONE_URL"] = system.environment["SKYWAY_MQTT_TLS_URL"]
     with (system.folder.path / "drone.log").open("ab") as log:
         process = subprocess.Popen(
             [*SKYWAY, "drone", *options, "--data", str(system.folder.path)],

@@ -175,7 +175,7 @@ def start(
 
 @contextlib.contextmanager
 def broker_proxy(system: Any) -> Iterator[BrokerProxy]:
-    broker = urlsplit(system.environment.get("SKYWAY_MQTT_URL", system.keys["SKYWAY_MQTT_URL"]))
+    broker = urlsplit(system.keys["SKYWAY_MQTT_URL"])
     assert broker.hostname is not None
     assert broker.port is not None
     with BrokerProxy((broker.hostname, broker.port)) as proxy:

@@ -46,7 +46,7 @@ class TroubledFleets:
         file.write_text(json.dumps({"items": [self._drones[name] for name in names]}))
         environment = self._system.environment
         if mqtt_url is not None:
-            self._system.environment = environment | {"SKYWAY_MQTT_URL": mqtt_url}
+            self._system.environment = environment | {"SKYWAY_MQTT_DRONE_URL": mqtt_url}
         process = self._system.run_fleet(file, "--scenario", str(day))
         self._system.environment = environment
         self.processes |= dict.fromkeys(names, process)

@@ -116,6 +116,7 @@ AltitudeOption = Annotated[
 ]
 
 _BROKER: Final = "SKYWAY_MQTT_URL"
+_DRONES_BROKER: Final = "SKYWAY_MQTT_DRONE_URL"
 
 #: Settings of keys.env that the agent needs too.
 _PASSED: Final[tuple[str, ...]] = (_BROKER, "SKYWAY_GATEWAY_URL")
@@ -212,4 +213,6 @@ def _environment(folder: DataFolder) -> dict[str, str]:
     """The agent's environment; the command ends when no broker is named."""
     settings = needed_settings(folder, _BROKER)
     passed = {name: settings[name] for name in _PASSED if name in settings}
+    # In a shell for `skyway up` the other setting names the listener of services.
+    passed[_BROKER] = settings.get(_DRONES_BROKER) or passed[_BROKER]
     return {**os.environ, **passed, "SKYWAY_AGENT_JOURNAL": str(folder.journals)}
