@@ -59,6 +59,8 @@ from skyway_gateway.quotes import store as quote_store
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.quotes.store import read_networks
 from skyway_gateway.settings import GatewaySettings
+from skyway_gateway.tracking.link_routes import link_routes
+from skyway_gateway.tracking.page_routes import page_routes
 
 PACKAGE: Final = "skyway_gateway"
 
@@ -100,6 +102,13 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             ),
             earnings_routes(db=db, gate=gate),
             live_routes(gate=gate, feed=parts.live, slots=parts.streams),
+            link_routes(db=db, gate=gate, links=parts.links),
+            page_routes(
+                pages=parts.pages,
+                feed=parts.live,
+                slots=parts.followers,
+                meters=parts.meters,
+            ),
             webhook_routes(
                 db=db,
                 gate=gate,

@@ -50,12 +50,17 @@ from skyway_gateway.quotes.make_quote import HoldLimits, QuoteMaker
 from skyway_gateway.quotes.store import keep_network
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import outbox
+from skyway_gateway.tracking.pages import TrackingPages
+from skyway_gateway.tracking_links import TRACKING_PATHS, TrackingLinks
 
 SERVICE: Final = "gateway"
 
 #: Quotes and problems of one tenant that are planned at the same time.
 _QUOTES_PER_TENANT: Final = 2
 _COMPOSITIONS_PER_TENANT: Final = 1
+
+#: Streams of tracking pages of one delivery that may be open.
+_FOLLOWERS_OF_A_DELIVERY: Final = 20
 
 #: Test events of one customer that may be on their way at the same time.
 _TRIALS_AT_ONCE: Final = 4
@@ -101,6 +106,9 @@ class Parts:
     drone_usage: DroneUsage
     waker: Waker
     live: LiveFeed
+    links: TrackingLinks
+    pages: TrackingPages
+    followers: Slots
 
     @property
     def booker(self) -> Booker:
@@ -167,6 +175,7 @@ class Parts:
             self.booking,
             self.horizon,
             self.quota,
+            self.links,
         )
 
     @property
@@ -199,6 +208,9 @@ def build_parts(
     cached_keys, queued = CachedKeys(db, clock), Wake()
     services = ServiceGate(settings.secrets_dir, allowed=("composition",))
     meters = _meters(settings)
+    links = TrackingLinks(
+        settings.secrets_dir, None if settings.public_url is None else str(settings.public_url)
+    )
     streams = Slots("STREAMS", settings.streams_per_tenant)
     all_keys = AllKeys(cached_keys, DroneKeys(registry), KeysInUse(db, clock))
     refused_logins = RefusedLogins(db, clock, mint)
@@ -214,7 +226,14 @@ def build_parts(
         cached_keys=cached_keys,
         gate=KeyGate(),
         metrics_gate=MetricsGate(settings.secrets_dir),
-        entrance=KeyEntrance(all_keys, services, meters, open_calls(), refused_logins),
+        entrance=KeyEntrance(
+            all_keys,
+            services,
+            meters,
+            open_calls(),
+            refused_logins,
+            open_paths=(TRACKING_PATHS,),
+        ),
         refused_logins=refused_logins,
         body_limit=body_limits(
             own_body_limits(), of_tenants=tenants_body_limits(settings.composition_stations)
@@ -265,6 +284,9 @@ def build_parts(
         stream_usage=StreamUsage(streams),
         drone_usage=DroneUsage(registry),
         waker=Waker(db, clock, networks.cached, queued),
+        links=links,
+        pages=TrackingPages(db, links, composition, clock),
+        followers=Slots("FOLLOWERS", _FOLLOWERS_OF_A_DELIVERY),
         live=LiveFeed(
             (
                 Deliveries(db),

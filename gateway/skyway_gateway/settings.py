@@ -3,7 +3,7 @@
 from ipaddress import IPv4Network, IPv6Network, ip_network
 from typing import Annotated
 
-from pydantic import Field, field_validator
+from pydantic import AnyHttpUrl, Field, field_validator
 from pydantic_settings import NoDecode
 
 from skyway.runtime.settings import ServiceSettings
@@ -26,6 +26,11 @@ class GatewaySettings(ServiceSettings):
             "point beside the public Internet."
         ),
     ] = ()
+    public_url: AnyHttpUrl | None = Field(
+        default=None,
+        description="How customers reach the gateway, as links to tracking pages begin. Without it "
+        "links begin with the address of the request that asked for them.",
+    )
     bookings_at_once: int = Field(
         default=8, ge=1, le=64, description="Deliveries that are booked at the same time."
     )

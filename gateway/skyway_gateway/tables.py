@@ -216,3 +216,13 @@ webhook_attempts = Table(
     CheckConstraint("outcome IN ('DELIVERED', 'FAILED', 'GIVEN_UP')", name="attempt_outcome"),
     Index("webhook_attempts_by_webhook", "webhook_id", "attempt_id"),
 )
+
+#: Tracking links that were renewed or withdrawn; all other deliveries have their first link.
+tracking_links = Table(
+    "tracking_links",
+    metadata,
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), primary_key=True),
+    Column("number", Integer, nullable=False),
+    Column("is_withdrawn", Boolean, nullable=False),
+    CheckConstraint("number >= 1", name="tracking_link_number"),
+)

@@ -61,6 +61,7 @@ class Process:
             (secrets / name).write_text("0123456789abcdef")
         write_cloud_keys(secrets)
         (secrets / "operator_key").write_text(KEY)
+        (secrets / "tracking_key").write_text("a key of tracking links")
         (secrets / "webhook_keys").write_text(VAULT_KEY)
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://127.0.0.1:{self.listener.getsockname()[1]}"

@@ -248,6 +248,7 @@ async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gatew
     secrets_dir.mkdir()
     for name in SECRETS:
         (secrets_dir / name).write_text(f"{name}-0123456789abcdef\n")
+    (secrets_dir / "tracking_key").write_text("a key of tracking links\n")
     (secrets_dir / "webhook_keys").write_text(f"{VAULT_KEY}\n")
     settings = GatewaySettings(
         database_url=database_url,

@@ -5,12 +5,15 @@ from typing import Any, Final
 
 from pydantic_core import to_jsonable_python
 
+from skyway.ids import DeliveryId
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.live.merge_patch import JsonObject
 from skyway_gateway.live.picture import FLEETS, Bounds, Item, Key, Readers
 
 #: Members that become keys, or are for the gateway alone.
 _OUTSIDE_OF_MISSION: Final = frozenset({"mission_id", "steps", "packages", "service_steps"})
+#: The audience of tracking links: the name of no customer.
+_LINK: Final = "link/"
 #: What a customer sees of a mission beside its steps and packages.
 _OF_MISSION_FOR_CUSTOMERS: Final = ("delivery_id", "provider_id", "state", "revision")
 _OF_STEP_FOR_CUSTOMERS: Final = (
@@ -96,6 +99,12 @@ def delivery_item(delivery: Delivery) -> tuple[Key, Item]:
     readers = Readers(operators=True, customer_id=delivery.customer_id)
     shown = _without_nulls(to_jsonable_python(document))
     return Key("deliveries", delivery.delivery_id), Item(shown, readers)
+
+
+def linked_delivery_item(delivery_id: DeliveryId, version: int) -> tuple[Key, Item]:
+    """What who has a tracking link sees: that the delivery has changed, so that it looks again."""
+    readers = Readers(linked_delivery_id=delivery_id)
+    return Key("deliveries", delivery_id, _LINK), Item({"version": version}, readers)
 
 
 def service_item(name: str, *, is_answering: bool) -> tuple[Key, Item]:

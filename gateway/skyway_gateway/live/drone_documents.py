@@ -43,13 +43,15 @@ def drone_item(
 def customers_drone(drone: Item, mission: JsonObject, key: Key) -> Item | None:
     """What a customer sees of a drone: its place, while it carries packages of the customer.
 
+    Who has the delivery's tracking link sees the same.
     `mission` is the mission as operators see it, `key` the key of the customer's own item of it.
     """
     document = drone.document
     if not mission["is_carrying"] or document.get("mission_id") != key.item_id:
         return None
     shown = {name: document[name] for name in _FOR_CUSTOMERS if name in document}
-    return Item(shown, Readers(customer_id=key.customer_id), drone.bounds)
+    readers = Readers(customer_id=key.audience, linked_delivery_id=mission["delivery_id"])
+    return Item(shown, readers, drone.bounds)
 
 
 def _heading_deg(position: list[float], before: JsonObject | None) -> int | None:

@@ -2,9 +2,10 @@
 
 import json
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import attrgetter
 from typing import Any, Final, Literal, NamedTuple
 
 from skyway_gateway.live.merge_patch import JsonObject, patch_between
@@ -16,21 +17,26 @@ Bounds = tuple[float, float, float, float]
 
 
 class Key(NamedTuple):
-    """Which item it is; what a customer sees of a drone or mission is an item of its own."""
+    """Which item it is.
+
+    What a customer sees of a drone or mission is an item of its own, for the `audience` of that
+    customer.
+    """
 
     kind: Kind
     item_id: str
-    customer_id: str = ""
+    audience: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Readers:
-    """Who sees an item: operators, all providers or one, one customer."""
+    """Who sees an item: operators, all providers or one, one customer, who has a tracking link."""
 
     operators: bool = False
     all_providers: bool = False
     provider_id: str | None = None
     customer_id: str | None = None
+    linked_delivery_id: str | None = None
 
 
 #: Items that only operators see.
@@ -56,6 +62,11 @@ class Change:
     before: Item | None
     after: Item | None
 
+    @property
+    def items(self) -> tuple[Item, ...]:
+        """The item before and after, without None."""
+        return tuple(item for item in (self.before, self.after) if item is not None)
+
     @cached_property
     def whole(self) -> str:
         """The member of a patch that brings the item."""
@@ -77,12 +88,31 @@ class Change:
         return f"{json.dumps(self.key.item_id)}:{as_json(value)}"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Tick:
     """All changes of one look, encoded once for all viewers."""
 
     number: int
     changes: tuple[Change, ...]
+
+    @cached_property
+    def by_customer(self) -> Mapping[str | None, Sequence[Change]]:
+        """The changes that each customer may see."""
+        return self._grouped(attrgetter("customer_id"))
+
+    @cached_property
+    def by_linked_delivery(self) -> Mapping[str | None, Sequence[Change]]:
+        """The changes that who has a delivery's tracking link may see."""
+        return self._grouped(attrgetter("linked_delivery_id"))
+
+    def _grouped(
+        self, group_of: Callable[[Readers], str | None]
+    ) -> Mapping[str | None, Sequence[Change]]:
+        groups: dict[str | None, list[Change]] = defaultdict(list)
+        for change in self.changes:
+            for group in {group_of(item.readers) for item in change.items}:
+                groups[group].append(change)
+        return groups
 
 
 @dataclass(slots=True)

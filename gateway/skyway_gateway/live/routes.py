@@ -1,23 +1,20 @@
 """GET /v1/live: the live picture as server-sent events."""
 
-from typing import Annotated, Final
+from typing import Annotated
 
 from fastapi import Depends, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import Field
-from starlette.types import Receive, Send
-from starlette.types import Scope as AsgiScope
 
 from skyway.json_model import JsonModel
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.slots import Slots
 from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.live.answer import LiveAnswer
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.viewer_frames import ViewerFrames, event_seen
-
-_SSE_HEADERS: Final = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
 
 
 class LiveQuery(JsonModel):
@@ -71,32 +68,6 @@ def live_routes(*, gate: KeyGate, feed: LiveFeed, slots: Slots) -> ServiceRouter
         caller.must_be("customer", "provider", "operator")
         scope = Scope.of(caller, kinds=query.kinds, bbox=query.bbox)
         frames = ViewerFrames(feed, event_seen(last_event_id), request.state.is_still_known)
-        return _LiveAnswer(frames, scope=scope, slots=slots, who=str(caller))
+        return LiveAnswer(frames, scope=scope, slots=slots, who=str(caller))
 
     return router
-
-
-class _LiveAnswer(StreamingResponse):
-    """The stream of a viewer, who takes a slot and counts as looking while it is open."""
-
-    def __init__(self, frames: ViewerFrames, *, scope: Scope, slots: Slots, who: str) -> None:
-        super().__init__((), media_type="text/event-stream", headers=_SSE_HEADERS)
-        self._frames = frames
-        self._scope = scope
-        self._slots = slots
-        self._who = who
-
-    async def __call__(self, scope: AsgiScope, receive: Receive, send: Send) -> None:
-        """Send the stream.
-
-        Raises
-        ------
-        BudgetSpent
-            STREAMS: the viewer has as many open as it may have.
-        ServiceUnavailable
-            Registry or composition have not answered yet.
-        """
-        with self._slots.held(self._who):
-            async with self._frames.feed.viewing(self._scope) as view:
-                self.body_iterator = self._frames.of(view)
-                await super().__call__(scope, receive, send)

@@ -1,11 +1,13 @@
 """Who looks at the picture, and at which part of it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self, get_args
 
 from skyway.errors import InvalidInput
+from skyway.ids import DeliveryId
 from skyway.runtime.http.identity import Caller
-from skyway_gateway.live.picture import Bounds, Item, Key, Kind, Picture
+from skyway_gateway.live.picture import Bounds, Change, Item, Key, Kind, Picture, Tick
 
 _NUMBERS_OF_BOUNDS = 4
 _MOST_LONGITUDE_DEG, _MOST_LATITUDE_DEG = 180.0, 90.0
@@ -35,6 +37,21 @@ class Scope:
         subject_id = "" if caller.role == "operator" else caller.subject_id
         return cls(caller.role, subject_id, _kinds(kinds), None if bbox is None else _bounds(bbox))
 
+    @classmethod
+    def of_link(cls, delivery_id: DeliveryId) -> Self:
+        """What who has the tracking link of a delivery sees."""
+        return cls("link", delivery_id, frozenset(get_args(Kind)))
+
+    def changes_in(self, tick: Tick) -> Sequence[Change]:
+        """The changes that may concern this scope; others need not be looked at."""
+        match self.role:
+            case "customer":
+                return tick.by_customer.get(self.subject_id, ())
+            case "link":
+                return tick.by_linked_delivery.get(self.subject_id, ())
+            case _:
+                return tick.changes
+
     def sees(self, key: Key, item: Item) -> bool:
         """Whether the item is in this scope."""
         return key.kind in self.kinds and self._may_see(item) and self._is_near(item.bounds)
@@ -52,6 +69,8 @@ class Scope:
                 return readers.all_providers or readers.provider_id == self.subject_id
             case "customer":
                 return readers.customer_id == self.subject_id
+            case "link":
+                return readers.linked_delivery_id == self.subject_id
             case _:
                 return False
 

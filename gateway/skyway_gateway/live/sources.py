@@ -23,6 +23,7 @@ from skyway_gateway.live.documents import (
     closure_item,
     customers_mission,
     delivery_item,
+    linked_delivery_item,
     mission_item,
     station_item,
 )
@@ -81,6 +82,7 @@ class Deliveries:
             async with self.db.read() as connection:
                 found = await live_store.deliveries_named(connection, some)
             picture.put(delivery_item(each) for each in found if not each.is_over)
+            picture.put(linked_delivery_item(each, versions[each]) for each in some)
         shown = picture.of_kind("deliveries")
         picture.remove([key for key in shown if key.item_id not in versions])
         self._versions = versions
@@ -165,7 +167,7 @@ class Drones:
         )
         picture.put(found.items())
         if answer["is_whole"]:
-            fleet = [key for key in picture.of_kind("drones") if not key.customer_id]
+            fleet = [key for key in picture.of_kind("drones") if not key.audience]
             picture.remove(key for key in fleet if key not in found)
         self._mark = answer["mark"]
 
@@ -178,19 +180,19 @@ def show_customers_drones(picture: Picture) -> None:
     """Bring up to date what customers see of the drones that carry their packages."""
     shown = dict(_customers_drones(picture))
     drones = picture.of_kind("drones")
-    picture.remove([key for key in drones if key.customer_id and key not in shown])
+    picture.remove([key for key in drones if key.audience and key not in shown])
     picture.put(shown.items())
 
 
 def _customers_drones(picture: Picture) -> Iterator[tuple[Key, Item]]:
     for key in picture.of_kind("missions"):
-        if not key.customer_id:
+        if not key.audience:
             continue
         mission = _document(picture, "missions", key.item_id)
         drone = mission and picture.get(Key("drones", mission["drone_id"]))
         item = mission and drone and customers_drone(drone, mission, key)
         if mission and item:
-            yield Key("drones", mission["drone_id"], key.customer_id), item
+            yield Key("drones", mission["drone_id"], key.audience), item
 
 
 def _replace(picture: Picture, kind: Kind, items: Iterable[tuple[Key, Item]]) -> None:

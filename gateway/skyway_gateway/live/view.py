@@ -52,7 +52,7 @@ class View:
     def apply(self, tick: Tick) -> None:
         """Make the frame of these changes, if any of them is in this scope, and wake viewers."""
         members: dict[Kind, list[str]] = defaultdict(list)
-        for change in tick.changes:
+        for change in self.scope.changes_in(tick):
             member = self._member(change)
             if member is not None:
                 members[change.key.kind].append(member)

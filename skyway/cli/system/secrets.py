@@ -38,6 +38,7 @@ def make_secrets(folder: DataFolder) -> None:
     for name in _API_KEYS:
         _write_once(folder.secrets / name, f"sk_{secrets.token_urlsafe(32)}")
     _write_once(folder.secrets / METRICS_KEY, f"mk_{secrets.token_urlsafe(32)}")
+    _write_once(folder.secrets / "tracking_key", secrets.token_urlsafe(32))
     # Without it the gateway cannot read the secrets of webhooks any more.
     _write_once(folder.secrets / "webhook_keys", b64encode(secrets.token_bytes(32)).decode())
     for service in _SIGNERS:

@@ -19,6 +19,7 @@ OWN: Final = {
         "mqtt_gateway",
         "signing_gateway",
         "webhook_keys",
+        "tracking_key",
         "operator_key",
         "customer_key",
         METRICS_KEY,

@@ -76,7 +76,8 @@ class Meters:
 class KeyEntrance:
     """Recognises the caller of each request, and takes the request from the right budget.
 
-    `open_calls` need no key, like ``POST /v1/enrolments``. Callers without
+    `open_calls` need no key, like ``POST /v1/enrolments``, nor do paths that begin as one of
+    `open_paths`. Callers without
     budget are refused late.
     """
 
@@ -87,6 +88,7 @@ class KeyEntrance:
     refusals: Refusals
     wrong_keys: WrongKeys = field(default_factory=WrongKeys)
     brake: Brake = field(default_factory=Brake)
+    open_paths: tuple[str, ...] = ()
     #: Hashes of keys that were good when they were last shown; the last shown is last.
     _recognised: dict[bytes, None] = field(default_factory=dict)
 
@@ -117,9 +119,10 @@ class KeyEntrance:
         if path.startswith(_INTERNAL):
             await self._admit_service(request)
             return {}
-        if not path.startswith(_PUBLIC):
+        is_open = f"{request.method} {path}" in self.open_calls
+        if not path.startswith((_PUBLIC, *self.open_paths)):
             return addresses.take(address_of(request), REFUSED_COST).headers
-        if f"{request.method} {path}" in self.open_calls:
+        if is_open or path.startswith(self.open_paths):
             return addresses.take(address_of(request), KEYLESS_COST).headers
         holder = await self._holder_of(request)
         request.state.holder, request.state.caller = holder, holder.caller

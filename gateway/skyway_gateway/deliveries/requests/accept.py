@@ -40,6 +40,7 @@ from skyway_gateway.notifications.delivery_events import Happening
 from skyway_gateway.quotes.accept_offer import OfferKeeper, accept_offer
 from skyway_gateway.quotes.check_request import CheckedRequest, RequestChecks
 from skyway_gateway.quotes.store import hold_of, one_of
+from skyway_gateway.tracking_links import FIRST_LINK, TrackingLinks
 
 
 class OfferChoice(JsonModel):
@@ -47,6 +48,18 @@ class OfferChoice(JsonModel):
 
     quote_id: Annotated[QuoteId, Field(description="The quote that holds the offer.")]
     offer_id: Annotated[OfferId, Field(description="The offer to accept.")]
+
+
+class RequestedDelivery(Delivery):
+    """A delivery that was just requested, with the link to its tracking page."""
+
+    tracking_url: Annotated[
+        str,
+        Field(
+            description="Link to the tracking page, for everybody who may follow the delivery "
+            "without a key."
+        ),
+    ]
 
 
 def new_delivery(
@@ -119,6 +132,7 @@ class Acceptance:
     booking: BookingLoop
     horizon: timedelta
     quota: DeliveryQuota
+    links: TrackingLinks
 
     async def accept(
         self,
@@ -127,8 +141,11 @@ class Acceptance:
         *,
         idempotency_key: str | None,
         body: bytes,
+        base_url: str,
     ) -> Answer:
         """202 with the delivery, which is written together with its first event.
+
+        `base_url` is how the caller reaches the gateway.
 
         Raises
         ------
@@ -170,7 +187,9 @@ class Acceptance:
             )
             tx.after_commit(lambda: written.append(delivery.delivery_id))
             location = {"Location": f"/v1/deliveries/{delivery.delivery_id}"}
-            return Answer(202, delivery.model_dump_json().encode(), location)
+            url = self.links.url_of(delivery.delivery_id, number=FIRST_LINK, base_url=base_url)
+            shown = RequestedDelivery.model_construct(**dict(delivery), tracking_url=url)
+            return Answer(202, shown.model_dump_json().encode(), location)
 
         try:
             answer = await once(

@@ -13,7 +13,7 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
-from skyway_gateway.deliveries.requests.accept import Acceptance, OfferChoice
+from skyway_gateway.deliveries.requests.accept import Acceptance, OfferChoice, RequestedDelivery
 from skyway_gateway.deliveries.requests.cancel import Canceller, CancelRequest
 
 
@@ -36,7 +36,7 @@ def delivery_routes(*, gate: KeyGate, acceptance: Acceptance) -> ServiceRouter:
     @router.post(
         "/v1/deliveries",
         status_code=202,
-        response_model=Delivery,
+        response_model=RequestedDelivery,
         responses={
             **NOT_FOUND,
             **conflicts(
@@ -62,7 +62,11 @@ def delivery_routes(*, gate: KeyGate, acceptance: Acceptance) -> ServiceRouter:
         # An operator has stranded packages collected.
         caller.must_be("customer", "operator")
         answer = await acceptance.accept(
-            caller, wanted, idempotency_key=idempotency_key, body=await request.body()
+            caller,
+            wanted,
+            idempotency_key=idempotency_key,
+            body=await request.body(),
+            base_url=str(request.base_url),
         )
         return response_of(answer)
 

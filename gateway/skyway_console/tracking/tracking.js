@@ -1,0 +1,201 @@
+// The tracking page: shows the state of a delivery, and follows it while it is under way.
+
+import {drawWay} from "./way_map.js";
+
+const STAGES = [
+  ["REQUESTED", "Requested"],
+  ["PLANNED", "Planned"],
+  ["ON_THE_WAY", "On the way"],
+  ["DELIVERED", "Delivered"],
+];
+// A drone this near, in seconds of fleet time, is arriving.
+const ARRIVING_S = 120;
+const LOOK_AGAIN_MS = 60_000;
+
+const here = location.pathname.replace(/\/$/, "");
+const element = (id) => document.getElementById(id);
+
+let state = null;
+let readAt = 0;
+let drones = {};
+let stream = null;
+
+const nameOf = (stationId) =>
+  stationId.split(/[-_]/).map((word) => word.charAt(0).toUpperCase() + word.slice(1)).join(" ");
+const fleetNow = () => Date.parse(state.now) + (Date.now() - readAt) * state.rate;
+const clockTime = (moment) =>
+  new Date(moment).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit"});
+const secondsTo = (moment) => (Date.parse(moment) - fleetNow()) / 1000;
+
+function paragraph(text, name = "") {
+  const made = document.createElement("p");
+  made.textContent = text;
+  made.className = name;
+  return made;
+}
+
+// The next package that is still to come.
+function nextPackage() {
+  return state.packages
+    .filter(({delivered_at, eta_at}) => !delivered_at && eta_at)
+    .sort((one, other) => Date.parse(one.eta_at) - Date.parse(other.eta_at))[0];
+}
+
+function isArriving(next) {
+  return state.stage === "ON_THE_WAY" && next !== undefined && secondsTo(next.eta_at) <= ARRIVING_S;
+}
+
+function headline(next) {
+  switch (state.stage) {
+    case "DELIVERED": return "Delivered";
+    case "PARTLY_DELIVERED": return "Delivered in part";
+    case "ENDED": return state.state === "CANCELLED" ? "Cancelled" : "Not delivered";
+    case "REQUESTED": return state.is_waiting ? "Waiting for a drone" : "Requested";
+    default:
+      if (isArriving(next)) return "Arriving";
+      return next ? `Arrives at ${clockTime(next.eta_at)}` : "On the way";
+  }
+}
+
+function detail(next) {
+  if (state.is_over || next === undefined) return "";
+  if (state.is_replanning) return "The plan is being changed. A new time follows.";
+  const [from, until] = [clockTime(next.eta_at), clockTime(next.eta_until_at)];
+  const minutes = Math.max(0, Math.round(secondsTo(next.eta_at) / 60));
+  const range = from === until ? "" : `Between ${from} and ${until}. `;
+  return `${range}${minutes} min to ${nameOf(next.station_id)}.`;
+}
+
+function showStages() {
+  const reached = {LOADING: "PLANNED", PARTLY_DELIVERED: "DELIVERED"}[state.stage] ?? state.stage;
+  const place = STAGES.findIndex(([stage]) => stage === reached);
+  element("stages").hidden = place < 0;
+  element("stages").replaceChildren(...STAGES.map(([, name], number) => {
+    const item = document.createElement("li");
+    item.textContent = name;
+    item.className = number < place || reached === "DELIVERED" ? "past" : number === place ? "now" : "";
+    if (number === place) item.setAttribute("aria-current", "step");
+    return item;
+  }));
+}
+
+function packageLines(one) {
+  if (one.delivered_at) {
+    const where = nameOf(one.proof_station_id ?? one.station_id);
+    return [paragraph(`Handed over at ${where}, ${clockTime(one.delivered_at)}`, "done")];
+  }
+  const ends = {
+    RETURNED: "Returned to the sender",
+    RETURNING: "On its way back",
+    STRANDED: "Left at a safe landing. The sender is notified.",
+    CANCELLED: "Not delivered",
+  };
+  if (one.state in ends) return [paragraph(ends[one.state], "bad")];
+  const lines = [];
+  if (one.eta_at) {
+    const isLate = one.promised_at && Date.parse(one.eta_at) - Date.parse(one.promised_at) > 60_000;
+    const late = isLate ? `, promised ${clockTime(one.promised_at)}` : "";
+    lines.push(paragraph(`Expected ${clockTime(one.eta_at)}${late}`, isLate ? "late" : ""));
+  }
+  lines.push(paragraph(
+    `If nobody is there, the drone waits a moment and then takes it to ${nameOf(one.alternative_id)}.`,
+  ));
+  return lines;
+}
+
+function showPackages() {
+  element("packages").replaceChildren(...state.packages.map((one) => {
+    const card = document.createElement("article");
+    const title = document.createElement("h2");
+    title.textContent = `${one.package_id} to ${nameOf(one.station_id)}`;
+    card.append(title, ...packageLines(one));
+    return card;
+  }));
+}
+
+function setText(id, text) {
+  // An unchanged text is not announced again to people who listen.
+  if (element(id).textContent !== text) element(id).textContent = text;
+}
+
+function show() {
+  const next = nextPackage();
+  setText("headline", headline(next));
+  setText("detail", detail(next));
+  document.title = `${headline(next)} – your delivery`;
+  showStages();
+  showPackages();
+  const flying = Object.values(drones).length ? Object.values(drones) : state.drones;
+  drawWay(element("map"), state, state.is_over ? [] : flying, nameOf);
+}
+
+function showConnection(text) {
+  element("connection").hidden = text === "";
+  setText("connection", text);
+}
+
+function showEnd() {
+  stream?.close();
+  setText("headline", "This link has ended");
+  setText("detail", "Ask the sender for another one.");
+  for (const id of ["stages", "map", "packages"]) element(id).hidden = true;
+}
+
+async function look() {
+  let answer;
+  try {
+    answer = await fetch(`${here}/state`);
+  } catch {
+    showConnection("No connection. The page goes on by itself.");
+    return;
+  }
+  if (answer.status === 404) {
+    showEnd();
+    return;
+  }
+  if (!answer.ok) {
+    showConnection("The service does not answer just now. The page goes on by itself.");
+    return;
+  }
+  state = await answer.json();
+  readAt = Date.now();
+  showConnection("");
+  show();
+  if (state.is_over) stream?.close();
+  else if (stream === null || stream.readyState === EventSource.CLOSED) follow();
+}
+
+// Merge patches (RFC 7396) keep a document of deliveries and drones up to date.
+function merged(target, patch) {
+  if (typeof patch !== "object" || patch === null || Array.isArray(patch)) return patch;
+  const result = typeof target === "object" && target !== null ? {...target} : {};
+  for (const [name, value] of Object.entries(patch)) {
+    if (value === null) delete result[name];
+    else result[name] = merged(result[name], value);
+  }
+  return result;
+}
+
+function follow() {
+  let picture = {};
+  stream = new EventSource(`${here}/events`);
+  const take = (document) => {
+    const before = JSON.stringify(picture.deliveries);
+    picture = document;
+    drones = picture.drones ?? {};
+    if (JSON.stringify(picture.deliveries) !== before) look();
+    else if (state) show();
+  };
+  stream.addEventListener("snapshot", ({data}) => take(JSON.parse(data)));
+  stream.addEventListener("change", ({data}) => take(merged(picture, JSON.parse(data))));
+  stream.addEventListener("error", () => {
+    if (stream.readyState === EventSource.CLOSED) setTimeout(look, 5_000);
+  });
+}
+
+document.addEventListener("visibilitychange", () => {
+  if (document.visibilityState === "visible") look();
+});
+setInterval(() => state && !state.is_over && show(), 1_000);
+setInterval(() => document.visibilityState === "visible" && !state?.is_over && look(), LOOK_AGAIN_MS);
+look();

@@ -1,0 +1,70 @@
+"""Recognises tracking links, and finds what their pages show."""
+
+from datetime import timedelta
+from typing import Final
+
+from skyway.contracts.track import Track
+from skyway.ids import DeliveryId
+from skyway.runtime.answer_cache import AnswerCache
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.sql.database import Database
+from skyway_gateway.clients import Composition
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.tracking import link_store
+from skyway_gateway.tracking.tracked import TrackedDelivery, tracked
+from skyway_gateway.tracking_links import TrackingLinks
+
+#: A link ends so long after its delivery, fleet time.
+LINK_LASTS: Final = timedelta(hours=24)
+
+#: A withdrawn link ends its open streams so much later at most, wall time.
+_CHECKED_EVERY: Final = timedelta(seconds=1)
+_MOST_CHECKED: Final = 10_000
+
+#: A delivery and the token that is shown for it.
+Shown = tuple[DeliveryId, str]
+
+
+class TrackingPages:
+    """Deliveries as their links show them; each link is looked up once a second at most."""
+
+    def __init__(
+        self, db: Database, links: TrackingLinks, composition: Composition, clock: FleetClock
+    ) -> None:
+        self._db = db
+        self._links = links
+        self._composition = composition
+        self._clock = clock
+        self._cached = AnswerCache(
+            self._look_up, clock=clock, kept=_CHECKED_EVERY, most=_MOST_CHECKED
+        )
+
+    async def delivery_of(self, shown: Shown) -> Delivery | None:
+        """The delivery of a link; None for a link that is not genuine, withdrawn or over."""
+        return self._cached.cached(shown) or await self._cached.ask(shown)
+
+    async def may_follow(self, shown: Shown) -> bool:
+        """Whether the link still shows a delivery."""
+        return await self.delivery_of(shown) is not None
+
+    async def state_of(self, delivery: Delivery) -> TrackedDelivery:
+        """What the page shows of a delivery."""
+        track = Track(missions=())
+        if delivery.missions:
+            track = await self._composition.track(delivery.delivery_id)
+        return tracked(delivery, track, now=self._clock.now(), rate=self._clock.rate)
+
+    async def _look_up(self, shown: Shown) -> Delivery | None:
+        delivery_id, token = shown
+        async with self._db.read() as connection:
+            link = await link_store.link_of(connection, delivery_id)
+            is_genuine = self._links.is_genuine(delivery_id, token, number=link.number)
+            if link.is_withdrawn or not is_genuine:
+                return None
+            delivery = await link_store.delivery_named(connection, delivery_id)
+        is_old = (
+            delivery is not None
+            and delivery.is_over
+            and self._clock.now() > delivery.updated_at + LINK_LASTS
+        )
+        return None if is_old else delivery

@@ -1,0 +1,178 @@
+"""What a tracking page shows of a delivery: no names, prices, charges, or drones' ways home."""
+
+from collections.abc import Iterator
+from datetime import datetime, timedelta
+from typing import Annotated, Final, Literal
+
+from pydantic import Field
+
+from skyway.contracts.message import FleetMoment
+from skyway.contracts.track import Track, TrackedStep
+from skyway.geo import Position
+from skyway.ids import MissionId, PackageId, StationId
+from skyway.json_model import JsonModel
+from skyway_gateway.deliveries.lifecycle.delivery import (
+    ON_BOARD_STATES,
+    TERMINAL_STATES,
+    Delivery,
+    FlownMission,
+    PackageState,
+    PackageStatus,
+)
+
+Stage = Literal[
+    "REQUESTED", "PLANNED", "LOADING", "ON_THE_WAY", "DELIVERED", "PARTLY_DELIVERED", "ENDED"
+]
+
+_STAGES: Final[dict[str, Stage]] = {
+    "SCHEDULED": "REQUESTED",
+    "REQUESTED": "REQUESTED",
+    "PLANNED": "PLANNED",
+    "DISPATCHED": "PLANNED",
+    "LOADING": "LOADING",
+    "IN_PROGRESS": "ON_THE_WAY",
+    "COMPLETED": "DELIVERED",
+    "PARTIALLY_COMPLETED": "PARTLY_DELIVERED",
+}
+
+
+class TrackedPackage(JsonModel):
+    """A package: where it goes, when it comes, and when it was handed over."""
+
+    package_id: PackageId
+    state: PackageState
+    station_id: StationId
+    eta_at: FleetMoment | None
+    #: A drone may be so much later before it gets another plan.
+    eta_until_at: FleetMoment | None
+    promised_at: FleetMoment | None
+    delivered_at: FleetMoment | None
+    proof_station_id: StationId | None
+    #: Where it goes if nobody takes it at its destination.
+    alternative_id: StationId
+
+
+class TrackedFlight(JsonModel):
+    """A flight that was flown, is flown now or will be flown."""
+
+    status: Literal["FLOWN", "UNDER_WAY", "PLANNED"]
+    from_position: Position
+    to_position: Position
+
+
+class TrackedPlace(JsonModel):
+    """A station of the way; `role` says why it is on the map."""
+
+    station_id: StationId
+    position: Position
+    role: Literal["PICKUP", "DESTINATION", "STOP"]
+
+
+class TrackedDrone(JsonModel):
+    """Where a drone that carries packages of this delivery was last seen."""
+
+    position: Position
+    at: FleetMoment | None
+
+
+class TrackedDelivery(JsonModel):
+    """The state of a tracking page."""
+
+    stage: Stage
+    state: str
+    is_over: bool
+    is_delayed: bool
+    is_replanning: bool
+    is_waiting: bool
+    now: FleetMoment
+    rate: Annotated[float, Field(description="fleet seconds per second of wall time")]
+    packages: tuple[TrackedPackage, ...]
+    flights: tuple[TrackedFlight, ...]
+    places: tuple[TrackedPlace, ...]
+    drones: tuple[TrackedDrone, ...]
+
+
+def tracked(delivery: Delivery, track: Track, *, now: datetime, rate: float) -> TrackedDelivery:
+    """The page's state."""
+    flown: dict[MissionId | None, FlownMission] = {
+        mission.mission_id: mission for mission in delivery.missions
+    }
+    carrying = {
+        package.mission_id for package in delivery.packages if package.state in ON_BOARD_STATES
+    }
+    return TrackedDelivery(
+        stage=_STAGES.get(delivery.state, "ENDED"),
+        state=delivery.state,
+        is_over=delivery.state in TERMINAL_STATES,
+        is_delayed=delivery.flags.delayed,
+        is_replanning=delivery.flags.replanning,
+        is_waiting=delivery.is_queued,
+        now=now,
+        rate=rate,
+        packages=tuple(
+            _package(
+                package, delivery, flown.get(package.mission_id) if package.mission_id else None
+            )
+            for package in delivery.packages
+        ),
+        flights=tuple(
+            TrackedFlight(
+                status=_status_of(step),
+                from_position=step.from_position,
+                to_position=step.to_position,
+            )
+            for mission in track.missions
+            for step in mission.steps
+            if step.kind == "FLY"
+        ),
+        places=tuple(_places(delivery, track)),
+        drones=tuple(
+            TrackedDrone(position=mission.position, at=mission.position_at)
+            for mission in track.missions
+            if mission.position is not None and mission.mission_id in carrying
+        ),
+    )
+
+
+def _package(
+    package: PackageStatus, delivery: Delivery, mission: FlownMission | None
+) -> TrackedPackage:
+    asked = {each.package_id: each for each in delivery.request.packages}[package.package_id]
+    late = timedelta(seconds=0.0 if mission is None else mission.margins.tolerated_lateness_s)
+    return TrackedPackage(
+        package_id=package.package_id,
+        state=package.state,
+        station_id=package.destination.station_id,
+        eta_at=package.eta_at,
+        eta_until_at=None if package.eta_at is None else package.eta_at + late,
+        promised_at=package.promised_at,
+        delivered_at=package.delivered_at,
+        proof_station_id=None if package.proof is None else package.proof.station_id,
+        alternative_id=(asked.alternative or delivery.request.pickup).station_id,
+    )
+
+
+def _status_of(step: TrackedStep) -> Literal["FLOWN", "UNDER_WAY", "PLANNED"]:
+    match step.status:
+        case "ENDED":
+            return "FLOWN"
+        case "PLANNED":
+            return "PLANNED"
+        case _:
+            return "UNDER_WAY"
+
+
+def _places(delivery: Delivery, track: Track) -> Iterator[TrackedPlace]:
+    """The stations of the way, each once."""
+    pickup_id = delivery.request.pickup.station_id
+    destinations = {package.destination.station_id for package in delivery.packages}
+    positions = {
+        step.station_id: step.to_position for mission in track.missions for step in mission.steps
+    }
+    for station_id, position in positions.items():
+        role: Literal["PICKUP", "DESTINATION", "STOP"] = "STOP"
+        if station_id == pickup_id:
+            role = "PICKUP"
+        elif station_id in destinations:
+            role = "DESTINATION"
+        yield TrackedPlace(station_id=station_id, position=position, role=role)
