@@ -11,6 +11,8 @@ const STAGES = [
 // A drone this near, in seconds of fleet time, is arriving.
 const ARRIVING_S = 120;
 const LOOK_AGAIN_MS = 60_000;
+// A stream that was refused is tried again after this time.
+const FOLLOW_AGAIN_MS = 5_000;
 
 const here = location.pathname.replace(/\/$/, "");
 const element = (id) => document.getElementById(id);
@@ -19,6 +21,8 @@ let state = null;
 let readAt = 0;
 let drones = {};
 let stream = null;
+let followAgainAt = 0;
+let isEnded = false;
 
 const nameOf = (stationId) =>
   stationId.split(/[-_]/).map((word) => word.charAt(0).toUpperCase() + word.slice(1)).join(" ");
@@ -136,12 +140,15 @@ function showConnection(text) {
 
 function showEnd() {
   stream?.close();
+  state = null;
+  isEnded = true;
   setText("headline", "This link has ended");
   setText("detail", "Ask the sender for another one.");
   for (const id of ["stages", "map", "packages"]) element(id).hidden = true;
 }
 
 async function look() {
+  if (isEnded) return;
   let answer;
   try {
     answer = await fetch(`${here}/state`);
@@ -162,7 +169,7 @@ async function look() {
   showConnection("");
   show();
   if (state.is_over) stream?.close();
-  else if (stream === null || stream.readyState === EventSource.CLOSED) follow();
+  else if (!isFollowing() && Date.now() >= followAgainAt) follow();
 }
 
 // Merge patches (RFC 7396) keep a document of deliveries and drones up to date.
@@ -176,8 +183,13 @@ function merged(target, patch) {
   return result;
 }
 
+function isFollowing() {
+  return stream !== null && stream.readyState !== EventSource.CLOSED;
+}
+
 function follow() {
   let picture = {};
+  followAgainAt = Date.now() + FOLLOW_AGAIN_MS;
   stream = new EventSource(`${here}/events`);
   const take = (document) => {
     const before = JSON.stringify(picture.deliveries);
@@ -189,7 +201,9 @@ function follow() {
   stream.addEventListener("snapshot", ({data}) => take(JSON.parse(data)));
   stream.addEventListener("change", ({data}) => take(merged(picture, JSON.parse(data))));
   stream.addEventListener("error", () => {
-    if (stream.readyState === EventSource.CLOSED) setTimeout(look, 5_000);
+    if (stream.readyState !== EventSource.CLOSED) return; // the browser connects again by itself
+    look();
+    setTimeout(look, FOLLOW_AGAIN_MS);
   });
 }
 

@@ -210,6 +210,8 @@ async def test_an_accepted_request_is_a_delivery_in_its_first_state(
     assert answer.status_code == 202
     delivery = answer.json()
     assert answer.headers["location"] == f"/v1/deliveries/{delivery['delivery_id']}"
+    url = delivery.pop("tracking_url")
+    assert url.startswith(f"http://gateway/track/{delivery['delivery_id']}/")
     assert delivery == await gateway.get(delivery["delivery_id"])
     assert delivery["state"] == "REQUESTED"
     assert delivery["customer_id"] == "alice"

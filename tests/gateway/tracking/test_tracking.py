@@ -1,0 +1,149 @@
+"""Tracking links: who has one sees the delivery, nobody finds one, and customers end them."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+
+from tests.gateway.access.test_quotas import replace_part
+from tests.gateway.whole_gateway import Gateway, make_request
+
+
+def path_of(url: str) -> str:
+    assert url.startswith("http://gateway/track/")
+    return url.removeprefix("http://gateway")
+
+
+async def requested(gateway: Gateway) -> tuple[str, str]:
+    """A new delivery and the path of its tracking page."""
+    answer = await gateway.post(make_request(packages=2, reference="a secret reference"))
+    assert answer.status_code == 202, answer.text
+    return answer.json()["delivery_id"], path_of(answer.json()["tracking_url"])
+
+
+async def status(gateway: Gateway, path: str) -> int:
+    gateway.clock.advance(timedelta(seconds=2))  # each link is looked up once a second
+    return (await gateway.http.get(f"{path}/state")).status_code
+
+
+def link(delivery_id: str) -> str:
+    return f"/v1/deliveries/{delivery_id}/tracking-link"
+
+
+async def test_the_page_needs_no_key_and_forbids_all_but_its_own_files(gateway: Gateway) -> None:
+    _, path = await requested(gateway)
+
+    page = await gateway.http.get(path)
+
+    assert page.status_code == 200
+    assert "default-src 'none'" in page.headers["content-security-policy"]
+    assert "unsafe" not in page.headers["content-security-policy"]
+    assert page.headers["x-robots-tag"] == "noindex, nofollow"
+    assert page.headers["referrer-policy"] == "no-referrer"
+    for name in ("tracking.js", "tracking.css", "way_map.js"):
+        assert (await gateway.http.get(f"/track/assets/{name}")).status_code == 200
+    assert (await gateway.http.get("/track/assets/__init__.py")).status_code == 404
+
+
+async def test_the_state_says_nothing_about_customer_price_and_provider(gateway: Gateway) -> None:
+    delivery_id, path = await requested(gateway)
+    while await gateway.book_next():
+        pass
+
+    answer = await gateway.http.get(f"{path}/state")
+
+    state: dict[str, Any] = answer.json()
+    assert state["stage"] == "PLANNED"
+    assert [package["state"] for package in state["packages"]] == ["CREATED", "CREATED"]
+    for secret in ("alice", "prv_", "drn_", "a secret reference", "amount", "soc", delivery_id):
+        assert secret not in answer.text
+
+
+async def test_a_link_that_was_guessed_is_not_found(gateway: Gateway) -> None:
+    delivery_id, path = await requested(gateway)
+    other_id, other = await requested(gateway)
+    token = path.rpartition("/")[2]
+
+    for wrong in (
+        f"/track/{delivery_id}/{token[:-1]}x",
+        f"/track/{delivery_id}/",
+        f"/track/{other_id}/{token}",
+        f"/track/dlv_absent/{token}",
+        f"/track/{delivery_id}/%C3%A9",
+    ):
+        assert await status(gateway, wrong) == 404, wrong
+    assert await status(gateway, other) == 200
+
+
+async def test_guesses_are_paid_by_their_address(gateway: Gateway) -> None:
+    delivery_id, _ = await requested(gateway)
+
+    answers = [await gateway.http.get(f"/track/{delivery_id}/guess{number}") for number in range(3)]
+
+    left = [int(answer.headers["ratelimit-remaining"]) for answer in answers]
+    assert left[0] - left[1] >= 11
+
+
+async def test_a_renewed_link_ends_the_earlier_one(gateway: Gateway) -> None:
+    delivery_id, path = await requested(gateway)
+
+    renewed = await gateway.http.post(link(delivery_id), headers=gateway.customer)
+
+    assert renewed.status_code == 201
+    new_path = path_of(renewed.json()["tracking_url"])
+    assert new_path != path
+    assert await status(gateway, path) == 404
+    assert await status(gateway, new_path) == 200
+    shown = await gateway.http.get(link(delivery_id), headers=gateway.customer)
+    assert path_of(shown.json()["tracking_url"]) == new_path
+
+
+async def test_a_withdrawn_link_ends_until_it_is_renewed(gateway: Gateway) -> None:
+    delivery_id, path = await requested(gateway)
+
+    withdrawn = await gateway.http.delete(link(delivery_id), headers=gateway.customer)
+    again = await gateway.http.delete(link(delivery_id), headers=gateway.customer)
+
+    assert (withdrawn.status_code, again.status_code) == (204, 204)
+    assert await status(gateway, path) == 404
+    shown = await gateway.http.get(link(delivery_id), headers=gateway.customer)
+    assert shown.json() == {"tracking_url": None}
+    renewed = await gateway.http.post(link(delivery_id), headers=gateway.customer)
+    assert path_of(renewed.json()["tracking_url"]) != path
+    assert await status(gateway, path_of(renewed.json()["tracking_url"])) == 200
+    assert await status(gateway, path) == 404
+
+
+@pytest.mark.parametrize("method", ["GET", "POST", "DELETE"])
+async def test_the_link_of_another_customer_does_not_exist(gateway: Gateway, method: str) -> None:
+    delivery_id, path = await requested(gateway)
+
+    answer = await gateway.http.request(method, link(delivery_id), headers=gateway.other)
+
+    assert answer.status_code == 404
+    assert await status(gateway, path) == 200
+
+
+async def test_a_link_ends_a_day_after_its_delivery(gateway: Gateway) -> None:
+    delivery_id, path = await requested(gateway)
+    await gateway.http.post(
+        f"/v1/deliveries/{delivery_id}/cancel", headers=gateway.customer, json={}
+    )
+    assert (await gateway.get(delivery_id))["state"] == "CANCELLED"
+
+    gateway.clock.advance(timedelta(hours=23, minutes=59))
+    assert await status(gateway, path) == 200
+    gateway.clock.advance(timedelta(minutes=1))
+    assert await status(gateway, path) == 404
+
+
+async def test_a_delivery_has_few_followers(gateway: Gateway) -> None:
+    delivery_id, path = await requested(gateway)
+    slots = gateway.parts.followers
+
+    with slots.held(delivery_id):
+        assert slots.used(delivery_id) == 1
+    replace_part(gateway, "followers", type(slots)("FOLLOWERS", 0))
+    refused = await gateway.http.get(f"{path}/events")
+
+    assert (refused.status_code, refused.json()["code"]) == (429, "FOLLOWERS")
