@@ -32,6 +32,7 @@ from skyway.runtime.sql.migrations import migrate
 from skyway_gateway.access.audit_trail import AuditTrail
 from skyway_gateway.access.limit_routes import limit_routes
 from skyway_gateway.access.routes import audit_routes, key_routes
+from skyway_gateway.build_parts import running_parts
 from skyway_gateway.deliveries.booking.queue_store import free_claims
 from skyway_gateway.deliveries.reading.routes import (
     earnings_routes,
@@ -54,7 +55,7 @@ from skyway_gateway.notifications.routes import (
 )
 from skyway_gateway.notifications.seal_secrets import seal_secrets
 from skyway_gateway.notifications.secret_routes import secret_routes
-from skyway_gateway.parts import SERVICE, Parts, running_parts
+from skyway_gateway.parts import SERVICE, Parts
 from skyway_gateway.quotes import store as quote_store
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.quotes.store import read_networks

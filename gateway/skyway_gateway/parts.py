@@ -1,45 +1,37 @@
-"""The parts of the gateway, constructed here and opened by `app`."""
+"""The parts of the gateway, which `build_parts` makes and `app` opens."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import timedelta
-from functools import partial
 from typing import Final
 
-from skyway.announced_networks import NetworkLearner, stations_from
-from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
+from skyway.announced_networks import NetworkLearner
+from skyway.runtime.clock import AnchoredClock, FleetClock
 from skyway.runtime.fair_queue import FairQueue
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import KeyEntrance, Meters
-from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
+from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.http.metrics_routes import MetricsGate
-from skyway.runtime.http.request_boundary import BodyLimit, body_limits
-from skyway.runtime.loops import Wake
-from skyway.runtime.meter import Budget, Meter
+from skyway.runtime.http.request_boundary import BodyLimit
 from skyway.runtime.minting import mint
 from skyway.runtime.slots import Slots
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.keys import Keys
-from skyway_gateway.access.keys_in_use import KeysInUse
-from skyway_gateway.access.recognise import AllKeys, CachedKeys, DroneKeys
+from skyway_gateway.access.recognise import CachedKeys
 from skyway_gateway.access.refused_logins import RefusedLogins
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
-from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
+from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.deliveries.apply_reports import OverdueNotifier, ReportApplier
 from skyway_gateway.deliveries.booking.book import Booker
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop, ScheduleOpener
 from skyway_gateway.deliveries.booking.wake_waiting import Waker
-from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
-from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
-from skyway_gateway.forward.table import open_calls, own_body_limits, tenants_body_limits
+from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
 from skyway_gateway.live.feed import LiveFeed
-from skyway_gateway.live.sources import Deliveries, Drones, World
-from skyway_gateway.notifications.delivery_events import EventListeners, EventRecorder
-from skyway_gateway.notifications.fair_slots import FairSlots, SlotLimits
+from skyway_gateway.notifications.delivery_events import EventListeners
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
 from skyway_gateway.notifications.secret_vault import SecretVault
 from skyway_gateway.notifications.send_webhooks import WebhookSender
@@ -47,23 +39,10 @@ from skyway_gateway.notifications.webhook_quota_store import WebhookQuota
 from skyway_gateway.quotes.accept_offer import OfferKeeper
 from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks, ShortWait
 from skyway_gateway.quotes.make_quote import HoldLimits, QuoteMaker
-from skyway_gateway.quotes.store import keep_network
-from skyway_gateway.settings import GatewaySettings
-from skyway_gateway.tables import outbox
 from skyway_gateway.tracking.pages import TrackingPages
-from skyway_gateway.tracking_links import TRACKING_PATHS, TrackingLinks
+from skyway_gateway.tracking_links import TrackingLinks
 
 SERVICE: Final = "gateway"
-
-#: Quotes and problems of one tenant that are planned at the same time.
-_QUOTES_PER_TENANT: Final = 2
-_COMPOSITIONS_PER_TENANT: Final = 1
-
-#: Streams of tracking pages of one delivery that may be open.
-_FOLLOWERS_OF_A_DELIVERY: Final = 20
-
-#: Test events of one customer that may be on their way at the same time.
-_TRIALS_AT_ONCE: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,136 +164,3 @@ class Parts:
         return RequestChecks(
             limits, self.networks.cached, self.composition, self.clock, ShortWait()
         )
-
-
-def build_parts(
-    settings: GatewaySettings,
-    *,
-    clients: Mapping[str, ServiceClient],
-    anchor: AnchoredClock,
-    clock: FleetClock,
-) -> Parts:
-    """The parts with these clients and this clock; nothing is opened."""
-    db = Database(settings.database_url, outbox=outbox)
-    registry = RestRegistry(clients["registry"])
-    composition = RestComposition(clients["composition"])
-    listeners, notifications, targets = (
-        EventListeners(),
-        Wake(),
-        Targets(settings.webhook_allow_networks),
-    )
-    post, vault = WebhookPost(targets), SecretVault(settings.secrets_dir)
-    events = EventRecorder(clock=clock, mint=mint, listeners=listeners, webhooks=notifications)
-    cached_keys, queued = CachedKeys(db, clock), Wake()
-    services = ServiceGate(settings.secrets_dir, allowed=("composition",))
-    meters = _meters(settings)
-    links = TrackingLinks(
-        settings.secrets_dir, None if settings.public_url is None else str(settings.public_url)
-    )
-    streams = Slots("STREAMS", settings.streams_per_tenant)
-    all_keys = AllKeys(cached_keys, DroneKeys(registry), KeysInUse(db, clock))
-    refused_logins = RefusedLogins(db, clock, mint)
-    networks = NetworkLearner(stations_from(clients["composition"]), keep=partial(keep_network, db))
-    return Parts(
-        db=db,
-        clock=clock,
-        anchor=anchor,
-        clients=clients,
-        registry=registry,
-        composition=composition,
-        networks=networks,
-        cached_keys=cached_keys,
-        gate=KeyGate(),
-        metrics_gate=MetricsGate(settings.secrets_dir),
-        entrance=KeyEntrance(
-            all_keys,
-            services,
-            meters,
-            open_calls(),
-            refused_logins,
-            open_paths=(TRACKING_PATHS,),
-        ),
-        refused_logins=refused_logins,
-        body_limit=body_limits(
-            own_body_limits(), of_tenants=tenants_body_limits(settings.composition_stations)
-        ),
-        meters=meters,
-        services=services,
-        keys=Keys(
-            db,
-            cached=cached_keys,
-            accounts=registry,
-            secrets_dir=settings.secrets_dir,
-            clock=clock,
-            mint=mint,
-            most_per_subject=settings.keys_per_subject,
-        ),
-        listeners=listeners,
-        writer=DeliveryWriter(db, events, DeliveryCache()),
-        targets=targets,
-        post=post,
-        vault=vault,
-        sender=WebhookSender(
-            db, post, vault, notifications, clock, mint, FairSlots(_slot_limits(settings))
-        ),
-        booking=BookingLoop(queued, claimant=mint("bkr"), most=settings.bookings_at_once),
-        horizon=timedelta(hours=settings.booking_horizon_h),
-        hold_limits=HoldLimits(settings.hold_s, settings.held_quotes_per_customer),
-        quota=DeliveryQuota(
-            db,
-            DeliveryLimits(
-                settings.live_deliveries_per_customer, settings.scheduled_deliveries_per_customer
-            ),
-        ),
-        webhook_quota=WebhookQuota(db, settings.webhooks_per_customer),
-        streams=streams,
-        quoting=FairQueue(
-            "QUOTES",
-            at_once=settings.quotes_at_once,
-            per_tenant=_QUOTES_PER_TENANT,
-            most_waiting=settings.plans_waiting_per_tenant,
-        ),
-        composing=FairQueue(
-            "COMPOSITIONS",
-            at_once=settings.compositions_at_once,
-            per_tenant=_COMPOSITIONS_PER_TENANT,
-            most_waiting=settings.plans_waiting_per_tenant,
-        ),
-        trials=Slots("WEBHOOK_TESTS", _TRIALS_AT_ONCE),
-        stream_usage=StreamUsage(streams),
-        drone_usage=DroneUsage(registry),
-        waker=Waker(db, clock, networks.cached, queued),
-        links=links,
-        pages=TrackingPages(db, links, composition, clock),
-        followers=Slots("FOLLOWERS", _FOLLOWERS_OF_A_DELIVERY),
-        live=LiveFeed(
-            (
-                Deliveries(db),
-                World(clients["composition"], db),
-                Drones(clients["registry"]),
-            )
-        ),
-    )
-
-
-def _slot_limits(settings: GatewaySettings) -> SlotLimits:
-    return SlotLimits(settings.webhook_slots, settings.webhook_slots_per_customer)
-
-
-def _meters(settings: GatewaySettings) -> Meters:
-    tenants = Budget("TENANT_REQUESTS", settings.requests_per_s, settings.requests_burst)
-    addresses = Budget(
-        "ADDRESS_REQUESTS", settings.address_requests_per_s, settings.address_requests_burst
-    )
-    return Meters(Meter(tenants), Meter(addresses))
-
-
-def running_parts(settings: GatewaySettings) -> Parts:
-    """The parts as they run: with the services and the clock of these settings."""
-    identity = ServiceIdentity(SERVICE, settings.secrets_dir)
-    clock = load_clock(settings.clock_file)
-    clients = {
-        "registry": ServiceClient("registry", settings.registry_url, identity),
-        "composition": ServiceClient("composition", settings.composition_url, identity),
-    }
-    return build_parts(settings, clients=clients, anchor=clock, clock=clock)

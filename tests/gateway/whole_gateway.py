@@ -16,11 +16,12 @@ from skyway_gateway.access.api_key import ApiKey
 from skyway_gateway.access.recognise import secret_hash
 from skyway_gateway.access.store import add as add_key
 from skyway_gateway.app import gateway_app, take_over
+from skyway_gateway.build_parts import build_parts
 from skyway_gateway.deliveries.records.delivery_rows import changing, package_values
 from skyway_gateway.deliveries.records.delivery_store import lock
 from skyway_gateway.deliveries.records.stored_delivery import StoredDelivery
 from skyway_gateway.delivery_tables import deliveries
-from skyway_gateway.parts import Parts, build_parts
+from skyway_gateway.parts import Parts
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import events
 from skyway_gateway.verify.rules import RULES

@@ -6,9 +6,7 @@ The row is the queue: once it is written, booking finds it, even if this process
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import partial
-from typing import Annotated, Final
-
-from pydantic import Field
+from typing import Final
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event import DeliveryEventType
@@ -17,8 +15,7 @@ from skyway.contracts.mission import OfferHold, OfferLimits
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import SkywayError
 from skyway.geo import Position
-from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
-from skyway.json_model import JsonModel
+from skyway.ids import DeliveryId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.http.identity import Caller
@@ -35,31 +32,13 @@ from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Flags, PackageStatus
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery, StoredDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
+from skyway_gateway.deliveries.requests.bodies import OfferChoice, RequestedDelivery
 from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
 from skyway_gateway.notifications.delivery_events import Happening
 from skyway_gateway.quotes.accept_offer import OfferKeeper, accept_offer
 from skyway_gateway.quotes.check_request import CheckedRequest, RequestChecks
 from skyway_gateway.quotes.store import hold_of, one_of
 from skyway_gateway.tracking_links import FIRST_LINK, TrackingLinks
-
-
-class OfferChoice(JsonModel):
-    """An offer of a quote that the customer accepts; the quote holds the request."""
-
-    quote_id: Annotated[QuoteId, Field(description="The quote that holds the offer.")]
-    offer_id: Annotated[OfferId, Field(description="The offer to accept.")]
-
-
-class RequestedDelivery(Delivery):
-    """A delivery that was just requested, with the link to its tracking page."""
-
-    tracking_url: Annotated[
-        str,
-        Field(
-            description="Link to the tracking page, for everybody who may follow the delivery "
-            "without a key."
-        ),
-    ]
 
 
 def new_delivery(

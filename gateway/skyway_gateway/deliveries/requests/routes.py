@@ -13,7 +13,8 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
-from skyway_gateway.deliveries.requests.accept import Acceptance, OfferChoice, RequestedDelivery
+from skyway_gateway.deliveries.requests.accept import Acceptance
+from skyway_gateway.deliveries.requests.bodies import OfferChoice, RequestedDelivery
 from skyway_gateway.deliveries.requests.cancel import Canceller, CancelRequest
 
 
