@@ -7,11 +7,11 @@ from fastapi.responses import StreamingResponse
 from pydantic import Field
 
 from skyway.json_model import JsonModel
+from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.slots import Slots
 from skyway_gateway.access.routes import KeyGate
-from skyway_gateway.live.answer import LiveAnswer
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.viewer_frames import ViewerFrames, event_seen
@@ -68,6 +68,6 @@ def live_routes(*, gate: KeyGate, feed: LiveFeed, slots: Slots) -> ServiceRouter
         caller.must_be("customer", "provider", "operator")
         scope = Scope.of(caller, kinds=query.kinds, bbox=query.bbox)
         frames = ViewerFrames(feed, event_seen(last_event_id), request.state.is_still_known)
-        return LiveAnswer(frames, scope=scope, slots=slots, who=str(caller))
+        return EventStreamAnswer(frames.opened(scope), slots=slots, who=str(caller))
 
     return router

@@ -2,12 +2,13 @@
 
 import asyncio
 import re
-from collections.abc import AsyncGenerator, Awaitable, Callable
-from contextlib import suppress
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from typing import Final
 
 from skyway_gateway.live.feed import LiveFeed
+from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.view import TooSlow, View
 
 _HEARTBEAT: Final = b": still here\n\n"
@@ -31,6 +32,18 @@ class ViewerFrames:
     #: How often that is asked while nothing changes.
     check_s: float = 0.4
     heartbeat_s: float = 15.0
+
+    @asynccontextmanager
+    async def opened(self, scope: Scope) -> AsyncIterator[AsyncGenerator[bytes]]:
+        """The events of this scope, while the viewer counts as looking.
+
+        Raises
+        ------
+        ServiceUnavailable
+            Registry or composition have not answered yet.
+        """
+        async with self.feed.viewing(scope) as view:
+            yield self.of(view)
 
     async def of(self, view: View) -> AsyncGenerator[bytes]:
         """The events; they end for a viewer who is too slow or may read no more."""

@@ -10,10 +10,10 @@ from fastapi.responses import HTMLResponse
 from skyway.ids import DeliveryId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.entrance import Meters
+from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.slots import Slots
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
-from skyway_gateway.live.answer import LiveAnswer
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.viewer_frames import ViewerFrames, event_seen
@@ -79,7 +79,8 @@ def page_routes(
         shown = (delivery_id, token)
         await delivery_of(request, shown)
         frames = ViewerFrames(feed, event_seen(last_event_id), partial(pages.may_follow, shown))
-        return LiveAnswer(frames, scope=Scope.of_link(delivery_id), slots=slots, who=delivery_id)
+        opened = frames.opened(Scope.of_link(delivery_id))
+        return EventStreamAnswer(opened, slots=slots, who=delivery_id)
 
     return router
 

@@ -1,18 +1,18 @@
 """Deliveries, earnings and statistics as customers, operators and providers read them."""
 
-from collections.abc import AsyncGenerator
+from contextlib import nullcontext
 from typing import Annotated
 
 from fastapi import Depends, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import Field
-from starlette.types import Receive, Scope, Send
 
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.answers import GeoJsonResponse
+from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
@@ -46,8 +46,6 @@ from skyway_gateway.deliveries.reading.views import (
 )
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.notifications.delivery_events import EventStream
-
-_SSE_HEADERS = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
 
 
 class DeliveryListQuery(PageQuery):
@@ -171,26 +169,6 @@ def _add_details(
         return feature_collection(delivery, track)
 
 
-class _EventStreamAnswer(StreamingResponse):
-    """A stream of events, which takes a slot of its reader while it is open."""
-
-    def __init__(self, frames: AsyncGenerator[str], *, slots: Slots, who: str) -> None:
-        super().__init__(frames, media_type="text/event-stream", headers=_SSE_HEADERS)
-        self._slots = slots
-        self._who = who
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send the stream.
-
-        Raises
-        ------
-        BudgetSpent
-            STREAMS: the reader has as many open as it may have.
-        """
-        with self._slots.held(self._who):
-            await super().__call__(scope, receive, send)
-
-
 def _add_events(
     router: ServiceRouter, db: Database, gate: KeyGate, stream: EventStream, slots: Slots
 ) -> None:
@@ -224,7 +202,7 @@ def _add_events(
             # 204 stops an EventSource from connecting again.
             return Response(status_code=204)
         frames = stream.frames(delivery_id, after=after, may_read=request.state.is_still_known)
-        return _EventStreamAnswer(frames, slots=slots, who=str(caller))
+        return EventStreamAnswer(nullcontext(frames), slots=slots, who=str(caller))
 
 
 def earnings_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:

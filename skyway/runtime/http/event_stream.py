@@ -1,0 +1,38 @@
+"""An answer of server-sent events, which takes one of its reader's slots while it is open."""
+
+from collections.abc import AsyncIterable
+from contextlib import AbstractAsyncContextManager
+from typing import Final
+
+from fastapi.responses import StreamingResponse
+from starlette.types import Receive, Scope, Send
+
+from skyway.runtime.slots import Slots
+
+_HEADERS: Final = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+
+#: What the stream sends, open as long as the stream.
+Frames = AbstractAsyncContextManager[AsyncIterable[str | bytes]]
+
+
+class EventStreamAnswer(StreamingResponse):
+    """A stream of server-sent events."""
+
+    def __init__(self, frames: Frames, *, slots: Slots, who: str) -> None:
+        super().__init__((), media_type="text/event-stream", headers=_HEADERS)
+        self._frames = frames
+        self._slots = slots
+        self._who = who
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send the stream.
+
+        Raises
+        ------
+        BudgetSpent
+            The reader has as many streams open as it may have.
+        """
+        with self._slots.held(self._who):
+            async with self._frames as frames:
+                self.body_iterator = frames
+                await super().__call__(scope, receive, send)
