@@ -68,7 +68,9 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
         models=(CompositionProblem,),
         # Paths are matched in this order, so the routes of every delivery come first.
         routers=[
-            booking_routes(gate=gate, bookings=parts.bookings, keeper=parts.keeper),
+            booking_routes(
+                gate=gate, bookings=parts.bookings, keeper=parts.keeper, no_shows=parts.no_shows
+            ),
             tracking_routes(db=db, gate=gate),
             schedule_routes(db=db, gate=gate, clock=clock),
             network_routes(
@@ -93,7 +95,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 rights=parts.rights,
                 reading=parts.reading,
             ),
-            quote_routes(gate=gate, quotes=parts.quotes),
+            quote_routes(gate=gate, quotes=parts.quotes, no_shows=parts.no_shows),
             intervention_routes(
                 gate=gate,
                 loadings=Loadings(*intervention_parts),

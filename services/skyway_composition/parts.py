@@ -22,6 +22,7 @@ from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.no_shows import NoShows
 from skyway_composition.planning.plan_offers import Quotes
 from skyway_composition.planning.reading_turn import ReadingTurn
 from skyway_composition.planning.solver_pool import SolverPool
@@ -60,6 +61,7 @@ class Parts:
     quarantine: Quarantine
     keys: KeyBook
     signatures: SignatureCheck
+    no_shows: NoShows
     turns: Turns = field(default_factory=Turns)
     reading: ReadingTurn = field(default_factory=ReadingTurn)
 
@@ -142,6 +144,7 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
         quarantine=quarantine,
         keys=keys,
         signatures=SignatureCheck(keys, quarantine),
+        no_shows=NoShows(db, clock),
     )
 
 

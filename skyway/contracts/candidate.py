@@ -66,6 +66,9 @@ class Candidate(WireModel):
     tariff: Tariff
     loading: Loading = "AUTOMATIC"
     standby: Standby = "HOME"
+    no_shows: Annotated[
+        int, Field(ge=0, description="Its provider's missions of late whose drones did not come.")
+    ] = 0
 
 
 #: NO_DRONES .. LOW_CHARGE come from the registry, the others from the planner and from booking;

@@ -80,6 +80,14 @@ class OfferTerms(WireModel):
     trips: Annotated[int, Field(ge=1, description="How many trips it takes, from 1.")] = 1
     margins: Annotated[Margins, Field(description="What the plan has on top of what it needs.")]
     score: Annotated[float, Field(description="What offers are ranked by; lower is better.")]
+    no_shows: Annotated[
+        int,
+        Field(
+            ge=0,
+            description="Missions of the provider within 7 days whose drones did not come. From "
+            "the second on each raises the score by 5 %, by 25 % at most.",
+        ),
+    ] = 0
     is_held: Annotated[
         bool, Field(description="Whether its drones and pads are held until the quote expires.")
     ] = False

@@ -25,6 +25,10 @@ class ProviderTerms(WireModel):
     provider_id: ProviderId
     tariff: Annotated[Tariff, Field(description="How the provider prices a delivery.")]
     loading: Annotated[Loading, Field(description="Who confirms what is loaded.")] = "AUTOMATIC"
+    no_shows: Annotated[
+        int,
+        Field(ge=0, description="Missions of late whose drones did not come; composition counts."),
+    ] = 0
 
 
 class Shortlist(WireModel):
@@ -70,7 +74,10 @@ class Shortlist(WireModel):
             providers=tuple(
                 {
                     each.provider_id: ProviderTerms(
-                        provider_id=each.provider_id, tariff=each.tariff, loading=each.loading
+                        provider_id=each.provider_id,
+                        tariff=each.tariff,
+                        loading=each.loading,
+                        no_shows=each.no_shows,
                     )
                     for each in listed
                 }.values()
@@ -134,6 +141,7 @@ class Shortlist(WireModel):
             standby=self.each_standby[row],
             tariff=terms.tariff,
             loading=terms.loading,
+            no_shows=terms.no_shows,
         )
 
     def only(self, rows: Sequence[int]) -> Self:
@@ -156,9 +164,16 @@ class Shortlist(WireModel):
         """The shortlist with another tariff of this provider; None leaves its tariff."""
         if tariff is None or provider_id not in self.terms_of:
             return self
+        return self._with_terms({provider_id: {"tariff": tariff}})
+
+    def with_no_shows(self, counts: Mapping[ProviderId, int]) -> Self:
+        """The shortlist with the no-shows of its providers; a provider without a count has none."""
+        changes = {each: {"no_shows": counts[each]} for each in self.terms_of if each in counts}
+        return self._with_terms(changes) if changes else self
+
+    def _with_terms(self, changes: Mapping[ProviderId, Mapping[str, object]]) -> Self:
         providers = tuple(
-            each.model_copy(update={"tariff": tariff}) if each.provider_id == provider_id else each
-            for each in self.providers
+            each.model_copy(update=changes.get(each.provider_id, {})) for each in self.providers
         )
         # Not `model_copy`: the copy would keep the terms that `terms_of` has cached.
         columns = {name: getattr(self, name) for name in type(self).model_fields}

@@ -19,6 +19,21 @@ MinorUnits = Annotated[int, Field(ge=0, le=10**12)]
 _SCORE_DIGITS: Final = 9
 
 
+#: Each no-show of a provider after the first raises the score of its offers by this share, up to
+#: the most that are counted. Our own choice.
+_NO_SHOW_SHARE: Final = 0.05
+_MOST_NO_SHOWS: Final = 5
+
+
+def no_show_factor(no_shows: int) -> float:
+    """What the score of a provider's offers is multiplied by, 1 to 1.25.
+
+    `no_shows` are its missions of the last days whose drones did not come. The first costs nothing:
+    everybody may have bad luck.
+    """
+    return 1.0 + _NO_SHOW_SHARE * min(max(no_shows - 1, 0), _MOST_NO_SHOWS)
+
+
 class Tariff(JsonModel):
     """How a provider prices a delivery, in minor units of `currency`."""
 
@@ -103,13 +118,14 @@ def amount_of(
 
 @dataclass(frozen=True, slots=True)
 class OfferValues:
-    """What ranking looks at: time to the last delivery, price, energy; names for ties."""
+    """What ranking looks at: time to the last delivery, price, energy, no-shows; names for ties."""
 
     time_s: float
     price: int
     energy_j: float
     provider_id: ProviderId
     drone_id: DroneId
+    no_shows: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +145,7 @@ class BestValues:
         return cls(min(times_s), min(prices), min(energies_j))
 
     def score(self, offer: OfferValues, weights: Weights) -> float:
-        """The sum of weight x value / best value, the lower the better.
+        """The sum of weight x value / best value, times `no_show_factor`, the lower the better.
 
         What weighs nothing is not looked at, however much it is.
         """
@@ -140,7 +156,7 @@ class BestValues:
             score += weights.price * _relative(offer.price, self.price)
         if weights.energy > 0:
             score += weights.energy * _relative(offer.energy_j, self.energy_j)
-        return score
+        return score * no_show_factor(offer.no_shows)
 
     def rank(self, offer: OfferValues, weights: Weights) -> tuple[float, int, ProviderId, DroneId]:
         """What offers are sorted by: the score, then price, provider and drone."""
@@ -151,7 +167,8 @@ class BestValues:
 def rank_offers(offers: Sequence[OfferValues], weights: Weights) -> list[int]:
     """The offers' indices, best first.
 
-    The score sums weight x value / best value among the offers; ties go by price, provider, drone.
+    The score sums weight x value / best value among the offers, and is higher for a provider with
+    repeated no-shows; ties go by price, provider, drone.
     """
     if not offers:
         return []

@@ -19,6 +19,7 @@ from skyway_composition.missions.replanning.replan import OccupiedPads, Replanne
 from skyway_composition.missions.timeouts import LateMissions, OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.parts import Parts
+from skyway_composition.planning.no_shows import NoShows
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.strategy_rights import StrategyRights
 from skyway_composition.quarantine.set_aside import Quarantine
@@ -295,6 +296,7 @@ async def unpublished(
             quarantine=quarantine,
             keys=keys,
             signatures=SignatureCheck(keys, quarantine),
+            no_shows=NoShows(db, clock),
         )
         handler = parts.handler
         async with httpx.AsyncClient(

@@ -32,6 +32,9 @@ BREAKS = {
     "I3 a mission holds no pad that it does not need": [
         "UPDATE pad_reservations SET end_ms = end_ms + 1 WHERE station_id = 'c'"
     ],
+    "a no-show is a mission of its provider that was refused or aborted": [
+        "INSERT INTO no_shows SELECT mission_id, provider_id, drone_id, 'SILENT', 1 FROM missions"
+    ],
     "I4 a mission was sent to its drone": ["DELETE FROM instructions"],
     "I4 a mission has steps": ["DELETE FROM mission_steps"],
     "a mission is checked when its next step should have ended": [

@@ -26,6 +26,13 @@ _MISSIONS: Final = (
         composition="DELETE FROM instructions WHERE mission_id = :flying_mission",
     ),
     Corruption(
+        "a provider blamed for a mission that was flown",
+        "a no-show is a mission of its provider that was refused or aborted",
+        composition="INSERT INTO no_shows (mission_id, provider_id, drone_id, code, at_ms)"
+        " SELECT mission_id, provider_id, drone_id, 'SILENT', 1 FROM missions"
+        " WHERE mission_id = :completed_mission",
+    ),
+    Corruption(
         "the steps of a mission deleted",
         "I4 a mission has steps",
         composition="DELETE FROM mission_steps WHERE mission_id = :flying_mission",

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyway.contracts.shortlist import Shortlist
-from skyway.delivery.offer import BestValues, OfferValues
+from skyway.delivery.offer import BestValues, OfferValues, no_show_factor
 from skyway.delivery.request import Weights
 from skyway.ids import DroneId
 from skyway.network.columns import Floats
@@ -42,6 +42,9 @@ class Contest:
         self._least = least
         self._weights = weights
         self._twins = _twins_among(shortlist, openings)
+        self._factors: Floats = np.array(
+            [no_show_factor(shortlist.terms_of[each].no_shows) for each in shortlist.provider_ids]
+        )
         self._is_waiting = np.ones(len(shortlist.drone_ids), np.bool_)
 
     def leave_out(self, rows: Sequence[int]) -> None:
@@ -102,6 +105,7 @@ class Contest:
         scores = np.zeros(len(self._is_waiting))
         for weight, values, best_value in self._counting(best):
             scores += weight * (values / best_value if best_value > 0 else 1.0 + values)
+        scores *= self._factors
         return scores
 
     def _counting(self, best: BestValues) -> Iterator[tuple[float, Floats, float]]:
@@ -126,6 +130,7 @@ class Contest:
             float(least.energy_j[row]),
             shortlist.provider_ids[row],
             shortlist.drone_ids[row],
+            shortlist.terms_of[shortlist.provider_ids[row]].no_shows,
         )
 
 

@@ -93,6 +93,7 @@ class Offer:
             energy_j=sum(part.trip.plan.energy_j or 0.0 for part in self.parts),
             provider_id=self.provider_id,
             drone_id=self.parts[0].candidate.drone_id,
+            no_shows=self.parts[0].candidate.no_shows,
         )
 
 
@@ -126,6 +127,7 @@ def terms_of(
         trips=len(offer.parts),
         margins=settings.margins,
         score=best.score(values, weights),
+        no_shows=values.no_shows,
     )
 
 

@@ -32,6 +32,7 @@ from skyway.units import moment_to_ms
 from skyway_composition.networks.prepared import NOTHING_PUBLISHED, PreparedNetworks
 from skyway_composition.networks.settings import NetworkDocument
 from skyway_composition.networks.store import has_networks
+from skyway_composition.planning.no_shows import NoShows
 from skyway_composition.planning.reading_turn import ReadingTurn
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.strategy_rights import StrategyRights
@@ -135,7 +136,7 @@ class QuoteAnswerer(Protocol):
         ...
 
 
-def quote_routes(*, gate: ServiceGate, quotes: QuoteAnswerer) -> ServiceRouter:
+def quote_routes(*, gate: ServiceGate, quotes: QuoteAnswerer, no_shows: NoShows) -> ServiceRouter:
     """POST /internal/quotes, for the gateway."""
     router = ServiceRouter(tags=("quotes",))
 
@@ -146,7 +147,8 @@ def quote_routes(*, gate: ServiceGate, quotes: QuoteAnswerer) -> ServiceRouter:
     ) -> QuoteAnswer:
         """Plan what each provider would offer for a request; hold the best offers if asked to."""
         caller.must_be_service("gateway")
-        return await quotes.answer(query)
+        shortlist = await no_shows.marked(query.shortlist)
+        return await quotes.answer(query.model_copy(update={"shortlist": shortlist}))
 
     return router
 

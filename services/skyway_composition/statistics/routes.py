@@ -16,6 +16,7 @@ from skyway.runtime.http.paging import page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
+from skyway_composition.planning.no_show_store import COUNTED, no_shows_of
 from skyway_composition.statistics import store
 from skyway_composition.statistics.store import Selection
 from skyway_composition.statistics.use import (
@@ -127,7 +128,7 @@ def _elapsed_s(span: Span, clock: FleetClock) -> float:
 
 
 class MissionStatistics(JsonModel):
-    """Missions that are not over, and messages that wait to be sent."""
+    """Missions that are not over, messages that wait to be sent, and drones that did not come."""
 
     at: Annotated[FleetMoment, Field(description="The moment of this answer, fleet time.")]
     by_state: Annotated[
@@ -144,6 +145,14 @@ class MissionStatistics(JsonModel):
             examples=[{"mqtt": 2}],
         ),
     ]
+    no_shows: Annotated[
+        dict[str, int],
+        Field(
+            description="Number of missions of the last 7 days, fleet time, whose drones did not "
+            "come, by provider. Providers without any are left out.",
+            examples=[{"prv_01kq3w8x5v9m2n4p6r7s8t9v0w": 2}],
+        ),
+    ]
 
 
 def mission_statistics_routes(
@@ -154,12 +163,16 @@ def mission_statistics_routes(
 
     @router.get("/v1/stats/missions")
     async def get_mission_statistics(caller: Annotated[Caller, Depends(gate)]) -> MissionStatistics:
-        """Count the missions that are not over by state, and the messages that wait to be sent."""
+        """Count the missions that are not over, unsent messages, and drones that did not come."""
         caller.must_be("provider", "operator")
         whose = ProviderId(caller.subject_id) if caller.role == "provider" else None
         async with db.read() as connection:
             by_state = await store.live_missions(connection, whose)
             unsent = await store.unsent(connection) if whose is None else {}
-        return MissionStatistics(at=clock.now(), by_state=dict(by_state), unsent=dict(unsent))
+            since_ms = moment_to_ms(clock.now() - COUNTED)
+            absent = await no_shows_of(connection, since_ms=since_ms, provider_id=whose)
+        return MissionStatistics(
+            at=clock.now(), by_state=dict(by_state), unsent=dict(unsent), no_shows=dict(absent)
+        )
 
     return router

@@ -25,6 +25,7 @@ from skyway_composition.tables.networks import (
     pad_reservations,
     stations,
 )
+from skyway_composition.tables.no_shows import no_shows
 from skyway_composition.tables.quarantine import quarantine
 
 __all__ = [
@@ -46,6 +47,7 @@ __all__ = [
     "missions",
     "network_versions",
     "networks",
+    "no_shows",
     "offer_holds",
     "outbox",
     "pad_reservations",

@@ -55,6 +55,7 @@ from skyway_composition.verify.custody import CUSTODY
 from skyway_composition.verify.links import LINKS
 from skyway_composition.verify.missions import MISSIONS, REPORTS
 from skyway_composition.verify.networks import CLOSURES, NETWORKS
+from skyway_composition.verify.no_shows import NO_SHOWS
 from skyway_composition.verify.pads import HOLDS, PADS
 from skyway_composition.verify.quarantine import QUARANTINE
 from skyway_composition.verify.steps import STEPS
@@ -108,6 +109,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *NETWORKS,
     *LINKS,
     *QUARANTINE,
+    *NO_SHOWS,
     *REPORTS,
 )
 

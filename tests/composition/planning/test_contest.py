@@ -24,14 +24,17 @@ _AMOUNTS = st.integers(0, 6)
 def entrants(draw: st.DrawFn) -> list[tuple[OfferValues, OfferValues | None]]:
     """Each candidate's lower bounds and its true values; None for no trip."""
     count = draw(st.integers(1, 7))
+    no_shows = draw(st.lists(st.integers(0, 8), min_size=3, max_size=3))
     found = []
     for number in range(count):
+        provider = draw(st.integers(0, 2))
         least = OfferValues(
             time_s=float(draw(_AMOUNTS)),
             price=draw(_AMOUNTS),
             energy_j=float(draw(_AMOUNTS)),
-            provider_id=ProviderId(f"prv_{draw(st.integers(0, 2))}"),
+            provider_id=ProviderId(f"prv_{provider}"),
             drone_id=DroneId(f"drn_{number}"),
+            no_shows=no_shows[provider],
         )
         true = replace(
             least,
@@ -62,6 +65,7 @@ def make_candidate(values: OfferValues, *, station_id: str, standby: Standby = "
         home_station_id=StationId("a"),
         tariff=Tariff(),
         standby=standby,
+        no_shows=values.no_shows,
     )
 
 

@@ -92,6 +92,31 @@ async def test_the_pickup_is_when_the_drone_begins_to_load(composition: Any, mak
     assert far.pickup_at - near.pickup_at > timedelta(minutes=1)
 
 
+async def test_a_provider_whose_drones_did_not_come_ranks_lower_and_sees_why(
+    composition: Any, make: Any, drone: Any
+) -> None:
+    absent, honest = make.candidate(1), make.candidate(2, provider_id="prv_2")
+    before = await quote(composition, make.request("c"), absent, honest)
+    for number in range(3):
+        await composition.book(absent, delivery_id=f"dlv_{number}")
+        composition.clock.advance(timedelta(seconds=61))
+        await composition.receive(drone.state())
+        await composition.overdue.step()
+
+    after = await quote(composition, make.request("c"), absent, honest)
+
+    assert [each.provider_id for each in before.offers] == ["prv_1", "prv_2"]
+    assert [(each.provider_id, each.no_shows) for each in after.offers] == [
+        ("prv_2", 0),
+        ("prv_1", 3),
+    ]
+    assert after.offers[1].score == pytest.approx(1.1 * after.offers[0].score)
+    shown = await composition("provider:prv_1", "GET", "/v1/stats/missions")
+    assert shown.json()["no_shows"] == {"prv_1": 3}
+    other = await composition("provider:prv_2", "GET", "/v1/stats/missions")
+    assert other.json()["no_shows"] == {}
+
+
 async def test_a_quote_reserves_nothing(composition: Any, make: Any, drones: Any) -> None:
     first = await quote(composition, make.request("c"), *drones)
 

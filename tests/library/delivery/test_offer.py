@@ -1,7 +1,9 @@
+from dataclasses import replace
+
 import pytest
 from pydantic import ValidationError
 
-from skyway.delivery.offer import OfferValues, Tariff, price_of, rank_offers
+from skyway.delivery.offer import OfferValues, Tariff, no_show_factor, price_of, rank_offers
 from skyway.delivery.request import Priority, Weights
 from skyway.ids import DroneId, ProviderId
 
@@ -75,3 +77,24 @@ def test_a_free_offer_beats_all_others_on_price() -> None:
 
 def test_no_offers_rank_to_nothing() -> None:
     assert rank_offers([], Weights(time=1)) == []
+
+
+def test_the_first_no_show_costs_nothing_and_many_cost_a_quarter() -> None:
+    factors = [no_show_factor(no_shows) for no_shows in (0, 1, 2, 3, 6, 7, 10**9)]
+
+    assert factors == pytest.approx([1.0, 1.0, 1.05, 1.1, 1.25, 1.25, 1.25])
+    assert factors[:2] == [1.0, 1.0]
+
+
+def test_a_provider_with_repeated_no_shows_ranks_after_an_equal_one() -> None:
+    weights = Weights(time=0.5, price=0.5)
+    honest, absent = make_offer("z"), make_offer("a")
+    much_cheaper = make_offer("b", price=50)
+
+    def ranked(*offers: OfferValues) -> list[str]:
+        return [offers[index].provider_id for index in rank_offers(offers, weights)]
+
+    assert ranked(honest, absent) == ["a", "z"]
+    assert ranked(honest, replace(absent, no_shows=1)) == ["a", "z"]
+    assert ranked(honest, replace(absent, no_shows=2)) == ["z", "a"]
+    assert ranked(honest, replace(much_cheaper, no_shows=100)) == ["b", "z"]

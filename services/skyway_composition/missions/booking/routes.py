@@ -12,9 +12,12 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.missions.booking.book import Bookings
 from skyway_composition.missions.booking.keep_offer import OfferKeeper
+from skyway_composition.planning.no_shows import NoShows
 
 
-def booking_routes(*, gate: ServiceGate, bookings: Bookings, keeper: OfferKeeper) -> ServiceRouter:
+def booking_routes(
+    *, gate: ServiceGate, bookings: Bookings, keeper: OfferKeeper, no_shows: NoShows
+) -> ServiceRouter:
     """The gateway's calls under /internal/deliveries, /internal/offers and /internal/holds."""
     router = ServiceRouter(tags=("missions",))
 
@@ -26,7 +29,9 @@ def booking_routes(*, gate: ServiceGate, bookings: Bookings, keeper: OfferKeeper
     ) -> Booking:
         """Book the best offer; the same attempt again answers the same missions."""
         caller.must_be_service("gateway")
-        return await bookings.book(delivery_id, requested)
+        shortlist = await no_shows.marked(requested.shortlist)
+        marked = requested.model_copy(update={"shortlist": shortlist})
+        return await bookings.book(delivery_id, marked)
 
     @router.put("/internal/deliveries/{delivery_id}/closed")
     async def close_delivery(

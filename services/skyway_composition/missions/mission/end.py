@@ -22,6 +22,7 @@ from skyway_composition.missions.mission.standby import begin_sooner, restore_st
 from skyway_composition.missions.mission.step_store import ended_events, flown_totals
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm, report
 from skyway_composition.pads.store import free
+from skyway_composition.planning.no_show_store import note_absence
 
 
 async def refuse(
@@ -33,6 +34,7 @@ async def refuse(
     await free(work.tx, record.mission_id)
     if is_queued:
         await restore_pads(work.tx, record.drone_id)
+    await note_absence(work.tx, record.mission, code=code, at_ms=moment_to_ms(work.clock.now()))
     record = report(
         work,
         record,
@@ -124,6 +126,7 @@ async def abort(
             revision=record.mission.revision,
             reason=f"given up: {code}",
         )
+    await note_absence(work.tx, record.mission, code=code, at_ms=moment_to_ms(work.clock.now()))
     await _end(work, record, "ABORTED", at=at, code=code, detail=detail, station_id=station_id)
 
 

@@ -23,6 +23,10 @@ async def doubt_of(composition: Any, instruction: Any) -> str | None:
     return None if doubt is None else str(doubt["code"])
 
 
+async def no_shows(composition: Any) -> Any:
+    return (await composition("operator:op", "GET", "/v1/stats/missions")).json()["no_shows"]
+
+
 async def sweep_after(composition: Any, span: timedelta) -> None:
     composition.clock.advance(span)
     await composition.overdue.step()
@@ -40,6 +44,7 @@ async def test_an_expired_booking_of_a_disconnected_drone_is_given_up(
     assert (report.kind, report.code) == ("REFUSED", "NO_ANSWER")
     assert await composition.state_of(instruction.mission_id) == "REFUSED"
     assert await composition.reservations() == []
+    assert await no_shows(composition) == {"prv_1": 1}
 
 
 async def test_a_booking_is_kept_while_a_late_ack_may_still_arrive(
@@ -204,3 +209,32 @@ async def test_a_state_with_an_unknown_mission_sends_no_cancel(
     await composition.receive(drone.state(mission_id="msn_of_nobody"))
 
     assert await composition.sent() == [instruction]
+
+
+async def test_a_silent_drone_that_is_given_up_did_not_come(composition: Any, drone: Any) -> None:
+    instruction = await booked(composition)
+    await composition.receive(drone.ack(instruction))
+    await sweep_after(composition, timedelta(days=1))
+    before = await no_shows(composition)
+
+    await composition(
+        "operator:op",
+        "POST",
+        f"/v1/missions/{instruction.mission_id}/commands",
+        {"command": "GIVE_UP", "reason": "nobody has seen the drone"},
+    )
+
+    assert (before, await no_shows(composition)) == ({}, {"prv_1": 1})
+    composition.clock.advance(timedelta(days=7, seconds=1))
+    assert await no_shows(composition) == {}
+
+
+async def test_a_drone_that_refuses_its_mission_has_come(composition: Any, drone: Any) -> None:
+    instruction = await booked(composition)
+
+    await composition.receive(
+        drone.ack(instruction, "REJECTED", code="NOT_AT_START", detail="moved")
+    )
+
+    assert await composition.state_of(instruction.mission_id) == "REFUSED"
+    assert await no_shows(composition) == {}
