@@ -31,6 +31,7 @@ async def measure(sizes: Sizes) -> AsyncIterator[Table]:
             sizes.fed,
             flying=sizes.flying,
             agents=sizes.agents,
+            viewers=sizes.viewers,
             seed=sizes.seed,
             seconds=sizes.seconds,
         ):

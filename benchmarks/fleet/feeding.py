@@ -7,7 +7,8 @@ import random
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +19,7 @@ from benchmarks.fleet.cloud_messages import send_missions
 from benchmarks.fleet.crew import read_drones
 from benchmarks.fleet.drone_messages import DroneMessages, receiving
 from benchmarks.fleet.probe import Lag, probing, wait_caught_up
+from benchmarks.fleet.viewing import Viewing, viewing
 from benchmarks.load.burst import Burst
 from benchmarks.load.city import City
 from benchmarks.load.cpu import CpuReading
@@ -62,11 +64,12 @@ class Fed:
     lags: Mapping[str, Lag]
     #: Wall seconds until services had taken in the start and the send-off of all.
     caught_up_s: float
+    viewing: Viewing | None = None
 
 
 async def feed(
-    drones: int, *, flying: int, agents: int, seed: int, seconds: float
-) -> tuple[Table, Table]:
+    drones: int, *, flying: int, agents: int, viewers: int, seed: int, seconds: float
+) -> tuple[Table, ...]:
     """Start PostgreSQL, Mosquitto, the services and the agents; have some drones fly; measure."""
     burst = Burst(
         storage="production",
@@ -94,11 +97,14 @@ async def feed(
                 ready_s = time.monotonic() - began_s
                 pids = _pids(system, (*system.urls, *world.agents))
                 pids |= {name: server.pid for name, server in servers.items()}
-                fed = await _measured(system, pids, flying=flying, burst=burst)
-    return _lags(burst, fed, ready_s=ready_s), _processes(fed)
+                fed = await _measured(system, pids, flying=flying, viewers=viewers, burst=burst)
+    tables = _lags(burst, fed, ready_s=ready_s), _processes(fed)
+    return tables if fed.viewing is None else (*tables, fed.viewing.table())
 
 
-async def _measured(system: System, pids: dict[str, int], *, flying: int, burst: Burst) -> Fed:
+async def _measured(
+    system: System, pids: dict[str, int], *, flying: int, viewers: int, burst: Burst
+) -> Fed:
     folder, url = system.folder, os.environ["SKYWAY_MQTT_URL"]
     crew = _crew(folder, agents=burst.agents)
     chance = random.Random(burst.seed)
@@ -121,9 +127,19 @@ async def _measured(system: System, pids: dict[str, int], *, flying: int, burst:
             caught_up_s = await wait_caught_up(lags, limit_s=LAG_S, within_s=_CAUGHT_UP_WITHIN_S)
             for lag in lags.values():
                 lag.begin()
-            return await _window(
-                pids, messages, lags, seconds=burst.seconds, caught_up_s=caught_up_s
+            window = partial(
+                _window, pids, messages, lags, seconds=burst.seconds, caught_up_s=caught_up_s
             )
+            if not viewers:
+                return await window()
+            async with viewing(
+                system.urls["gateway"],
+                read_secret(folder, "operator_key"),
+                viewers=viewers,
+                seconds=burst.seconds,
+            ) as seen:
+                fed = await window()
+            return replace(fed, viewing=seen)
 
 
 async def _window(

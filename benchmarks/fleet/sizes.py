@@ -16,6 +16,7 @@ class Sizes:
     fed: int
     flying: int
     agents: int
+    viewers: int
     scenario: str
     seconds: float
     step_seconds: float
@@ -32,6 +33,7 @@ def read_sizes(arguments: list[str]) -> Sizes:
     parser.add_argument("--fed", type=int, default=5_000, help="drones on a whole system")
     parser.add_argument("--flying", type=int, default=2_000, help="how many of these drones fly")
     parser.add_argument("--agents", type=int, default=4, help="processes that host them")
+    parser.add_argument("--viewers", type=int, default=0, help="of the live picture meanwhile")
     parser.add_argument("--scenario", default="windy", help="of the drones in one process")
     parser.add_argument("--seconds", type=float, default=40.0)
     parser.add_argument("--step-seconds", type=float, default=5.0, help="at each embedded rate")
