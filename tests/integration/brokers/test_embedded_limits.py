@@ -92,8 +92,9 @@ async def test_another_version_of_mqtt_is_refused_with_an_answer(embedded, first
         await client.wait_closed()
 
 
-async def test_a_connect_above_its_limit_is_refused_before_it_has_come(embedded):
-    async with Raw(embedded.port) as client:
+async def test_a_connect_above_its_limit_is_refused_before_it_has_come(limited):
+    broker = await limited(dataclasses.replace(LIMITS, introduction_s=600))
+    async with Raw(broker.port) as client:
         client.writer.write(bytes((0x10, 0xFF, 0xFF, 0x03)) + text("MQTT"))
 
         await client.wait_closed()
