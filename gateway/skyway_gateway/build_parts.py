@@ -18,6 +18,7 @@ from skyway.runtime.meter import Budget, Meter
 from skyway.runtime.minting import mint
 from skyway.runtime.slots import Slots
 from skyway.runtime.sql.database import Database
+from skyway_gateway.access import session_store
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.keys_in_use import KeysInUse
 from skyway_gateway.access.recognise import AllKeys, CachedKeys, DroneKeys
@@ -83,7 +84,8 @@ def build_parts(
         settings.secrets_dir, None if settings.public_url is None else str(settings.public_url)
     )
     streams = Slots("STREAMS", settings.streams_per_tenant)
-    all_keys = AllKeys(cached_keys, DroneKeys(registry), KeysInUse(db, clock))
+    cached_sessions = CachedKeys(db, clock, session_store.shown)
+    all_keys = AllKeys(cached_keys, cached_sessions, DroneKeys(registry), KeysInUse(db, clock))
     refused_logins = RefusedLogins(db, clock, mint)
     networks = NetworkLearner(stations_from(clients["composition"]), keep=partial(keep_network, db))
     return Parts(
@@ -95,6 +97,7 @@ def build_parts(
         composition=composition,
         networks=networks,
         cached_keys=cached_keys,
+        cached_sessions=cached_sessions,
         gate=KeyGate(),
         metrics_gate=MetricsGate(settings.secrets_dir),
         entrance=KeyEntrance(

@@ -57,6 +57,7 @@ class Parts:
     composition: Composition
     networks: NetworkLearner
     cached_keys: CachedKeys
+    cached_sessions: CachedKeys
     gate: KeyGate
     metrics_gate: MetricsGate
     entrance: KeyEntrance

@@ -217,6 +217,17 @@ webhook_attempts = Table(
     Index("webhook_attempts_by_webhook", "webhook_id", "attempt_id"),
 )
 
+#: Sessions of browsers: each stands for a key until it expires.
+sessions = Table(
+    "sessions",
+    metadata,
+    Column("session_hash", Text, primary_key=True),
+    Column("key_id", Text, ForeignKey("api_keys.key_id"), nullable=False),
+    Column("expires_wall_ms", BigInteger, nullable=False),
+    Index("sessions_by_key", "key_id", "expires_wall_ms"),
+    Index("sessions_by_expiry", "expires_wall_ms"),
+)
+
 #: Tracking links that were renewed or withdrawn; all other deliveries have their first link.
 tracking_links = Table(
     "tracking_links",

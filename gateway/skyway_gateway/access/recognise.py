@@ -14,10 +14,11 @@ from skyway.ids import DroneId, KeyId
 from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey
+from skyway.runtime.http.session_cookie import SESSION_PREFIX
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import rotation_store, store
 from skyway_gateway.access.keys_in_use import KeysInUse
-from skyway_gateway.access.store import StoredKey
+from skyway_gateway.access.store import StoredKey, StoredLookUp
 
 #: How long a key is cached, wall time.
 _KEPT: Final = timedelta(seconds=0.5)
@@ -30,11 +31,17 @@ def secret_hash(secret: str) -> str:
 
 
 class CachedKeys:
-    """Recognises keys of customers, providers and operators; unknown keys are never cached."""
+    """Recognises keys of customers, providers and operators; unknown keys are never cached.
 
-    def __init__(self, db: Database, clock: FleetClock) -> None:
+    `look_up` finds a stored key by the hash of what is shown: of the key, or of a session of it.
+    """
+
+    def __init__(
+        self, db: Database, clock: FleetClock, look_up: StoredLookUp = store.shown
+    ) -> None:
         self._db = db
         self._clock = clock
+        self._shown = look_up
         self._cached = AnswerCache(self._look_up, clock=clock, kept=_KEPT, most=_MOST_CACHED)
 
     async def recognise(self, secret: str) -> KeyHolder | RefusedKey:
@@ -58,12 +65,12 @@ class CachedKeys:
 
     async def _look_up(self, key_hash: str) -> StoredKey | None:
         async with self._db.read() as connection:
-            found = await store.shown(connection, key_hash)
+            found = await self._shown(connection, key_hash)
         if found is None or found.ends_first is None or self._is_refused(found):
             return found
         await self._bring_into_force(KeyId(found.holder.key_id), found.ends_first)
         async with self._db.read() as connection:
-            return await store.shown(connection, key_hash)
+            return await self._shown(connection, key_hash)
 
     def _is_refused(self, found: StoredKey) -> bool:
         return isinstance(self._judge(found), RefusedKey)
@@ -100,19 +107,23 @@ class DroneKeys:
 class AllKeys:
     """The keys of all callers; how a key begins says whose it is."""
 
-    def __init__(self, people: CachedKeys, drones: DroneKeys, in_use: KeysInUse) -> None:
+    def __init__(
+        self, people: CachedKeys, sessions: CachedKeys, drones: DroneKeys, in_use: KeysInUse
+    ) -> None:
         self._people = people
+        self._sessions = sessions
         self._drones = drones
         self._in_use = in_use
 
     async def recognise(self, secret: str) -> KeyHolder | RefusedKey:
         """The holder of this key, or why it is refused."""
-        return await (self._drones if _is_drones(secret) else self._people).recognise(secret)
+        if secret.startswith(DRONE_KEY_PREFIX):
+            return await self._drones.recognise(secret)
+        keys = self._sessions if secret.startswith(SESSION_PREFIX) else self._people
+        return await keys.recognise(secret)
 
     async def may_be_in_use(self, secret: str) -> bool | None:
-        """False for a key that is not in use; None for a drone's, which only the registry knows."""
-        return None if _is_drones(secret) else await self._in_use.may_hold(secret_hash(secret))
-
-
-def _is_drones(secret: str) -> bool:
-    return secret.startswith(DRONE_KEY_PREFIX)
+        """False for a key that is not in use; None for a drone's key and for a session."""
+        if secret.startswith((DRONE_KEY_PREFIX, SESSION_PREFIX)):
+            return None
+        return await self._in_use.may_hold(secret_hash(secret))

@@ -47,8 +47,12 @@ _CLOSURES: Final = (
 
 #: The calls that each scope allows, as ``GET /v1/clock``.
 CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
-    "account:read": ("GET /v1/clock", "GET /v1/limits"),
-    "account:write": ("POST /v1/keys/rotations",),
+    "account:read": ("GET /v1/clock", "GET /v1/limits", "GET /v1/sessions/current"),
+    "account:write": (
+        "POST /v1/keys/rotations",
+        "POST /v1/sessions",
+        "DELETE /v1/sessions/current",
+    ),
     "audit:read": ("GET /v1/audit",),
     "deliveries:read": (
         "GET /v1/deliveries",

@@ -1,7 +1,7 @@
 """The SQL of API keys, and the condition for what belongs to a customer."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
@@ -45,8 +45,11 @@ class StoredKey:
     ends_first: KeyId | None
 
 
-#: Runs with each request, so it is built once.
-_SHOWN: Final = select(
+#: Finds the stored key of a hash.
+StoredLookUp = Callable[[AsyncConnection, str], Awaitable[StoredKey | None]]
+
+#: Run with each request, so they are built once.
+_STORED: Final = select(
     api_keys.c.key_id,
     api_keys.c.role,
     api_keys.c.subject_id,
@@ -56,7 +59,9 @@ _SHOWN: Final = select(
     api_keys.c.deleted_wall_ms,
     api_keys.c.replaces_key_id,
     api_keys.c.is_next,
-).where(api_keys.c.key_hash == bindparam("key_hash"))
+)
+_SHOWN: Final = _STORED.where(api_keys.c.key_hash == bindparam("key_hash"))
+_OF_SESSION: Final = _STORED.where(api_keys.c.key_id == bindparam("key_id"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +88,15 @@ async def add_if_new(tx: Tx, key: ApiKey, *, key_hash: str) -> None:
 async def shown(connection: AsyncConnection, key_hash: str) -> StoredKey | None:
     """The key that a request shows, even if it has ended; None when there never was one."""
     row = (await connection.execute(_SHOWN, {"key_hash": key_hash})).one_or_none()
-    if row is None:
-        return None
+    return None if row is None else _stored(row)
+
+
+async def shown_by_id(connection: AsyncConnection, key_id: KeyId) -> StoredKey:
+    """The key with this id, even if it has ended; keys are never removed."""
+    return _stored((await connection.execute(_OF_SESSION, {"key_id": key_id})).one())
+
+
+def _stored(row: AnyRow) -> StoredKey:
     holder = KeyHolder(
         caller=Caller(row.role, row.subject_id),
         key_id=row.key_id,

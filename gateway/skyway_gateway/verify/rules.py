@@ -28,6 +28,7 @@ from skyway_gateway.tables import (
     metadata,
     outbox,
     quotes,
+    sessions,
     webhooks,
 )
 from skyway_gateway.verify.api_keys import API_KEYS
@@ -62,6 +63,7 @@ _FORMS: Final = form_rule(
         outbox.c.payload: json.loads,
         api_keys.c.key_hash: read_sha256,
         api_keys.c.scopes: TypeAdapter(tuple[Scope, ...]).validate_json,
+        sessions.c.session_hash: read_sha256,
         idempotency.c.key_hash: read_sha256,
         idempotency.c.answer: read_fernet_token,
     }

@@ -18,6 +18,7 @@ from fastapi.security.utils import get_authorization_scheme_param
 from skyway.runtime.errors import BudgetSpent, Unauthenticated
 from skyway.runtime.http.brake import Brake
 from skyway.runtime.http.identity import KeyHolder, RefusedKey, ServiceGate
+from skyway.runtime.http.session_cookie import session_in
 from skyway.runtime.http.wrong_keys import WrongKeys
 from skyway.runtime.meter import Meter
 from skyway.runtime.network_address import network_of
@@ -104,6 +105,8 @@ class KeyEntrance:
             The tenant or the address has spent its budget.
         Unauthenticated
             No key is shown where one is needed, or an unknown key.
+        AccessDenied
+            A page of another site uses a browser's session.
         """
         try:
             return await self._admit(request)
@@ -136,9 +139,8 @@ class KeyEntrance:
             raise
 
     async def _holder_of(self, request: Request) -> KeyHolder:
-        scheme, key = get_authorization_scheme_param(request.headers.get("Authorization"))
-        address = address_of(request)
-        if scheme.lower() != "bearer" or not key:
+        key, address = _shown_by(request), address_of(request)
+        if key is None:
             self.meters.addresses.take(address, REFUSED_COST)
             raise Unauthenticated(_NO_KEY)
         key_hash = hashlib.sha256(key.encode()).digest()
@@ -209,6 +211,14 @@ class ServiceEntrance:
         if path.startswith((_PUBLIC, _INTERNAL)):
             await self.gate(request=request)
         return {}
+
+
+def _shown_by(request: Request) -> str | None:
+    """The key in the header, or the session in the cookie of a browser."""
+    if (header := request.headers.get("Authorization")) is None:
+        return session_in(request)
+    scheme, key = get_authorization_scheme_param(header)
+    return key if scheme.lower() == "bearer" and key else None
 
 
 def address_of(request: Request) -> str:

@@ -1,0 +1,119 @@
+"""Sessions of browsers over REST: opened with a key, shown and ended by their cookie."""
+
+import secrets
+from datetime import timedelta
+from typing import Annotated, Final
+
+from fastapi import Depends, Request, Response
+from pydantic import Field
+
+from skyway.ids import KeyId, SubjectId
+from skyway.json_model import JsonModel
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import NotFound
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.http.session_cookie import (
+    SESSION_PREFIX,
+    end_session,
+    session_in,
+    set_session,
+)
+from skyway.runtime.sql.database import Database
+from skyway_gateway.access import session_store
+from skyway_gateway.access.api_key import KeyRole
+from skyway_gateway.access.recognise import CachedKeys, secret_hash
+from skyway_gateway.access.routes import KeyGate, holder_of
+
+#: How long a session lasts, wall time.
+SESSION_LASTS: Final = timedelta(hours=12)
+
+_SECRET_BYTES: Final = 32
+
+
+class Session(JsonModel):
+    """For whom a browser's session calls, and until when at the latest."""
+
+    role: Annotated[KeyRole, Field(description="The role of the key.")]
+    subject_id: Annotated[
+        SubjectId,
+        Field(description="The customer's name, the provider's id or the operator's name."),
+    ]
+    scopes: Annotated[
+        tuple[str, ...] | None,
+        Field(description="What the key allows; null means everything that its role may do."),
+    ]
+
+
+def session_routes(
+    *, db: Database, gate: KeyGate, clock: FleetClock, cached: CachedKeys
+) -> ServiceRouter:
+    """POST /v1/sessions, and GET and DELETE /v1/sessions/current."""
+    router = ServiceRouter(tags=("keys",))
+
+    @router.post("/v1/sessions", status_code=201)
+    async def create_session(
+        request: Request, response: Response, caller: Annotated[Caller, Depends(gate)]
+    ) -> Session:
+        """Begin a session of a browser: its cookie stands for the key for twelve hours.
+
+        The cookie is HttpOnly and SameSite=Strict, and Secure over HTTPS. A call with it that
+        changes something must come from a page of this gateway. The session ends with its key.
+
+        Callers: customer, provider, operator.
+        """
+        caller.must_be("customer", "provider", "operator")
+        secret = SESSION_PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
+        async with db.write() as tx:
+            await session_store.add(
+                tx,
+                secret_hash(secret),
+                KeyId(holder_of(request).key_id),
+                at=clock.wall_now(),
+                lasts=SESSION_LASTS,
+            )
+        lasts_s = int(SESSION_LASTS.total_seconds())
+        set_session(response, request, secret, lasts_s=lasts_s)
+        return _session(request)
+
+    @router.get("/v1/sessions/current")
+    async def get_session(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Session:
+        """Show for whom the browser calls.
+
+        Callers: customer, provider, operator.
+        """
+        caller.must_be("customer", "provider", "operator")
+        return _session(request)
+
+    @router.delete("/v1/sessions/current", status_code=204)
+    async def delete_session(
+        request: Request, caller: Annotated[Caller, Depends(gate)]
+    ) -> Response:
+        """End the browser's session, and have it forget the cookie.
+
+        Callers: customer, provider, operator.
+        """
+        caller.must_be("customer", "provider", "operator")
+        secret = session_in(request)
+        if secret is None:
+            raise NotFound("session", "current")
+        async with db.write() as tx:
+            await session_store.end(tx, secret_hash(secret))
+            tx.after_commit(cached.forget)
+        response = Response(status_code=204)
+        end_session(response)
+        return response
+
+    return router
+
+
+def _session(request: Request) -> Session:
+    holder = holder_of(request)
+    scopes = None if holder.scopes is None else tuple(sorted(holder.scopes))
+    return Session.model_validate(
+        {
+            "role": holder.caller.role,
+            "subject_id": holder.caller.subject_id,
+            "scopes": scopes,
+        }
+    )
