@@ -113,18 +113,20 @@ class SignatureCheck:
             return False
         waiting = len(self._held)
         await self._book.look_up({DroneId(each) for each in due})
-        # Messages that have come during the look-up wait for the next one.
-        held, later = self._held[:waiting], self._held[waiting:]
-        self._held = [each for each in held if each[0].ids[1] not in due] + later
-        self._held_of = Counter(arrival.ids[1] for arrival, _ in self._held)
-        for arrival, read_again in held:
-            if arrival.ids[1] not in due:
-                continue
-            if self._book.judge(arrival.ids[1], arrival.name, arrival.payload) == "PROVEN":
+        held, self._held = self._held, []
+        for number, (arrival, read_again) in enumerate(held):
+            is_due = arrival.ids[1] in due
+            if is_due and self._is_proven_now(arrival):
                 read_again(arrival)
-            else:
+            elif is_due and number < waiting:
                 self._reject(arrival)
+            else:  # it may have come during the look-up, with a key that is newer still
+                self._held.append((arrival, read_again))
+        self._held_of = Counter(arrival.ids[1] for arrival, _ in self._held)
         return False
+
+    def _is_proven_now(self, arrival: Arrival) -> bool:
+        return self._book.judge(arrival.ids[1], arrival.name, arrival.payload) == "PROVEN"
 
     def _reject(self, arrival: Arrival) -> None:
         count("skyway_forged_messages", "drone messages without a valid signature of the drone")

@@ -1,7 +1,7 @@
 """Messages of drones are read once it is proven who sent them."""
 
 import asyncio
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -31,6 +31,7 @@ class Registry:
     renewed: list[str] = field(default_factory=list)
     asked: list[tuple[str, ...]] = field(default_factory=list)
     is_away: bool = False
+    meanwhile: Callable[[], None] | None = None
 
     def _of(self, drone_id: str) -> DroneSignature:
         key = self.keys.get(drone_id)
@@ -41,6 +42,10 @@ class Registry:
         self.asked.append(tuple(drone_ids))
         if self.is_away:
             raise ServiceUnavailable("registry", "it is away")
+        if self.meanwhile is not None:
+            self.meanwhile()
+            for _ in range(5):
+                await asyncio.sleep(0)
         return [self._of(each) for each in drone_ids if each in {*self.keys, *self.unsigned}]
 
     async def changed(self) -> Sequence[DroneSignature]:
@@ -127,6 +132,15 @@ async def test_a_signed_message_is_read_after_its_key_was_looked_up(door: Door) 
     assert await door.read() == [second]
     assert door.registry.asked == [("drn_1",)]
     assert door.taken.postponed_ids == [("prv_1", "drn_1")]
+
+
+async def test_a_message_that_comes_during_the_look_up_is_read_after_it(door: Door) -> None:
+    door.registry.keys["drn_1"] = OLD.public_key
+    door.registry.meanwhile = lambda: door.offer(state(OLD, 2))
+    door.offer(state(OLD))
+
+    assert await door.read() == [state(OLD), state(OLD, 2)]
+    assert len(door.registry.asked) == 1
 
 
 async def test_a_drone_that_has_no_key_is_served_unsigned(door: Door) -> None:
