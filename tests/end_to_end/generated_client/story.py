@@ -41,6 +41,7 @@ from skyway_client.models import (
     QoS,
     QoSObjectiveType0,
     RegisteredDrones,
+    RequestedDelivery,
     StationInfoPage,
     Tariff,
     WebhookAttemptOutcome,
@@ -126,7 +127,7 @@ def deliver(customer: AuthenticatedClient, start: str, end: str, hook_url: str) 
         qos=QoS(objective=QoSObjectiveType0.FASTEST),
     )
     delivery = expect(
-        Delivery,
+        RequestedDelivery,
         create_delivery.sync(client=customer, body=request, idempotency_key="story"),
     )
     events = follow(customer, delivery.delivery_id)
