@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
+from skyway.cli.event_text import event_text
 from skyway.cli.gateway import call_gateway, fail, read_keys
 from skyway.cli.request_options import (
     CUSTOMER_KEY,
@@ -90,13 +91,16 @@ def accept_command(
 
 def track_command(
     delivery_id: Annotated[str, typer.Argument(help="The id that `skyway request` printed.")],
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print each event as one line of JSON, for programs.")
+    ] = False,
     data: DataOption = None,
 ) -> None:
-    """Print a delivery's events as they happen, until it ends.
+    """Print what happens to a delivery, in fleet time, until it ends.
 
     Exit code: 0 COMPLETED, 3 PARTIALLY_COMPLETED, 1 REJECTED, FAILED or CANCELLED.
     """
-    _follow(data_folder(data), delivery_id)
+    _follow(data_folder(data), delivery_id, as_json=as_json)
 
 
 def proof_of(plan: Mapping[str, Any]) -> str:  # a plan as JSON
@@ -153,7 +157,7 @@ def _create(
         _follow(folder, answer["delivery_id"])
 
 
-def _follow(folder: DataFolder, delivery_id: str) -> None:
+def _follow(folder: DataFolder, delivery_id: str, *, as_json: bool = False) -> None:
     """Print events until the delivery ends; ends the command unless the delivery COMPLETED."""
     console = Console()
     call_gateway("GET", f"/v1/deliveries/{delivery_id}", key_name=CUSTOMER_KEY, folder=folder)
@@ -163,18 +167,20 @@ def _follow(folder: DataFolder, delivery_id: str) -> None:
     last_type = ""
     while last_type not in _EXIT_CODES:
         try:
-            for event_type in _print_events(console, url, headers):
+            for event_type in _print_events(console, url, headers, as_json=as_json):
                 last_type = event_type
-                if last_type in _PLAN_EVENTS:
+                if last_type in _PLAN_EVENTS and not as_json:
                     _print_proofs(console, folder, delivery_id)
         except httpx.TransportError as error:
             # The next stream continues after the last event that was printed.
-            console.print(f"[dim]{error}; connecting again[/]")
+            typer.echo(f"{error}; connecting again", err=True)
     if exit_code := _EXIT_CODES[last_type]:
         raise typer.Exit(exit_code)
 
 
-def _print_events(console: Console, url: str, headers: dict[str, str]) -> Iterator[str]:
+def _print_events(
+    console: Console, url: str, headers: dict[str, str], *, as_json: bool
+) -> Iterator[str]:
     """Print the events of one stream, and yield the type of each.
 
     `headers` keep the id of the last event, so that the next stream continues there.
@@ -187,7 +193,8 @@ def _print_events(console: Console, url: str, headers: dict[str, str]) -> Iterat
             elif name == "data":
                 event = json.loads(value)
                 event_type: str = event["type"]
-                console.print(f"{event['occurred_at']}  {event_type}  {json.dumps(event['data'])}")
+                line_of_event = value if as_json else event_text(event)
+                console.print(line_of_event, highlight=False, markup=False, soft_wrap=True)
                 yield event_type
                 if event_type in _EXIT_CODES:
                     break
