@@ -6,12 +6,34 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from skyway.bounds import EARLIEST, LATEST, MOST_TEXT, Moment, SmallObject, Words
+from skyway.bounds import (
+    EARLIEST,
+    LATEST,
+    MOST_TEXT,
+    Amperes,
+    Celsius,
+    Count,
+    Joules,
+    Kilograms,
+    Metres,
+    MetresPerSecond,
+    Moment,
+    SmallObject,
+    Volts,
+    Watts,
+    WindComponent,
+    Words,
+)
 from skyway.units import moment_to_ms, ms_to_moment
 
 MOMENT = TypeAdapter[datetime](Moment)
 WORDS = TypeAdapter[str](Words)
 OBJECT = TypeAdapter[dict[str, Any]](SmallObject)
+COUNT = TypeAdapter[int](Count)
+MEASUREMENTS = (
+    *(Volts, Amperes, Watts, Joules, Celsius, Kilograms),
+    *(Metres, MetresPerSecond, WindComponent),
+)
 
 
 @pytest.mark.parametrize(
@@ -39,6 +61,23 @@ def test_every_accepted_moment_can_be_stored_and_moved_by_a_day(moment: datetime
 
     assert ms_to_moment(moment_to_ms(read)) == moment
     assert read - timedelta(days=1) < read < read + timedelta(days=1)
+
+
+def test_a_whole_number_that_some_reader_of_json_would_round_is_refused() -> None:
+    assert COUNT.validate_json(str(2**53 - 1)) == 2**53 - 1
+    for text in (str(2**53), str(2**63), "-1", "1e30"):
+        with pytest.raises(ValidationError):
+            COUNT.validate_json(text)
+
+
+@pytest.mark.parametrize("kind", MEASUREMENTS)
+def test_a_measurement_that_no_drone_makes_is_refused(kind: Any) -> None:
+    measured = TypeAdapter[float](kind)
+
+    assert measured.validate_python(1.0) == 1.0
+    for value in (1e13, -1e13, float("inf"), float("-inf"), float("nan")):
+        with pytest.raises(ValidationError):
+            measured.validate_python(value)
 
 
 def test_control_characters_of_a_text_become_spaces() -> None:

@@ -1,5 +1,6 @@
 """Messages that cannot be taken are kept within bounds, and the others go on."""
 
+from collections import Counter
 from datetime import timedelta
 from typing import Any
 
@@ -121,6 +122,19 @@ async def test_a_provider_leaves_room_for_others(
 
     providers = [row.provider_id for row in await rows(composition)]
     assert providers == ["prv_1"] * 7 + ["prv_2"] * 2
+
+
+async def test_while_the_database_is_away_few_messages_of_a_provider_wait(
+    composition: Any, quarantine: Quarantine
+) -> None:
+    for number in range(60):
+        unreadable(quarantine, b"{%d" % number, drone=f"drn_{number}")
+    unreadable(quarantine, b"{", provider="prv_2", drone="drn_100")
+
+    await quarantine.step()
+
+    providers = Counter(row.provider_id for row in await rows(composition))
+    assert providers == {"prv_1": 50, "prv_2": 1}
 
 
 async def test_a_slowed_sender_is_only_counted(composition: Any, quarantine: Quarantine) -> None:

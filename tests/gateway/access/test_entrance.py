@@ -148,6 +148,21 @@ async def test_a_forwarded_address_is_not_believed(gateway: Gateway) -> None:
     assert [answer.status_code for answer in answers] == [401, 401, 401, 429, 429]
 
 
+async def test_who_guesses_the_secrets_of_services_spends_the_budget_of_the_address(
+    gateway: Gateway,
+) -> None:
+    limit(gateway, addresses=30)
+
+    answers = [
+        await gateway.http.post(
+            "/internal/mission-reports", headers={"Authorization": f"Bearer guess_{number}"}
+        )
+        for number in range(5)
+    ]
+
+    assert [answer.status_code for answer in answers] == [401, 401, 401, 429, 429]
+
+
 async def test_whether_the_process_is_alive_is_always_answered(gateway: Gateway) -> None:
     limit(gateway, addresses=10)
     for _ in range(5):
