@@ -30,7 +30,8 @@ LONGEST_S: Final = 300.0
 HEAD: Final = """# Mutants
 
 A mutant is a small fault that is planted in the code to see whether a test fails. These faults
-would lose or repeat a message, a package or a booking, mostly without being noticed at first.
+would lose or repeat a message, a package or a booking, or would let a tenant, a drone or a caller
+without a key harm others, mostly without being noticed at first.
 
 `python tools/plant_mutants.py` plants one after another, runs its test, undoes it, and prints
 `caught` or `survived`; `skipped` where the test needs PostgreSQL and there is none, and `unclear`
