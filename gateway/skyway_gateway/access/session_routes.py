@@ -10,7 +10,7 @@ from pydantic import Field
 from skyway.ids import KeyId, SubjectId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import NotFound
+from skyway.runtime.errors import AccessDenied, NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.http.session_cookie import (
@@ -63,6 +63,8 @@ def session_routes(
         Callers: customer, provider, operator.
         """
         caller.must_be("customer", "provider", "operator")
+        if "Authorization" not in request.headers:
+            raise AccessDenied("a session begins with a key, not with another session")
         secret = SESSION_PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
         async with db.write() as tx:
             await session_store.add(

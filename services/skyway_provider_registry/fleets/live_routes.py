@@ -19,7 +19,10 @@ def live_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Servic
     @router.get(LIVE_DRONES, response_model=LiveDrones)
     async def list_live_drones(
         caller: Annotated[Caller, Depends(gate)],
-        since: Annotated[str | None, Query(max_length=64)] = None,
+        since: Annotated[
+            str | None,
+            Query(max_length=64, description="The `mark` of an earlier answer; without it all."),
+        ] = None,
     ) -> Response:
         """The drones that have changed since the mark of an earlier answer; all without one."""
         caller.must_be_service("gateway")

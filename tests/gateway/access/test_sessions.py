@@ -111,6 +111,22 @@ async def test_a_key_has_a_bounded_number_of_sessions(gateway: Gateway) -> None:
     assert await status(gateway, "GET", CURRENT, last) == 200
 
 
+async def test_a_session_cannot_be_prolonged_without_the_key(gateway: Gateway) -> None:
+    cookie = await opened(gateway, gateway.customer)
+
+    assert await status(gateway, "POST", "/v1/sessions", cookie | OWN) == 403
+
+
+async def test_a_session_allows_what_its_key_allows(gateway: Gateway) -> None:
+    body = {"role": "customer", "subject_id": "erin", "scopes": ["account:write", "live:read"]}
+    issued = (await gateway.http.post("/v1/keys", json=body, headers=gateway.operator)).json()
+    cookie = await opened(gateway, {"Authorization": f"Bearer {issued['key']}"})
+
+    assert await status(gateway, "GET", "/v1/deliveries", cookie) == 403
+    assert await status(gateway, "GET", CURRENT, cookie) == 403
+    assert await status(gateway, "DELETE", CURRENT, cookie | OWN) == 204
+
+
 async def test_the_database_holds_no_secret_of_a_session(gateway: Gateway) -> None:
     cookie = await opened(gateway, gateway.customer)
 
