@@ -4,8 +4,10 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_gateway.access.scopes import CALLS, SCOPES
+from skyway_gateway.access.scopes import CALLS, SCOPES, require_scope
 
+from skyway.runtime.errors import ScopeMissing
+from skyway.runtime.http.identity import Caller, KeyHolder
 from tests.gateway.access.key_calls import ask_for_key, bearer, make_key, status_of
 from tests.gateway.access.test_route_matrix import GUARDED
 from tests.gateway.whole_gateway import START, Gateway
@@ -23,6 +25,15 @@ def test_each_call_has_exactly_one_scope() -> None:
 
     assert sorted(listed) == sorted({each.name for each in GUARDED} - _OF_DRONES)
     assert set(CALLS) == set(SCOPES)
+
+
+@pytest.mark.parametrize("scopes", [{"network:read"}, set(SCOPES)])
+def test_a_call_that_has_no_scope_is_refused_to_each_key_with_scopes(scopes: set[str]) -> None:
+    holder = KeyHolder(Caller("operator", "olga"), "key_1", frozenset(scopes))
+
+    require_scope(holder, "GET /v1/networks")
+    with pytest.raises(ScopeMissing):
+        require_scope(holder, "GET /v1/unlisted")
 
 
 def test_only_calls_that_change_nothing_have_a_scope_to_read() -> None:

@@ -5,6 +5,8 @@ from typing import Any
 
 import pytest
 
+from skyway.contracts.track import Track, TrackedMission
+from skyway.ids import DeliveryId
 from tests.gateway.access.test_quotas import replace_part
 from tests.gateway.whole_gateway import Gateway, make_request
 
@@ -75,13 +77,16 @@ async def test_a_link_that_was_guessed_is_not_found(gateway: Gateway) -> None:
     assert await status(gateway, other) == 200
 
 
-async def test_guesses_are_paid_by_their_address(gateway: Gateway) -> None:
+async def test_guesses_are_paid_by_their_address(
+    gateway: Gateway, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gateway.parts.meters.addresses, "_now", lambda: 0.0)  # nothing refills
     delivery_id, _ = await requested(gateway)
 
     answers = [await gateway.http.get(f"/track/{delivery_id}/guess{number}") for number in range(3)]
 
     left = [int(answer.headers["ratelimit-remaining"]) for answer in answers]
-    assert left[0] - left[1] >= 11
+    assert left[0] - left[1] == 11
 
 
 async def test_a_renewed_link_ends_the_earlier_one(gateway: Gateway) -> None:
@@ -112,6 +117,40 @@ async def test_a_withdrawn_link_ends_until_it_is_renewed(gateway: Gateway) -> No
     assert path_of(renewed.json()["tracking_url"]) != path
     assert await status(gateway, path_of(renewed.json()["tracking_url"])) == 200
     assert await status(gateway, path) == 404
+
+
+async def test_an_open_page_may_not_be_followed_after_its_link_was_withdrawn(
+    gateway: Gateway,
+) -> None:
+    delivery_id, path = await requested(gateway)
+    shown = (DeliveryId(delivery_id), path.rpartition("/")[2])
+    assert await gateway.parts.pages.may_follow(shown)
+
+    await gateway.http.delete(link(delivery_id), headers=gateway.customer)
+    gateway.clock.advance(timedelta(seconds=1))
+
+    assert not await gateway.parts.pages.may_follow(shown)
+
+
+async def test_the_page_shows_only_drones_that_carry_its_packages(gateway: Gateway) -> None:
+    delivery_id = await gateway.planned()
+    shown = await gateway.http.get(link(delivery_id), headers=gateway.customer)
+    path = path_of(shown.json()["tracking_url"])
+    drone = {"provider_id": "prv_1", "drone_id": "drn_1", "position": (-98.05, 29.65)}
+    missions = tuple(
+        TrackedMission(mission_id=each, steps=(), position_at=None, soc=0.7, **drone)
+        for each in (f"msn_{delivery_id[4:]}_1", "msn_other")
+    )
+    gateway.composition.tracks[delivery_id] = Track(missions=missions)
+
+    async def drones() -> Any:
+        gateway.clock.advance(timedelta(seconds=2))
+        return (await gateway.http.get(f"{path}/state")).json()["drones"]
+
+    assert await drones() == []
+    for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
+        await gateway.report(delivery_id, kind, seq=seq)
+    assert await drones() == [{"position": [-98.05, 29.65], "at": None}]
 
 
 @pytest.mark.parametrize("method", ["GET", "POST", "DELETE"])

@@ -5,8 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from skyway_provider_registry.enrolment import credential_store
 
 from skyway.broker_setup.passwords import matches, read_password_file
+from skyway.runtime.sql.database import Database
 
 PASSWORD = "a password of thirty-two letters"
 PATH = "/internal/broker-accounts"
@@ -64,6 +66,15 @@ async def test_accounts_of_our_own_processes_cannot_be_changed(
 
             assert answer.status_code == 422
             assert answer.json()["errors"][0]["field"] == "user_name"
+
+
+async def test_an_account_gets_no_password_for_another_kind_of_account(db: Database) -> None:
+    async with db.write() as tx:
+        await credential_store.put_person(tx, "CUSTOMER", "carol", password_hash="first")
+        await credential_store.put_person(tx, "OPERATOR", "carol", password_hash="second")
+        hashes = await credential_store.every_hash(tx.connection)
+
+    assert hashes["carol"] == "first"
 
 
 @pytest.mark.parametrize("caller", ["customer:newcomer", "operator:op", "provider:prv_1"])
