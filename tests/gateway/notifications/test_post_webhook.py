@@ -1,9 +1,11 @@
 """A notification goes to an address that was checked, and nowhere else."""
 
+import asyncio
 from collections.abc import AsyncIterator, Sequence
 from ipaddress import ip_network
 
 import pytest
+from skyway_gateway.notifications import post_webhook
 from skyway_gateway.notifications.post_webhook import (
     ForbiddenTarget,
     Reply,
@@ -52,6 +54,21 @@ async def test_a_notification_goes_through_no_proxy(
         monkeypatch.setenv(name, "http://127.0.0.1:9")
 
     assert await send(receiver, "127.0.0.1") == Reply(204, None)
+
+
+async def test_an_attempt_ends_although_the_name_is_never_resolved(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(post_webhook, "_TIMEOUT_S", 0.05)
+
+    async def resolve(_host: str, _port: int) -> Sequence[str]:
+        await asyncio.Event().wait()
+        return ()
+
+    async with WebhookPost(Targets(resolve=resolve)) as post, asyncio.timeout(4):
+        reply = await post.send("http://hooks.invalid/in", headers={}, body=b"{}")
+
+    assert reply == Reply(None, "no answer within 0 s")
 
 
 PUBLIC = "93.184.216.34"

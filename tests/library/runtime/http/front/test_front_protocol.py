@@ -32,7 +32,10 @@ gone: list[bool] = []
 
 
 async def app(scope: Scope, receive: Receive, send: Send) -> None:
-    """Answers how long the body was; `/early` does not read it, `/never` gives no answer."""
+    """Answers how long the body was; `/early` does not read it, `/never` gives no answer.
+
+    `/large` answers with more than the buffers of a connection hold.
+    """
     if scope["type"] != "http":
         return
     if scope["path"] == "/gone":
@@ -52,7 +55,7 @@ async def app(scope: Scope, receive: Receive, send: Send) -> None:
     if scope["path"] == "/never":
         await receive()
         return
-    body = str(size).encode()
+    body = b"a" * 30_000_000 if scope["path"] == "/large" else str(size).encode()
     headers = [(b"content-length", str(len(body)).encode())]
     await send({"type": "http.response.start", "status": 200, "headers": headers})
     await send({"type": "http.response.body", "body": body})
@@ -247,6 +250,22 @@ async def test_an_answer_that_takes_long_is_waited_for() -> None:
     writer.close()
     other.close()
     await server.shutdown()
+
+
+async def test_a_caller_that_leaves_its_answer_unread_is_cut_off() -> None:
+    front, server = await slow_front(unread_s=0.05)
+    assert front.table is not None
+    _, writer = await front.connect()
+    writer.write(get(b"/large"))
+    try:
+        async with asyncio.timeout(4):
+            while not front.table.open:  # noqa: ASYNC110 - of the server
+                await asyncio.sleep(0)
+            while front.table.open:  # noqa: ASYNC110 - of the server
+                await asyncio.sleep(0)
+    finally:
+        writer.transport.abort()
+        await server.shutdown()
 
 
 async def test_silent_connections_make_room_for_a_new_one(front: Front) -> None:
