@@ -12,6 +12,8 @@ pytestmark = [
     pytest.mark.end_to_end,
     pytest.mark.integration,
     pytest.mark.storage_pair("embedded"),
+    # Slow enough to be seen on its way.
+    pytest.mark.fleet_rate(60.0),
     needs_browser,
 ]
 
@@ -29,7 +31,7 @@ def test_a_recipient_follows_a_delivery_to_its_proof(system: Any) -> None:
         page.wait_for_selector("#map .drone")
         expect(page.locator("#map .planned").first).to_be_attached()
         expect(page.locator("#headline")).to_have_text("Delivered")
-        expect(page.locator("#packages .done")).to_contain_text("Handed over at Followed S3")
+        expect(page.locator("#packages .done")).to_contain_text("Handed over at Followed S2")
         expect(page.locator("#map .drone")).to_have_count(0)
 
     assert (watched.foreign, watched.errors) == ([], [])
@@ -62,7 +64,7 @@ def request(system: Any, place: str, **members: Any) -> Any:
             {
                 "package_id": "p1",
                 "mass_kg": 0.5,
-                "destination": {"station_id": f"{place}-s3"},
+                "destination": {"station_id": f"{place}-s2"},
             }
         ],
         "qos": {"objective": "fastest"},

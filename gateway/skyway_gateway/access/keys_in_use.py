@@ -45,6 +45,10 @@ class KeysInUse:
             await self._read_soon()
         return short in self._hashes
 
+    def forget(self, key_hash: str) -> None:
+        """Note that no key in use has this hash any more."""
+        self._hashes.discard(_short(key_hash))
+
     async def _read_soon(self) -> None:
         """Wait for a read that begins after this call."""
         if self._next is None:

@@ -119,8 +119,13 @@ class AllKeys:
         """The holder of this key, or why it is refused."""
         if secret.startswith(DRONE_KEY_PREFIX):
             return await self._drones.recognise(secret)
-        keys = self._sessions if secret.startswith(SESSION_PREFIX) else self._people
-        return await keys.recognise(secret)
+        if secret.startswith(SESSION_PREFIX):
+            return await self._sessions.recognise(secret)
+        shown = await self._people.recognise(secret)
+        if isinstance(shown, RefusedKey):
+            # A key that has ended waits from now on like one that never was.
+            self._in_use.forget(secret_hash(secret))
+        return shown
 
     async def may_be_in_use(self, secret: str) -> bool | None:
         """False for a key that is not in use; None for a drone's key and for a session."""

@@ -23,7 +23,7 @@ def test_secrets_are_readable_by_their_user_alone(folder: DataFolder) -> None:
     make_secrets(folder)
 
     modes = {path.name: path.stat().st_mode & 0o777 for path in folder.secrets.iterdir()}
-    assert len(modes) == 14
+    assert len(modes) == 15
     assert set(modes.values()) == {0o600}
 
 
