@@ -23,7 +23,7 @@ LOOK_EVERY_S: Final = 0.5
 #: Looks that a view, and the picture, are kept after their last viewer has left: a minute.
 _KEPT_LOOKS: Final = 120
 #: Views that are kept without viewers, for those who come back.
-_MOST_LEFT_VIEWS: Final = 200
+_MOST_LEFT_VIEWS: Final = 50
 
 
 @dataclass(slots=True)

@@ -10,8 +10,8 @@ from skyway_gateway.live.picture import Change, Key, Kind, Picture, Tick, as_jso
 from skyway_gateway.live.scope import Scope
 
 #: The frames that are kept for viewers who were away or are slow, and their size at most.
-_MOST_FRAMES: Final = 240
-_MOST_BYTES: Final = 8 * 2**20
+_MOST_FRAMES: Final = 120
+_MOST_BYTES: Final = 2 * 2**20
 
 
 class TooSlow(Exception):
@@ -51,6 +51,7 @@ class View:
 
     def apply(self, tick: Tick) -> None:
         """Make the frame of these changes, if any of them is in this scope, and wake viewers."""
+        self._snapshot = None  # a view may be one of hundreds
         members: dict[Kind, list[str]] = defaultdict(list)
         for change in self.scope.changes_in(tick):
             member = self._member(change)
