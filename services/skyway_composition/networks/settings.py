@@ -15,6 +15,9 @@ from skyway.network.network import Network
 #: One day: a longer time to load or to hand over is a typing mistake.
 _LONGEST_STOP_S = 86_400.0
 
+#: In minor units; a higher price is a typing mistake.
+_HIGHEST_PRICE = 10**12
+
 
 class NetworkSettings(JsonModel):
     """The currency of all prices in a network, how long people need, and the margins of plans.
@@ -25,6 +28,16 @@ class NetworkSettings(JsonModel):
     currency: Annotated[Currency, Field(description="Currency of all prices in the network.")] = (
         "USD"
     )
+    price_ceiling: Annotated[
+        int | None,
+        Field(
+            ge=0,
+            le=_HIGHEST_PRICE,
+            description="The most that a request without `max_price` may cost, in minor units: "
+            "dearer drones are offered in quotes, and booked only if the customer accepts their "
+            "offer. No limit if null.",
+        ),
+    ] = None
     loading_s: Annotated[
         float,
         Field(

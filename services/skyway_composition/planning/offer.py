@@ -171,10 +171,14 @@ class Limits:
     is_whole: bool
 
     @classmethod
-    def of(cls, qos: QoS) -> Self:
-        """The limits of a customer; with a highest price all packages are carried, or none."""
+    def of(cls, qos: QoS, *, ceiling: int | None = None) -> Self:
+        """The limits of a customer; with a highest price all packages are carried, or none.
+
+        `ceiling` is the network's limit for customers who name no highest price.
+        """
         latest_ms = None if qos.deadline_at is None else moment_to_ms(qos.deadline_at)
-        return cls(latest_ms, qos.max_price, is_whole=qos.max_price is not None)
+        max_price = ceiling if qos.max_price is None else qos.max_price
+        return cls(latest_ms, max_price, is_whole=qos.max_price is not None)
 
     @classmethod
     def of_whole(cls, qos: QoS) -> Self:
