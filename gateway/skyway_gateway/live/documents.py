@@ -102,7 +102,7 @@ def delivery_item(delivery: Delivery) -> tuple[Key, Item]:
 
 
 def linked_delivery_item(delivery_id: DeliveryId, version: int) -> tuple[Key, Item]:
-    """What who has a tracking link sees: that the delivery has changed, so that it looks again."""
+    """What a tracking page gets: that the delivery has changed, so that it reads it again."""
     readers = Readers(linked_delivery_id=delivery_id)
     return Key("deliveries", delivery_id, _LINK), Item({"version": version}, readers)
 

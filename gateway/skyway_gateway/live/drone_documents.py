@@ -43,7 +43,7 @@ def drone_item(
 def customers_drone(drone: Item, mission: JsonObject, key: Key) -> Item | None:
     """What a customer sees of a drone: its place, while it carries packages of the customer.
 
-    Who has the delivery's tracking link sees the same.
+    The delivery's tracking page shows the same.
     `mission` is the mission as operators see it, `key` the key of the customer's own item of it.
     """
     document = drone.document

@@ -30,7 +30,7 @@ class Key(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Readers:
-    """Who sees an item: operators, all providers or one, one customer, who has a tracking link."""
+    """Who sees an item: operators, all providers or one, one customer, one tracking page."""
 
     operators: bool = False
     all_providers: bool = False
@@ -74,7 +74,7 @@ class Change:
 
     @cached_property
     def patch(self) -> str:
-        """The member of a patch for who has the item as it was before."""
+        """The member of a patch for viewers who have the item as it was before."""
         if self.before is None or self.after is None:
             return self.whole
         return self._member(patch_between(self.before.document, self.after.document))
@@ -102,7 +102,7 @@ class Tick:
 
     @cached_property
     def by_linked_delivery(self) -> Mapping[str | None, Sequence[Change]]:
-        """The changes that who has a delivery's tracking link may see."""
+        """The changes that the tracking page of each delivery may see."""
         return self._grouped(attrgetter("linked_delivery_id"))
 
     def _grouped(

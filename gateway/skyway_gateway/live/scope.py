@@ -39,7 +39,7 @@ class Scope:
 
     @classmethod
     def of_link(cls, delivery_id: DeliveryId) -> Self:
-        """What who has the tracking link of a delivery sees."""
+        """What the tracking page of a delivery sees."""
         return cls("link", delivery_id, frozenset(get_args(Kind)))
 
     def changes_in(self, tick: Tick) -> Sequence[Change]:

@@ -37,6 +37,9 @@ _DELIVERIES_AT_ONCE: Final = 200
 #: Deliveries whose customers are remembered.
 _MOST_CUSTOMERS: Final = 100_000
 
+#: A service that hangs must not hold back what the others say for long, wall seconds.
+_ANSWERS_WITHIN_S: Final = 3.0
+
 #: A JSON object of our own services: valid, so that no member is checked again.
 _Json = dict[str, Any]
 
@@ -104,7 +107,7 @@ class World:
 
     async def read(self, picture: Picture) -> None:
         """Read all but missions as a whole, and the missions whose version is new."""
-        world = await self.client.call("GET", LIVE_WORLD, answer=_Json)
+        world = await self.client.call("GET", LIVE_WORLD, answer=_Json, timeout_s=_ANSWERS_WITHIN_S)
         _replace(picture, "stations", map(station_item, world["stations"]))
         _replace(picture, "closures", map(closure_item, world["closures"]))
         _replace(picture, "alarms", map(alarm_item, world["alarms"]))
@@ -120,7 +123,9 @@ class World:
 
     async def _read_missions(self, picture: Picture, mission_ids: Sequence[MissionId]) -> None:
         query = LiveMissionsQuery(mission_ids=tuple(mission_ids))
-        answer = await self.client.call("POST", LIVE_MISSIONS, body=query, answer=_Json)
+        answer = await self.client.call(
+            "POST", LIVE_MISSIONS, body=query, answer=_Json, timeout_s=_ANSWERS_WITHIN_S
+        )
         missions = answer["missions"]
         await self._find_customers({each["delivery_id"] for each in missions})
         picture.put(map(mission_item, missions))
@@ -156,7 +161,9 @@ class Drones:
     async def read(self, picture: Picture) -> None:
         """Read the drones that have changed since the last mark."""
         query = {} if self._mark is None else {"since": self._mark}
-        answer = await self.client.call("GET", LIVE_DRONES, query=query, answer=_Json)
+        answer = await self.client.call(
+            "GET", LIVE_DRONES, query=query, answer=_Json, timeout_s=_ANSWERS_WITHIN_S
+        )
         found = dict(
             drone_item(
                 drone,

@@ -49,7 +49,7 @@ async def withdraw(tx: Tx, delivery_id: DeliveryId) -> None:
 
 
 async def delivery_named(connection: AsyncConnection, delivery_id: DeliveryId) -> Delivery | None:
-    """The delivery with this id, for who has its link; None if there is none."""
+    """The delivery with this id, of any customer; None if there is none."""
     this = deliveries.c.delivery_id == delivery_id
     rows = (await connection.execute(select(deliveries).where(this))).all()
     found = await with_parts(connection, rows)

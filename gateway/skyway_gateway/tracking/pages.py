@@ -26,7 +26,7 @@ Shown = tuple[DeliveryId, str]
 
 
 class TrackingPages:
-    """Deliveries as their links show them; each link is looked up once a second at most."""
+    """Deliveries as their links show them."""
 
     def __init__(
         self, db: Database, links: TrackingLinks, composition: Composition, clock: FleetClock
@@ -36,16 +36,12 @@ class TrackingPages:
         self._composition = composition
         self._clock = clock
         self._cached = AnswerCache(
-            self._look_up, clock=clock, kept=_CHECKED_EVERY, most=_MOST_CHECKED
+            self.delivery_of, clock=clock, kept=_CHECKED_EVERY, most=_MOST_CHECKED
         )
 
-    async def delivery_of(self, shown: Shown) -> Delivery | None:
-        """The delivery of a link; None for a link that is not genuine, withdrawn or over."""
-        return self._cached.cached(shown) or await self._cached.ask(shown)
-
     async def may_follow(self, shown: Shown) -> bool:
-        """Whether the link still shows a delivery."""
-        return await self.delivery_of(shown) is not None
+        """Whether the link still shows a delivery; asked often, it is looked up once a second."""
+        return (self._cached.cached(shown) or await self._cached.ask(shown)) is not None
 
     async def state_of(self, delivery: Delivery) -> TrackedDelivery:
         """What the page shows of a delivery."""
@@ -54,7 +50,8 @@ class TrackingPages:
             track = await self._composition.track(delivery.delivery_id)
         return tracked(delivery, track, now=self._clock.now(), rate=self._clock.rate)
 
-    async def _look_up(self, shown: Shown) -> Delivery | None:
+    async def delivery_of(self, shown: Shown) -> Delivery | None:
+        """The delivery of a link as it is now; None for a wrong, withdrawn or expired link."""
         delivery_id, token = shown
         async with self._db.read() as connection:
             link = await link_store.link_of(connection, delivery_id)

@@ -33,9 +33,9 @@ class NetworkSettings(JsonModel):
         Field(
             ge=0,
             le=_HIGHEST_PRICE,
-            description="The most that a request without `max_price` may cost, in minor units: "
-            "dearer drones are offered in quotes, and booked only if the customer accepts their "
-            "offer. No limit if null.",
+            description="The most that one booking for a request without `max_price` may cost, in "
+            "minor units. Quotes show dearer drones, and a customer may accept their offers. No "
+            "limit if null.",
         ),
     ] = None
     loading_s: Annotated[

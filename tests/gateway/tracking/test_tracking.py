@@ -1,4 +1,4 @@
-"""Tracking links: who has one sees the delivery, nobody finds one, and customers end them."""
+"""Tracking links: a link shows its delivery, cannot be guessed, and ends when the customer says."""
 
 from datetime import timedelta
 from typing import Any
@@ -59,6 +59,22 @@ async def test_the_state_says_nothing_about_customer_price_and_provider(gateway:
     assert [package["state"] for package in state["packages"]] == ["CREATED", "CREATED"]
     for secret in ("alice", "prv_", "drn_", "a secret reference", "amount", "soc", delivery_id):
         assert secret not in answer.text
+
+
+async def test_a_change_is_shown_although_the_page_was_read_a_moment_ago(
+    gateway: Gateway,
+) -> None:
+    delivery_id, path = await requested(gateway)
+    first = await gateway.http.get(f"{path}/state")
+    shown = (DeliveryId(delivery_id), path.rpartition("/")[2])
+    assert await gateway.parts.pages.may_follow(shown)  # as an open stream asks
+
+    await gateway.http.post(
+        f"/v1/deliveries/{delivery_id}/cancel", headers=gateway.customer, json={}
+    )
+    second = await gateway.http.get(f"{path}/state")
+
+    assert (first.json()["state"], second.json()["state"]) == ("REQUESTED", "CANCELLED")
 
 
 async def test_a_link_that_was_guessed_is_not_found(gateway: Gateway) -> None:

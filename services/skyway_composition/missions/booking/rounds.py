@@ -162,7 +162,7 @@ class Rounds:
             # After a round that came too late, the next round has twice the time.
             margin_factor=2**round_number,
         )
-        # Who accepts an offer has seen its price.
+        # A customer who accepts an offer has seen its price.
         ceiling = world.skyway.settings.price_ceiling if offer is None else None
         limits = Limits.of(asked.request.qos, ceiling=ceiling).within(offer, start_ms=begins_ms)
         return _Round(

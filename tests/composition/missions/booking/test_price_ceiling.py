@@ -1,4 +1,4 @@
-"""A network's price ceiling: dearer drones are offered, but not booked for who named no price."""
+"""A network's price ceiling: dearer drones are offered, but not booked without a `max_price`."""
 
 from typing import Any
 
@@ -21,9 +21,7 @@ async def dear(composition: Any, make: Any) -> Any:
     return make.candidate(1, tariff=Tariff(base=90_000, per_km=10))
 
 
-async def test_a_dear_drone_is_not_booked_for_who_named_no_price(
-    composition: Any, dear: Any
-) -> None:
+async def test_a_dear_drone_is_not_booked_without_a_max_price(composition: Any, dear: Any) -> None:
     booking = await composition.book(dear)
 
     assert booking.outcome == "INFEASIBLE"
@@ -39,7 +37,7 @@ async def test_a_cheaper_drone_is_booked_instead(composition: Any, make: Any, de
     assert [mission.provider_id for mission in booking.missions] == ["prv_2"]
 
 
-async def test_who_names_a_higher_price_gets_the_dear_drone(
+async def test_a_dear_drone_is_booked_with_a_higher_max_price(
     composition: Any, make: Any, dear: Any
 ) -> None:
     request = make.request("c", qos={"max_price": 200_000})
