@@ -62,15 +62,21 @@ def _run(system: LocalSystem, hook: str) -> Ids:
     deaf = system.call("POST", "/v1/webhooks", key=key, body={"url": "http://127.0.0.1:9/"}).json()
     flyer = system.start_fleet(["line-s1"], name="Flying Air")
     silent = system.start_fleet(["line-s4"], name="Silent Air")
+    idle = system.start_fleet(["line-s4"], name="Idle Air")
     absent = _register_absent_drone(system)
     system.operate("POST", "/v1/stations/line-s5/closures", {"reason": "roof works"})
     completed = _accept_an_offer(system, key, by=flyer)
     system.until_state(completed, "COMPLETED")
     flying = _request(system, key, "line-s1", "line-near", "line-s3", by=flyer)
     system.eventually(lambda: _flies_on(system, flying), "the second package in the air")
-    # However slow the machine is, the package stays in the air.
+    # However slow the machine is, the package stays in the air. What follows is short: after a
+    # few seconds composition would see that no drone moves, and plan again.
     for fleet in system.fleets:
         fleet.send_signal(signal.SIGSTOP)
+    held = system.call(
+        "POST", "/v1/quotes", key=key, body={**_body("line-s4", "line-s2", by=idle), "hold": True}
+    ).json()
+    assert held["offers"][0]["is_held"], held
     booked = _request(system, key, "line-s4", "line-s3", by=silent)
     system.until_state(booked, "PLANNED")
     queued = _request(system, key, "line-s3", "line-near", by=silent)
@@ -81,11 +87,6 @@ def _run(system: LocalSystem, hook: str) -> Ids:
     cancelled = _request(system, key, "line-s1", "line-near", by=silent)
     system.call("POST", f"/v1/deliveries/{cancelled}/cancel", key=key, body={})
     system.until_state(cancelled, "CANCELLED")
-    idle = system.start_fleet(["line-s4"], name="Idle Air")
-    held = system.call(
-        "POST", "/v1/quotes", key=key, body={**_body("line-s4", "line-s2", by=idle), "hold": True}
-    ).json()
-    assert held["offers"][0]["is_held"], held
     return {
         "completed": completed,
         "flying": flying,
