@@ -29,10 +29,11 @@ from skyway.runtime.outbox.stream_sender import unhurried_pace
 from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
-from skyway_gateway.access import session_store
+from skyway_gateway.access import session_link_store, session_store
 from skyway_gateway.access.audit_trail import AuditTrail
 from skyway_gateway.access.limit_routes import limit_routes
 from skyway_gateway.access.routes import audit_routes, key_routes
+from skyway_gateway.access.session_link_routes import session_link_routes
 from skyway_gateway.access.session_routes import session_routes
 from skyway_gateway.build_parts import running_parts
 from skyway_gateway.deliveries.booking.queue_store import free_claims
@@ -124,7 +125,14 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 mint=mint,
             ),
             secret_routes(db=db, gate=gate, vault=parts.vault, clock=clock),
-            session_routes(db=db, gate=gate, clock=clock, cached=parts.cached_sessions),
+            session_routes(
+                db=db,
+                gate=gate,
+                clock=clock,
+                cached=parts.cached_sessions,
+                codes=parts.login_codes,
+            ),
+            session_link_routes(db=db, gate=gate, codes=parts.login_codes),
             key_routes(db=db, gate=gate, keys=keys, clock=clock),
             clock_routes(gate=gate, anchor=parts.anchor),
             provider_routes(
@@ -246,6 +254,7 @@ def _start_sweeping(loops: Loops, parts: Parts) -> None:
         async with parts.db.write() as tx:
             await quote_store.delete_expired(tx, before=expired_before)
             await session_store.delete_expired(tx, before=parts.clock.wall_now())
+            await session_link_store.delete_expired(tx, before=parts.clock.wall_now())
         return False
 
     async def seal_old_secrets() -> bool:

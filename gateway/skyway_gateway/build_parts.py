@@ -21,6 +21,7 @@ from skyway.runtime.sql.database import Database
 from skyway_gateway.access import session_store
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.keys_in_use import KeysInUse
+from skyway_gateway.access.login_codes import LoginCodes
 from skyway_gateway.access.recognise import AllKeys, CachedKeys, DroneKeys
 from skyway_gateway.access.refused_logins import RefusedLogins
 from skyway_gateway.access.routes import KeyGate
@@ -80,9 +81,8 @@ def build_parts(
     cached_keys, queued = CachedKeys(db, clock), Wake()
     services = ServiceGate(settings.secrets_dir, allowed=("composition",))
     meters = _meters(settings)
-    links = TrackingLinks(
-        settings.secrets_dir, None if settings.public_url is None else str(settings.public_url)
-    )
+    public_url = None if settings.public_url is None else str(settings.public_url)
+    links = TrackingLinks(settings.secrets_dir, public_url)
     streams = Slots("STREAMS", settings.streams_per_tenant)
     cached_sessions = CachedKeys(db, clock, session_store.shown)
     all_keys = AllKeys(cached_keys, cached_sessions, DroneKeys(registry), KeysInUse(db, clock))
@@ -98,6 +98,7 @@ def build_parts(
         networks=networks,
         cached_keys=cached_keys,
         cached_sessions=cached_sessions,
+        login_codes=LoginCodes(db, clock, public_url),
         gate=KeyGate(),
         metrics_gate=MetricsGate(settings.secrets_dir),
         entrance=KeyEntrance(
@@ -107,6 +108,7 @@ def build_parts(
             open_calls(),
             refused_logins,
             open_paths=(TRACKING_PATHS,),
+            code_calls=("POST /v1/sessions",),
         ),
         refused_logins=refused_logins,
         body_limit=body_limits(

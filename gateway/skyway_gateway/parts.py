@@ -17,6 +17,7 @@ from skyway.runtime.minting import mint
 from skyway.runtime.slots import Slots
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.keys import Keys
+from skyway_gateway.access.login_codes import LoginCodes
 from skyway_gateway.access.recognise import CachedKeys
 from skyway_gateway.access.refused_logins import RefusedLogins
 from skyway_gateway.access.routes import KeyGate
@@ -58,6 +59,7 @@ class Parts:
     networks: NetworkLearner
     cached_keys: CachedKeys
     cached_sessions: CachedKeys
+    login_codes: LoginCodes
     gate: KeyGate
     metrics_gate: MetricsGate
     entrance: KeyEntrance

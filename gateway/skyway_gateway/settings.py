@@ -28,8 +28,8 @@ class GatewaySettings(ServiceSettings):
     ] = ()
     public_url: AnyHttpUrl | None = Field(
         default=None,
-        description="How customers reach the gateway, as links to tracking pages begin. Without it "
-        "links begin with the address of the request that asked for them.",
+        description="How people reach the gateway, as links to tracking pages and to the console "
+        "begin. Without it links begin with the address of the request that asked for them.",
     )
     bookings_at_once: int = Field(
         default=8, ge=1, le=64, description="Deliveries that are booked at the same time."

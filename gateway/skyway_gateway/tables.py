@@ -228,6 +228,19 @@ sessions = Table(
     Index("sessions_by_expiry", "expires_wall_ms"),
 )
 
+#: Links that log a browser in once: each stands for a key until it is used or expires.
+session_links = Table(
+    "session_links",
+    metadata,
+    Column("code_hash", Text, primary_key=True),
+    Column("key_id", Text, ForeignKey("api_keys.key_id"), nullable=False),
+    Column("expires_wall_ms", BigInteger, nullable=False),
+    Column("used_wall_ms", BigInteger),
+    CheckConstraint("used_wall_ms <= expires_wall_ms", name="session_link_used"),
+    Index("session_links_by_key", "key_id", "expires_wall_ms"),
+    Index("session_links_by_expiry", "expires_wall_ms"),
+)
+
 #: Tracking links that were renewed or withdrawn; all other deliveries have their first link.
 tracking_links = Table(
     "tracking_links",

@@ -58,6 +58,7 @@ def _run(system: LocalSystem, hook: str) -> Ids:
     system.start()
     system.operate("PUT", "/v1/networks/line", _line())
     key = system.keys["SKYWAY_CUSTOMER_KEY"]
+    system.operate("POST", "/v1/session-links", None)
     webhook = system.call("POST", "/v1/webhooks", key=key, body={"url": hook}).json()
     deaf = system.call("POST", "/v1/webhooks", key=key, body={"url": "http://127.0.0.1:9/"}).json()
     flyer = system.start_fleet(["line-s1"], name="Flying Air")

@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from skyway.cli.verify.command import RULES as ACROSS
+from tests.verification.access_corruptions import ACCESS_CORRUPTIONS
 from tests.verification.calendar_corruptions import CALENDAR_CORRUPTIONS
 from tests.verification.composition_corruptions import COMPOSITION_CORRUPTIONS
 from tests.verification.damaged_copies import RULES, Corruption, StoppedSystem
@@ -17,6 +18,7 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(RATE)]
 
 CORRUPTIONS = (
     *GATEWAY_CORRUPTIONS,
+    *ACCESS_CORRUPTIONS,
     *MISSION_CORRUPTIONS,
     *CALENDAR_CORRUPTIONS,
     *COMPOSITION_CORRUPTIONS,

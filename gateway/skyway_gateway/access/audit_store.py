@@ -35,7 +35,7 @@ ROLES: Final[Mapping[str, AuditRole]] = {role: role for role in get_args(KeyRole
 
 #: JSON members with secret text, also where the body is cut inside that text.
 _SECRET: Final = re.compile(
-    r'("(?:\w*(?:password|secret|token)|key)"\s*:\s*)"(?:[^"\\]|\\.)*"?', re.IGNORECASE
+    r'("(?:\w*(?:password|secret|token)|key|code)"\s*:\s*)"(?:[^"\\]|\\.)*"?', re.IGNORECASE
 )
 
 

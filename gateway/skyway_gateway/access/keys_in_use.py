@@ -13,6 +13,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_gateway.access import store
+from skyway_gateway.access.store import HashesInUse
 
 #: Seconds of wall time between two reads.
 _PAUSE_S: Final = 0.25
@@ -30,9 +31,17 @@ _DIGITS: Final = 16
 class KeysInUse:
     """Whether a key may be in use; a key that was made a moment ago is found, too."""
 
-    def __init__(self, db: Database, clock: FleetClock, *, pause_s: float = _PAUSE_S) -> None:
+    def __init__(
+        self,
+        db: Database,
+        clock: FleetClock,
+        read: HashesInUse = store.hashes_in_use,
+        *,
+        pause_s: float = _PAUSE_S,
+    ) -> None:
         self._db = db
         self._clock = clock
+        self._read = read
         self._pause_s = pause_s
         self._hashes: set[int] = set()
         self._whole_at = clock.wall_now() - _WHOLE_EVERY
@@ -64,7 +73,7 @@ class KeysInUse:
         is_whole = not timedelta() <= now - self._whole_at < _WHOLE_EVERY
         since_ms = 0 if is_whole else moment_to_ms(self._whole_at - _CLOCKS_DIFFER)
         async with self._db.read() as connection:
-            hashes = await store.hashes_in_use(connection, since_wall_ms=since_ms)
+            hashes = await self._read(connection, since_ms)
         found = {_short(each) for each in hashes}
         if is_whole:
             self._hashes, self._whole_at = found, now

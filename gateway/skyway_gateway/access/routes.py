@@ -33,9 +33,32 @@ class KeyGate:
         _shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
     ) -> Caller:
         """The caller whose key is shown, if the key has the scope of this call."""
-        holder = holder_of(request)
-        require_scope(holder, f"{request.method} {request.scope['route'].path}")
-        return holder.caller
+        return admitted(request)
+
+
+async def caller_with_key(
+    request: Request, _shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
+) -> Caller | None:
+    """The caller whose key is shown, if the key has the scope of this call; None without a key.
+
+    A dependency for calls whose body may hold a code instead of a key.
+    """
+    return admitted(request) if "Authorization" in request.headers else None
+
+
+def admitted(request: Request) -> Caller:
+    """The caller whom the entrance has recognised, if their key has the scope of this call.
+
+    Raises
+    ------
+    Unauthenticated
+        No key was shown.
+    ScopeMissing
+        The key does not allow this call.
+    """
+    holder = holder_of(request)
+    require_scope(holder, f"{request.method} {request.scope['route'].path}")
+    return holder.caller
 
 
 def holder_of(request: Request) -> KeyHolder:

@@ -50,6 +50,7 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
     "account:read": ("GET /v1/clock", "GET /v1/limits", "GET /v1/sessions/current"),
     "account:write": (
         "POST /v1/keys/rotations",
+        "POST /v1/session-links",
         "POST /v1/sessions",
         "DELETE /v1/sessions/current",
     ),

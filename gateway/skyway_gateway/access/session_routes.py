@@ -1,4 +1,4 @@
-"""Sessions of browsers over REST: opened with a key, shown and ended by their cookie."""
+"""Sessions of browsers over REST: opened with a key or a code, shown and ended by their cookie."""
 
 import secrets
 from datetime import timedelta
@@ -10,25 +10,45 @@ from pydantic import Field
 from skyway.ids import KeyId, SubjectId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import AccessDenied, NotFound
+from skyway.runtime.errors import NotFound, Unauthenticated
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.http.session_cookie import (
     SESSION_PREFIX,
     end_session,
+    require_own_page,
     session_in,
     set_session,
 )
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import session_store
 from skyway_gateway.access.api_key import KeyRole
+from skyway_gateway.access.login_codes import LoginCodes
 from skyway_gateway.access.recognise import CachedKeys, secret_hash
-from skyway_gateway.access.routes import KeyGate, holder_of
+from skyway_gateway.access.routes import KeyGate, admitted, caller_with_key, holder_of
 
 #: How long a session lasts, wall time.
 SESSION_LASTS: Final = timedelta(hours=12)
 
 _SECRET_BYTES: Final = 32
+
+_LOGIN_NEEDED: Final = (
+    "a session begins with a key (Authorization: Bearer sk_...) or with the code of a login link"
+)
+_LINK_IS_OVER: Final = "this login link was used, has expired, or never was one: make another one"
+
+
+class LoginCode(JsonModel):
+    """What a login link holds behind `#login=`."""
+
+    code: Annotated[
+        str,
+        Field(
+            min_length=1,
+            max_length=200,
+            description="The code of a link of `POST /v1/session-links`; it can be used once.",
+        ),
+    ]
 
 
 class Session(JsonModel):
@@ -46,27 +66,52 @@ class Session(JsonModel):
 
 
 def session_routes(
-    *, db: Database, gate: KeyGate, clock: FleetClock, cached: CachedKeys
+    *,
+    db: Database,
+    gate: KeyGate,
+    clock: FleetClock,
+    cached: CachedKeys,
+    codes: LoginCodes,
 ) -> ServiceRouter:
     """POST /v1/sessions, and GET and DELETE /v1/sessions/current."""
     router = ServiceRouter(tags=("keys",))
 
-    @router.post("/v1/sessions", status_code=201)
+    async def recognise_code(request: Request, code: str) -> Caller:
+        try:
+            await request.state.recognise_code(code, codes)
+        except Unauthenticated as error:
+            raise Unauthenticated(_LINK_IS_OVER) from error
+        require_own_page(request)
+        return admitted(request)
+
+    # A code needs no key, which OpenAPI says by an empty alternative.
+    @router.post("/v1/sessions", status_code=201, openapi_extra={"security": [{}]})
     async def create_session(
-        request: Request, response: Response, caller: Annotated[Caller, Depends(gate)]
+        request: Request,
+        response: Response,
+        caller: Annotated[Caller | None, Depends(caller_with_key)],
+        login: LoginCode | None = None,
     ) -> Session:
         """Begin a session of a browser: its cookie stands for the key for twelve hours.
 
-        The cookie is HttpOnly and SameSite=Strict, and Secure over HTTPS. A call with it that
-        changes something must come from a page of this gateway. The session ends with its key.
+        It begins with a key, or without one with the code of a login link, which must come from a
+        page of this gateway. The cookie is HttpOnly and SameSite=Strict, and Secure over HTTPS. A
+        call with it that changes something must come from a page of this gateway. The session ends
+        with its key.
 
         Callers: customer, provider, operator.
         """
+        code = None
+        if caller is None:
+            if login is None:
+                raise Unauthenticated(_LOGIN_NEEDED)
+            code = login.code
+            caller = await recognise_code(request, code)
         caller.must_be("customer", "provider", "operator")
-        if "Authorization" not in request.headers:
-            raise AccessDenied("a session begins with a key, not with another session")
         secret = SESSION_PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
         async with db.write() as tx:
+            if code is not None and not await codes.use(tx, code):
+                raise Unauthenticated(_LINK_IS_OVER)
             await session_store.add(
                 tx,
                 secret_hash(secret),

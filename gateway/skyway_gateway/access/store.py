@@ -48,6 +48,9 @@ class StoredKey:
 #: Finds the stored key of a hash.
 StoredLookUp = Callable[[AsyncConnection, str], Awaitable[StoredKey | None]]
 
+#: Finds the hashes in use that were made since a moment (ms of wall time), perhaps older ones too.
+HashesInUse = Callable[[AsyncConnection, int], Awaitable[Sequence[str]]]
+
 #: Run with each request, so they are built once.
 _STORED: Final = select(
     api_keys.c.key_id,
@@ -107,7 +110,7 @@ def _stored(row: AnyRow) -> StoredKey:
     return StoredKey(holder, row.deleted_wall_ms is not None, _moment(row.ends_wall_ms), ends_first)
 
 
-async def hashes_in_use(connection: AsyncConnection, *, since_wall_ms: int) -> Sequence[str]:
+async def hashes_in_use(connection: AsyncConnection, since_wall_ms: int) -> Sequence[str]:
     """The hashes of the keys that are not deleted and were made since then."""
     statement = select(api_keys.c.key_hash).where(
         api_keys.c.deleted_wall_ms.is_(None), api_keys.c.created_wall_ms >= since_wall_ms

@@ -28,6 +28,7 @@ from skyway_gateway.tables import (
     metadata,
     outbox,
     quotes,
+    session_links,
     sessions,
     webhooks,
 )
@@ -64,6 +65,7 @@ _FORMS: Final = form_rule(
         api_keys.c.key_hash: read_sha256,
         api_keys.c.scopes: TypeAdapter(tuple[Scope, ...]).validate_json,
         sessions.c.session_hash: read_sha256,
+        session_links.c.code_hash: read_sha256,
         idempotency.c.key_hash: read_sha256,
         idempotency.c.answer: read_fernet_token,
     }

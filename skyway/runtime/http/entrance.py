@@ -78,8 +78,8 @@ class KeyEntrance:
     """Recognises the caller of each request, and takes the request from the right budget.
 
     `open_calls` need no key, like ``POST /v1/enrolments``, nor do paths that begin as one of
-    `open_paths`. Callers without
-    budget are refused late.
+    `open_paths`, nor do `code_calls` if no key is shown: their bodies hold a code, and the route
+    has it recognised by `request.state.recognise_code`. Callers without budget are refused late.
     """
 
     keys: KnownKeys
@@ -90,6 +90,7 @@ class KeyEntrance:
     wrong_keys: WrongKeys = field(default_factory=WrongKeys)
     brake: Brake = field(default_factory=Brake)
     open_paths: tuple[str, ...] = ()
+    code_calls: Collection[str] = ()
     #: Hashes of keys that were good when they were last shown; the last shown is last.
     _recognised: dict[bytes, None] = field(default_factory=dict)
 
@@ -122,13 +123,20 @@ class KeyEntrance:
         if path.startswith(_INTERNAL):
             await self._admit_service(request)
             return {}
-        is_open = f"{request.method} {path}" in self.open_calls
+        call = f"{request.method} {path}"
+        has_code = call in self.code_calls and "Authorization" not in request.headers
+        if has_code:
+            request.state.recognise_code = partial(self._recognise_code, request)
+        is_open = has_code or call in self.open_calls
         if not path.startswith((_PUBLIC, *self.open_paths)):
             return addresses.take(address_of(request), REFUSED_COST).headers
         if is_open or path.startswith(self.open_paths):
             return addresses.take(address_of(request), KEYLESS_COST).headers
-        holder = await self._holder_of(request)
-        request.state.holder, request.state.caller = holder, holder.caller
+        if (key := _shown_by(request)) is None:
+            addresses.take(address_of(request), REFUSED_COST)
+            raise Unauthenticated(_NO_KEY)
+        holder = await self._recognise(request, key, self.keys)
+        request.state.is_still_known = partial(self._is_still_known, key)
         return self.meters.tenants.take(str(holder.caller)).headers
 
     async def _admit_service(self, request: Request) -> None:
@@ -138,14 +146,13 @@ class KeyEntrance:
             self.meters.addresses.take(address_of(request), REFUSED_COST)
             raise
 
-    async def _holder_of(self, request: Request) -> KeyHolder:
-        key, address = _shown_by(request), address_of(request)
-        if key is None:
-            self.meters.addresses.take(address, REFUSED_COST)
-            raise Unauthenticated(_NO_KEY)
+    async def _recognise(self, request: Request, key: str, known: KnownKeys) -> KeyHolder:
+        address = address_of(request)
         key_hash = hashlib.sha256(key.encode()).digest()
-        is_charged = key_hash not in self._recognised and await self._charge(request, key, address)
-        shown = await self.keys.recognise(key)
+        is_charged = key_hash not in self._recognised and await self._charge(
+            request, key, known, address
+        )
+        shown = await known.recognise(key)
         if isinstance(shown, RefusedKey):
             self._recognised.pop(key_hash, None)
             self.wrong_keys.note(address)
@@ -154,10 +161,18 @@ class KeyEntrance:
         if is_charged:
             self.meters.addresses.charge(address, KEYLESS_COST - REFUSED_COST)
         self._remember(key_hash)
-        request.state.is_still_known = partial(self._is_still_known, key)
+        request.state.holder, request.state.caller = shown, shown.caller
         return shown
 
-    async def _charge(self, request: Request, key: str, address: str) -> bool:
+    async def _recognise_code(self, request: Request, code: str, codes: KnownKeys) -> KeyHolder:
+        """The holder of the key of a code, who becomes the caller; a wrong code is a wrong key."""
+        try:
+            return await self._recognise(request, code, codes)
+        except BudgetSpent:
+            await self.brake.hold()
+            raise
+
+    async def _charge(self, request: Request, key: str, known: KnownKeys, address: str) -> bool:
         """Charge the address for a new key; False for a key in use that it cannot pay for.
 
         Raises
@@ -166,7 +181,7 @@ class KeyEntrance:
             The address has to wait, or has spent its budget, and the key is not in use.
         """
         wait_s = self.wrong_keys.wait_s(address)
-        if wait_s > 0 and (is_in_use := await self.keys.may_be_in_use(key)) is not None:
+        if wait_s > 0 and (is_in_use := await known.may_be_in_use(key)) is not None:
             if is_in_use:
                 return False
             self._note(RefusedKey("slowed"), request, address)
@@ -174,7 +189,7 @@ class KeyEntrance:
         try:
             self.meters.addresses.take(address, REFUSED_COST)
         except BudgetSpent:
-            if await self.keys.may_be_in_use(key):
+            if await known.may_be_in_use(key):
                 return False
             raise
         return True

@@ -25,15 +25,22 @@ def session_in(request: Request) -> str | None:
     secret = request.cookies.get(_COOKIE, "")
     if not secret.startswith(SESSION_PREFIX):
         return None
-    if request.method not in _SAFE and not _is_from_own_page(request):
-        raise AccessDenied("a session may call from pages of its own gateway only: see Origin")
+    if request.method not in _SAFE:
+        require_own_page(request)
     return secret
 
 
-def _is_from_own_page(request: Request) -> bool:
-    """Whether the browser says that a page of this host calls; every browser says so."""
+def require_own_page(request: Request) -> None:
+    """Go on only if the browser says that a page of this host calls; every browser says so.
+
+    Raises
+    ------
+    AccessDenied
+        A page of another site makes the browser call.
+    """
     host = request.headers.get("host", "")
-    return request.headers.get("origin") in (f"http://{host}", f"https://{host}")
+    if request.headers.get("origin") not in (f"http://{host}", f"https://{host}"):
+        raise AccessDenied("a session may call from pages of its own gateway only: see Origin")
 
 
 def set_session(response: Response, request: Request, secret: str, *, lasts_s: int) -> None:

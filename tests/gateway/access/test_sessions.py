@@ -114,7 +114,7 @@ async def test_a_key_has_a_bounded_number_of_sessions(gateway: Gateway) -> None:
 async def test_a_session_cannot_be_prolonged_without_the_key(gateway: Gateway) -> None:
     cookie = await opened(gateway, gateway.customer)
 
-    assert await status(gateway, "POST", "/v1/sessions", cookie | OWN) == 403
+    assert await status(gateway, "POST", "/v1/sessions", cookie | OWN) == 401
 
 
 async def test_a_session_allows_what_its_key_allows(gateway: Gateway) -> None:

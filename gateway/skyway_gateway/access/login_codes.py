@@ -1,0 +1,62 @@
+"""The codes of links that log a browser in: each stands for a key once, for ten minutes."""
+
+import secrets
+from datetime import datetime, timedelta
+from typing import Final
+
+from skyway.ids import KeyId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.http.identity import KeyHolder, RefusedKey
+from skyway.runtime.sql.database import Database, Tx
+from skyway_gateway.access import session_link_store
+from skyway_gateway.access.keys_in_use import KeysInUse
+from skyway_gateway.access.recognise import CachedKeys, secret_hash
+
+#: Where the console reads the code; browsers do not send what follows `#`.
+_LOGIN_PATH: Final = "/console#login="
+
+#: How long a code can be used, wall time.
+CODE_LASTS: Final = timedelta(minutes=10)
+
+_SECRET_BYTES: Final = 32
+
+
+class LoginCodes:
+    """Makes, recognises and uses codes; only their hashes are stored.
+
+    Without `public_url` links begin as the address of the request that asks for one.
+    """
+
+    def __init__(self, db: Database, clock: FleetClock, public_url: str | None = None) -> None:
+        self._clock = clock
+        self._public_url = public_url
+        self._codes = CachedKeys(db, clock, session_link_store.shown)
+        self._in_use = KeysInUse(db, clock, session_link_store.hashes_in_use)
+
+    async def make(self, tx: Tx, key_id: KeyId) -> tuple[str, datetime]:
+        """A new code for this key, and when it expires."""
+        code = secrets.token_urlsafe(_SECRET_BYTES)
+        expires_at = self._clock.wall_now() + CODE_LASTS
+        await session_link_store.add(tx, secret_hash(code), key_id, expires_at=expires_at)
+        return code, expires_at
+
+    def url_of(self, code: str, *, base_url: str) -> str:
+        """The link with this code."""
+        base = (self._public_url or base_url).rstrip("/")
+        return f"{base}{_LOGIN_PATH}{code}"
+
+    async def use(self, tx: Tx, code: str) -> bool:
+        """Use a code; False if it was used before or has expired."""
+        tx.after_commit(self._codes.forget)
+        return await session_link_store.use(tx, secret_hash(code), at=self._clock.wall_now())
+
+    async def recognise(self, secret: str) -> KeyHolder | RefusedKey:
+        """The holder of the key of this code, or why the code is refused."""
+        shown = await self._codes.recognise(secret)
+        if isinstance(shown, RefusedKey):
+            self._in_use.forget(secret_hash(secret))
+        return shown
+
+    async def may_be_in_use(self, secret: str) -> bool:
+        """False for a code that cannot be used."""
+        return await self._in_use.may_hold(secret_hash(secret))

@@ -1,0 +1,56 @@
+"""Links that log a browser in once, over REST."""
+
+from typing import Annotated
+
+from fastapi import Depends, Request
+from pydantic import Field
+
+from skyway.contracts.message import WallMoment
+from skyway.ids import KeyId
+from skyway.json_model import JsonModel
+from skyway.runtime.errors import AccessDenied
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
+from skyway_gateway.access.login_codes import LoginCodes
+from skyway_gateway.access.routes import KeyGate, holder_of
+
+
+class SessionLink(JsonModel):
+    """A link that logs a browser in once."""
+
+    url: Annotated[
+        str,
+        Field(
+            description="Link to the console with a code behind `#login=`. Who opens it first gets "
+            "a session of the key."
+        ),
+    ]
+    expires_at: Annotated[
+        WallMoment, Field(description="When the link ends: ten minutes after it was made.")
+    ]
+
+
+def session_link_routes(*, db: Database, gate: KeyGate, codes: LoginCodes) -> ServiceRouter:
+    """POST /v1/session-links."""
+    router = ServiceRouter(tags=("keys",))
+
+    @router.post("/v1/session-links", status_code=201)
+    async def create_session_link(
+        request: Request, caller: Annotated[Caller, Depends(gate)]
+    ) -> SessionLink:
+        """Make a link that logs a browser in to the console, once within ten minutes.
+
+        The link ends with its key. A key has at most 50 links; another one ends the oldest.
+
+        Callers: customer, provider, operator.
+        """
+        caller.must_be("customer", "provider", "operator")
+        if "Authorization" not in request.headers:
+            raise AccessDenied("a login link is made with a key, not with a session")
+        async with db.write() as tx:
+            code, expires_at = await codes.make(tx, KeyId(holder_of(request).key_id))
+        url = codes.url_of(code, base_url=str(request.base_url))
+        return SessionLink(url=url, expires_at=expires_at)
+
+    return router
