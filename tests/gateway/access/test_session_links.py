@@ -1,4 +1,4 @@
-"""Login links: each begins one session of its key, within ten minutes, from pages of the gateway."""
+"""Login links: each begins one session of its key within ten minutes, from the gateway's pages."""
 
 import asyncio
 from collections.abc import Mapping
