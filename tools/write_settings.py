@@ -87,6 +87,12 @@ COMMAND_LINE: Final = (
     Row("SKYWAY_MQTT_TLS_URL", "text", "port 8883", "Its TLS listener (`skyway secrets`)."),
     Row("SKYWAY_GATEWAY_URL", "text", "from `keys.env`", "The gateway that commands ask."),
     Row("SKYWAY_OPERATOR_KEY", "text", "from `keys.env`", "The key of operators' commands."),
+    Row(
+        "SKYWAY_PROVIDER_KEY",
+        "text",
+        "-",
+        "The key with which `skyway console --role provider` calls.",
+    ),
     Row("SKYWAY_METRICS_KEY", "text", "from `keys.env`", "The key of `/metrics`."),
     Row("SKYWAY_CUSTOMER_KEY", "text", "from `keys.env`", "The key of `request` and `track`."),
     Row(

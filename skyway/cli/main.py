@@ -21,6 +21,7 @@ _COMMANDS: Final = {
     "track": "skyway.cli.delivery:track_command",
     "drone": "skyway.cli.drones.drone:drone_command",
     "fleet": "skyway.cli.drones.fleet:fleet_command",
+    "console": "skyway.cli.console:console_command",
     "top": "skyway.cli.top:top_command",
     "schedule": "skyway.cli.schedule:schedule_command",
     "quarantine": "skyway.cli.quarantine:quarantine_command",

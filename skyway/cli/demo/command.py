@@ -12,7 +12,7 @@ from skyway.cli.demo.screen import DemoScreen
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import running_system
 from skyway.cli.system.supervisor import first_of
-from skyway.cli.system.up import announce, asked_to_stop
+from skyway.cli.system.up import announce, asked_to_stop, login_link
 from skyway.errors import SkywayError
 
 #: The delivery shall take about this long on the wall (docs/reference/time.md).
@@ -55,9 +55,11 @@ async def _demo(folder: DataFolder, *, stay: bool) -> None:
         screen.starting(planned_s=planned_s, rate=rate)
         starting = running_system(folder, rate=rate, ports=ports, say=console.print)
         async with starting as system:
+            if stay:
+                screen.watch_at(await login_link(system))
             await first_of(play(system, screen), asked.wait(), system.supervisor.failed())
             if asked.is_set():
                 raise SkywayError("stopped before the scenario ended")
             if stay:
-                announce(console, system)
+                announce(console, system, link=await login_link(system))
                 await first_of(asked.wait(), system.supervisor.failed())

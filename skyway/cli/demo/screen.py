@@ -44,6 +44,10 @@ class DemoScreen:
             "composition, gateway ..."
         )
 
+    def watch_at(self, link: str) -> None:
+        """Print where to watch the system; the line is not wrapped, because people copy it."""
+        self._console.print(f"Watch it: {link} (works once)", soft_wrap=True, markup=False)
+
     def cast(self, provider_names: dict[str, str]) -> None:
         """Print the providers."""
         self._provider_names = provider_names

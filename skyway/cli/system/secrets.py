@@ -91,7 +91,7 @@ def write_keys_file(
         OWN_BROKER_URL: own_broker_url,
         "SKYWAY_OPERATOR_KEY": read_secret(folder, "operator_key"),
         "SKYWAY_CUSTOMER_KEY": read_secret(folder, "customer_key"),
-        "SKYWAYMETRICS_KEY": read_secret(folder, METRICS_KEY),
+        "SKYWAY_METRICS_KEY": read_secret(folder, METRICS_KEY),
         "SKYWAY_MQTT_OPERATOR_PASSWORD": read_secret(folder, "mqtt_operator"),
     }
     lines = [f"export {name}={value}\n" for name, value in values.items()]

@@ -10,8 +10,10 @@ import typer
 from rich.console import Console
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
+from skyway.cli.gateway import GatewayApi
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import System, running_system
+from skyway.cli.system.secrets import read_secret
 from skyway.cli.system.supervisor import first_of
 
 RateOption = Annotated[
@@ -48,7 +50,7 @@ async def _run(console: Console, folder: DataFolder, *, rate: float, ports: Port
         console.print(line, soft_wrap=True, markup=False)
 
     async with running_system(folder, rate=rate, ports=ports, say=say) as system:
-        announce(console, system)
+        announce(console, system, link=await login_link(system))
         await system.supervisor.failed()
 
 
@@ -67,14 +69,35 @@ def asked_to_stop() -> Iterator[asyncio.Event]:
             loop.remove_signal_handler(number)
 
 
-def announce(console: Console, system: System) -> None:
-    """Print the addresses, keys and logs of the system.
+async def login_link(system: System) -> str:
+    """A link to the console that logs the operator in once.
+
+    Raises
+    ------
+    SkywayError
+        The gateway refuses it.
+    """
+    key = read_secret(system.folder, "operator_key")
+    async with GatewayApi(system.urls["gateway"]) as api:
+        link = await api.call("POST", "/v1/session-links", key=key)
+    return str(link["url"])
+
+
+def announce(console: Console, system: System, *, link: str) -> None:
+    """Print the addresses, keys and logs of the system, and a login link for the operator.
 
     The lines are not wrapped, because people copy addresses and paths from them.
     """
-    console.print(
-        f"Skyway is up: [bold]{system.urls['gateway']}[/] (its pages: /docs), "
-        f"broker {system.mqtt_url}\n"
+    rows = {
+        "console": f"{link} (works once, for ten minutes; another one: skyway console)",
+        "gateway": f"{system.urls['gateway']} (its pages: /docs)",
+        "registry": system.urls["registry"],
+        "composition": system.urls["composition"],
+        "broker": system.mqtt_url,
+    }
+    lines = [
+        "Skyway is up:",
+        *(f"  {name:<12} {text}" for name, text in rows.items()),
         f"Keys: source {system.folder.keys_file}    Logs: {system.folder.logs}    Stop: Ctrl-C",
-        soft_wrap=True,
-    )
+    ]
+    console.print("\n".join(lines), soft_wrap=True, markup=False, highlight=False)

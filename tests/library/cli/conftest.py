@@ -23,6 +23,8 @@ class Gateway(ThreadingHTTPServer):
         super().__init__(("127.0.0.1", 0), _Handler)
         self.answers: dict[tuple[str, str], tuple[int, Any]] = {}
         self.calls: list[tuple[str, str, Any]] = []
+        #: The key of each call.
+        self.keys: list[str] = []
 
     @property
     def called(self) -> list[tuple[str, str]]:
@@ -37,6 +39,7 @@ class _Handler(BaseHTTPRequestHandler):
         raw = self.rfile.read(int(self.headers.get("Content-Length", 0)))
         path = self.path.partition("?")[0]
         self.server.calls.append((self.command, path, json.loads(raw) if raw else None))
+        self.server.keys.append(self.headers.get("Authorization", "").removeprefix("Bearer "))
         status, body = self.server.answers.get((self.command, path), (404, {"detail": "no route"}))
         content = body if isinstance(body, bytes) else json.dumps(body).encode()
         self.send_response(status)
@@ -55,8 +58,9 @@ class _Handler(BaseHTTPRequestHandler):
 @pytest.fixture
 def answering_gateway(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Gateway]:
     """A gateway, and a data folder whose keys.env names it and a broker that does not answer."""
-    for name in ("GATEWAY_URL", "OPERATOR_KEY", "CUSTOMER_KEY", "MQTT_URL", "OWN_MQTT_URL"):
+    for name in ("GATEWAY_URL", "OPERATOR_KEY", "PROVIDER_KEY", "CUSTOMER_KEY", "MQTT_URL"):
         monkeypatch.delenv(f"SKYWAY_{name}", raising=False)
+    monkeypatch.delenv("SKYWAY_OWN_MQTT_URL", raising=False)
     monkeypatch.setenv("SKYWAY_DATA", str(tmp_path))
     with Gateway() as server:
         keys = {

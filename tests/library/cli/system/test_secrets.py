@@ -51,6 +51,7 @@ def test_keys_env_holds_what_the_command_line_reads(folder: DataFolder) -> None:
     keys = read_keys(folder)
     assert keys["SKYWAY_GATEWAY_URL"] == "http://127.0.0.1:8000"
     assert keys["SKYWAY_OPERATOR_KEY"] == read_secret(folder, "operator_key")
+    assert keys["SKYWAY_METRICS_KEY"] == read_secret(folder, "metrics_key")
     assert folder.keys_file.stat().st_mode & 0o777 == 0o600
 
 

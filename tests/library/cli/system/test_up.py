@@ -42,12 +42,28 @@ def test_a_system_that_is_still_starting_can_be_stopped(
     assert "has stopped" in done.output
 
 
+def announced(folder: DataFolder) -> str:
+    console = Console(width=80, force_terminal=False)
+    urls = {name: f"http://{name}:1" for name in ("registry", "composition", "gateway")}
+    system = System(folder, Supervisor(), urls, "mqtt://broker:1883")
+    with console.capture() as captured:
+        up.announce(console, system, link="http://gateway:1/console#login=" + "c" * 43)
+    return captured.get()
+
+
 def test_paths_are_printed_in_one_piece_for_those_who_copy_them(tmp_path: Path) -> None:
     folder = DataFolder(tmp_path / ("long-" * 20))
-    console = Console(width=80, force_terminal=False)
-    system = System(folder, Supervisor(), {"gateway": "http://127.0.0.1:8000"}, "mqtt://x:1883")
 
-    with console.capture() as captured:
-        up.announce(console, system)
+    assert f"source {folder.keys_file} " in announced(folder)
 
-    assert f"source {folder.keys_file} " in captured.get()
+
+def test_each_service_is_printed_with_its_address(tmp_path: Path) -> None:
+    lines = [line.split()[:2] for line in announced(DataFolder(tmp_path)).splitlines()[1:6]]
+
+    assert lines == [
+        ["console", "http://gateway:1/console#login=" + "c" * 43],
+        ["gateway", "http://gateway:1"],
+        ["registry", "http://registry:1"],
+        ["composition", "http://composition:1"],
+        ["broker", "mqtt://broker:1883"],
+    ]
