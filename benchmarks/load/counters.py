@@ -6,6 +6,8 @@ from typing import Final
 import httpx
 
 _OURS: Final = "skyway_"
+#: The end of a counter's name. Gauges and histograms cannot be added up by their names alone.
+_GROWS: Final = "_total"
 
 
 async def counters(urls: Mapping[str, str], *, metrics_key: str) -> dict[str, float]:
@@ -25,6 +27,8 @@ def _values(text: str) -> list[tuple[str, float]]:
     found = []
     for line in text.splitlines():
         if line.startswith(_OURS):
-            name, _, value = line.rpartition(" ")
-            found.append((name.partition("{")[0], float(value)))
+            series, _, value = line.rpartition(" ")
+            name = series.partition("{")[0]
+            if name.endswith(_GROWS):
+                found.append((name, float(value)))
     return found

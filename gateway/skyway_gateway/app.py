@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from starlette.middleware import Middleware
 
 from skyway.contracts.topics import CONNECTION
+from skyway.runtime.gauges import GaugeSource
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -20,6 +21,7 @@ from skyway.runtime.http.app import (
 )
 from skyway.runtime.http.identity import read_secret
 from skyway.runtime.http.metrics_routes import metrics_routes
+from skyway.runtime.http.readiness_gauges import readiness_gauges
 from skyway.runtime.idempotency_store import sweep
 from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.minting import mint
@@ -46,6 +48,7 @@ from skyway_gateway.deliveries.report_routes import report_routes
 from skyway_gateway.deliveries.requests.routes import cancelling_routes, delivery_routes
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
+from skyway_gateway.gauges import GatewayGauges
 from skyway_gateway.live.feed import LOOK_EVERY_S
 from skyway_gateway.live.routes import live_routes
 from skyway_gateway.notifications.delivery_events import EventStream
@@ -158,7 +161,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 meters=parts.meters,
                 planning=parts.composing,
             ),
-            metrics_routes(gate=parts.metrics_gate),
+            metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
         ],
         lifespan=lifespan,
         readiness=readiness,
@@ -221,6 +224,8 @@ def build_app(settings: GatewaySettings) -> FastAPI:
     async def readiness() -> dict[str, bool]:
         return {"database": await parts.db.is_answering(), "mqtt": mqtt.is_connected}
 
+    inboxes = GaugeSource("mqtt", mqtt.gauges, kept_s=0.0)
+    parts.gauges.show(readiness_gauges(readiness), *GatewayGauges(parts).sources(), inboxes)
     return gateway_app(parts, lifespan=lifespan, readiness=readiness)
 
 

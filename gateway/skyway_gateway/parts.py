@@ -1,13 +1,14 @@
 """The parts of the gateway, which `build_parts` makes and `app` opens."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Final
 
 from skyway.announced_networks import NetworkLearner
 from skyway.runtime.clock import AnchoredClock, FleetClock
 from skyway.runtime.fair_queue import FairQueue
+from skyway.runtime.gauges import Gauges
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import KeyEntrance, Meters
 from skyway.runtime.http.identity import ServiceGate
@@ -91,6 +92,7 @@ class Parts:
     links: TrackingLinks
     pages: TrackingPages
     followers: Slots
+    gauges: Gauges = field(default_factory=Gauges)
 
     @property
     def booker(self) -> Booker:

@@ -8,6 +8,7 @@ from typing import Final
 
 from fastapi import FastAPI
 
+from skyway.runtime.gauges import GaugeSource
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -20,6 +21,7 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import ServiceEntrance
 from skyway.runtime.http.identity import ServiceIdentity, read_secret
 from skyway.runtime.http.metrics_routes import metrics_routes
+from skyway.runtime.http.readiness_gauges import readiness_gauges
 from skyway.runtime.loops import Loops
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.signing.cloud_key_file import read_signing_key
@@ -27,6 +29,7 @@ from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarm_routes import alarm_routes, drone_alarm_routes
 from skyway_composition.closures.routes import area_routes, place_routes
+from skyway_composition.gauges import CompositionGauges
 from skyway_composition.links.renewal_routes import renewal_routes
 from skyway_composition.live.routes import live_routes
 from skyway_composition.missions.booking.routes import booking_routes
@@ -110,7 +113,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             quarantine_routes(
                 db=db, gate=gate, replays=Replays(db, clock, parts.handler, parts.keys)
             ),
-            metrics_routes(gate=parts.metrics_gate),
+            metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
         ],
         entrance=ServiceEntrance(gate),
         lifespan=lifespan,
@@ -170,6 +173,8 @@ def build_app(settings: CompositionSettings) -> FastAPI:
             "planner": parts.solver.is_warm,
         }
 
+    inboxes = GaugeSource("mqtt", mqtt.gauges, kept_s=0.0)
+    parts.gauges.show(readiness_gauges(readiness), *CompositionGauges(parts).sources(), inboxes)
     return composition_app(parts, lifespan=lifespan, readiness=readiness)
 
 

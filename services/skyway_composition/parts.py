@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from skyway.runtime.clock import FleetClock, load_clock
+from skyway.runtime.gauges import Gauges
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.http.metrics_routes import MetricsGate
@@ -62,6 +63,7 @@ class Parts:
     keys: KeyBook
     signatures: SignatureCheck
     no_shows: NoShows
+    gauges: Gauges = field(default_factory=Gauges)
     turns: Turns = field(default_factory=Turns)
     reading: ReadingTurn = field(default_factory=ReadingTurn)
 
@@ -133,9 +135,9 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
         clock=clock,
         mint=mint,
         networks=PreparedNetworks(db),
-        solver=_pool(settings, inline_labels=_INLINE_LABELS),
-        inquiries=_pool(settings, inline_labels=0),
-        problems=_pool(settings, inline_labels=0),
+        solver=_pool(settings, "missions", inline_labels=_INLINE_LABELS),
+        inquiries=_pool(settings, "quotes", inline_labels=0),
+        problems=_pool(settings, "problems", inline_labels=0),
         rights=StrategyRights.read(settings.strategies),
         published=Wake(),
         stuck=Wake(),
@@ -148,8 +150,9 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
     )
 
 
-def _pool(settings: CompositionSettings, *, inline_labels: int) -> SolverPool:
+def _pool(settings: CompositionSettings, name: str, *, inline_labels: int) -> SolverPool:
     return SolverPool(
+        name=name,
         threads=settings.solver_threads,
         time_limit_s=settings.solver_time_limit_s,
         inline_labels=inline_labels,

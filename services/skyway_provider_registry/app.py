@@ -10,6 +10,7 @@ from typing import Final
 
 from fastapi import FastAPI
 
+from skyway.runtime.gauges import GaugeSource
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -21,6 +22,7 @@ from skyway.runtime.http.app import (
 from skyway.runtime.http.entrance import ServiceEntrance
 from skyway.runtime.http.identity import read_secret
 from skyway.runtime.http.metrics_routes import metrics_routes
+from skyway.runtime.http.readiness_gauges import readiness_gauges
 from skyway.runtime.idempotency_store import sweep
 from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.mqtt.client import MqttClient
@@ -43,6 +45,7 @@ from skyway_provider_registry.fleets.routes import (
     fleet_statistics_routes,
     registration_routes,
 )
+from skyway_provider_registry.gauges import RegistryGauges
 from skyway_provider_registry.parts import SERVICE, Parts, composition_client, parts_in_life
 from skyway_provider_registry.presence.announce_alarms import AlarmAnnouncer
 from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, PresenceFollower
@@ -103,7 +106,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             quota_routes(gate=gate, limit=parts.drone_limit),
             live_routes(db=db, gate=gate, clock=clock),
             telemetry_routes(db=db, gate=gate),
-            metrics_routes(gate=parts.metrics_gate),
+            metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
         ],
         entrance=ServiceEntrance(gate),
         lifespan=lifespan,
@@ -125,6 +128,7 @@ def build_app(settings: RegistrySettings) -> FastAPI:
         password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
     )
 
+    recorder = TelemetryRecorder(parts.db, parts.clock)
     keep_times = KeepTimes(
         samples_for=timedelta(hours=settings.telemetry_raw_hours),
         minutes_for=timedelta(days=settings.telemetry_days),
@@ -137,7 +141,6 @@ def build_app(settings: RegistrySettings) -> FastAPI:
         async with parts.db, composition, mqtt, Loops() as loops:
             # First of all: without its accounts the broker refuses everybody, this service too.
             await parts.password_file.refresh()
-            recorder = TelemetryRecorder(parts.db, parts.clock)
             follower = PresenceFollower(
                 mqtt.batches(*PRESENCE_TOPICS, doorkeeper=parts.signatures),
                 db=parts.db,
@@ -166,6 +169,9 @@ def build_app(settings: RegistrySettings) -> FastAPI:
     async def readiness() -> dict[str, bool]:
         return {"database": await parts.db.is_answering(), "mqtt": mqtt.is_connected}
 
+    inboxes = GaugeSource("mqtt", mqtt.gauges, kept_s=0.0)
+    own = RegistryGauges(parts.db, parts.clock, recorder)
+    parts.gauges.show(readiness_gauges(readiness), *own.sources(), inboxes)
     return registry_app(parts, lifespan=lifespan, readiness=readiness)
 
 

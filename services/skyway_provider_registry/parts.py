@@ -1,11 +1,12 @@
 """The parts of the registry; nothing is opened here."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from skyway.announced_networks import NetworkLearner, stations_from
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.runtime.clock import FleetClock, load_clock
+from skyway.runtime.gauges import Gauges
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.http.metrics_routes import MetricsGate
@@ -47,6 +48,7 @@ class Parts:
     cloud_keys: CloudKeyFile
     signatures: SignatureCheck
     drone_limit: DroneLimit
+    gauges: Gauges = field(default_factory=Gauges)
 
     @property
     def fleet_view(self) -> FleetView:

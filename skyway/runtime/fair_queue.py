@@ -49,6 +49,11 @@ class FairQueue:
         """How many works of the tenant wait."""
         return len(self._waiting.get(who, ()))
 
+    @property
+    def depth(self) -> int:
+        """How many works of all tenants wait."""
+        return sum(len(queue) for queue in self._waiting.values())
+
     async def _wait(self, who: str) -> None:
         queue = self._waiting.get(who)
         if queue is None and self._has_room(who):

@@ -1,4 +1,4 @@
-"""What a process counts; `exposition` shows it to Prometheus.
+"""What a process counts; `skyway.runtime.exposition` shows it to Prometheus.
 
 Counting needs nothing but this file, so that the drone agent stays light: prometheus_client is
 only imported by a service that is asked for its metrics.
@@ -55,19 +55,3 @@ COUNTERS = Counters()
 def count(name: str, about: str, amount: float = 1.0, **labels: str) -> None:
     """Count in this process: ``count("skyway_outbox_sent", "messages sent", channel="mqtt")``."""
     COUNTERS.add(name, about, amount, **labels)
-
-
-def exposition() -> tuple[bytes, str]:
-    """The metrics of this process, and their content type."""
-    from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
-    from prometheus_client.exposition import CONTENT_TYPE_PLAIN_1_0_0
-    from prometheus_client.registry import Collector
-
-    class _Counted(Collector):
-        def collect(self) -> "Iterable[CounterMetricFamily]":
-            return COUNTERS.collect()
-
-    registry = CollectorRegistry()
-    registry.register(_Counted())
-    ProcessCollector(registry=registry)
-    return generate_latest(registry), CONTENT_TYPE_PLAIN_1_0_0

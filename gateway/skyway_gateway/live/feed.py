@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import secrets
+import time
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -43,7 +44,20 @@ class LiveFeed:
     _views: dict[Scope, View] = field(default_factory=dict)
     _left_at: dict[Scope, int] = field(default_factory=dict)
     _looks: int = 0
+    _looked_at: float | None = None
     _is_complete: asyncio.Event = field(default_factory=asyncio.Event)
+
+    @property
+    def viewers(self) -> int:
+        """How many look now."""
+        return sum(view.viewers for view in self._views.values())
+
+    @property
+    def age_s(self) -> float | None:
+        """Wall seconds since every source was last read; None while nobody looks."""
+        if self._looked_at is None or not self._views:
+            return None
+        return time.monotonic() - self._looked_at
 
     @property
     def picture(self) -> Picture:
@@ -89,6 +103,7 @@ class LiveFeed:
                 view.apply(tick)
         if all(are_read):
             self._is_complete.set()
+            self._looked_at = time.monotonic()
         return False
 
     async def _read(self, source: Source) -> bool:
@@ -122,4 +137,5 @@ class LiveFeed:
             self._picture = Picture(self._picture.number)
             for source in self.sources:
                 source.forget()
+            self._looked_at = None
             self._is_complete.clear()

@@ -15,6 +15,7 @@ from typing import Final, Never
 
 from skyway.ids import EventId
 from skyway.runtime.clock import FleetClock, sleep_wall
+from skyway.runtime.durations import observe
 from skyway.runtime.loops import MissingParts, Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
@@ -152,6 +153,8 @@ class WebhookSender:
         sent = await self._send(endpoint, notification)
         attempt = self._attempt(notification, sent, wait_s=self._wait_s(notification, sent.reply))
         count("skyway_webhook_attempts", "tries to notify", outcome=attempt.outcome)
+        about, duration_s = "time until an endpoint answered", attempt.duration_ms / 1000
+        observe("skyway_webhook_duration_seconds", about, duration_s, outcome=attempt.outcome)
         async with self.db.write() as tx:
             # Nothing to note if the webhook was deleted meanwhile or another replica was faster.
             if not await settle(tx, endpoint.webhook_id, notification.event_id, attempt=attempt):

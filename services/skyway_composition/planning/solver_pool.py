@@ -22,6 +22,7 @@ from skyway.planner.problem import Problem
 from skyway.planner.stop import Stop, TimeLimit, first_of
 from skyway.planner.verify import PlanRejected
 from skyway.planner.warm import warm
+from skyway.runtime.durations import timed
 from skyway.runtime.errors import ServiceUnavailable
 
 log = logging.getLogger(__name__)
@@ -42,13 +43,23 @@ class SolverPool:
 
     Parameters
     ----------
+    name
+        What it plans, for the metrics.
     inline_labels
         The most labels that a search may make on the event loop; 16 labels take about 10 us, and
         most searches make fewer than 100. A search that needs more starts again in a thread. With
         0 all searches run in threads.
     """
 
-    def __init__(self, *, threads: int, time_limit_s: float, inline_labels: int = 0) -> None:
+    def __init__(
+        self,
+        *,
+        threads: int,
+        time_limit_s: float,
+        name: str = "missions",
+        inline_labels: int = 0,
+    ) -> None:
+        self.name = name
         self._threads = threads
         self._time_limit_s = time_limit_s
         self._inline_labels = inline_labels
@@ -82,6 +93,11 @@ class SolverPool:
         self.is_warm = True
         log.info("planner ready", extra={"elapsed_s": round(time.monotonic() - started_at, 1)})
 
+    @property
+    def under_way(self) -> int:
+        """How many problems wait for a thread or are in one."""
+        return self._waiting
+
     async def compose(
         self,
         problem: Problem,
@@ -97,6 +113,16 @@ class SolverPool:
         ServiceUnavailable
             Too many problems wait for a thread.
         """
+        with timed("skyway_planning_duration_seconds", "time to plan once", queue=self.name):
+            return await self._plan(problem, airspace, booked, hierarchy)
+
+    async def _plan(
+        self,
+        problem: Problem,
+        airspace: Airspace | None,
+        booked: PadBook,
+        hierarchy: Hierarchy | None,
+    ) -> Plan:
         if self._executor is None or self._waiting >= _MOST_WAITING:
             raise ServiceUnavailable("planning", f"{self._waiting} problems wait for a thread")
         # Before the planner is compiled, even a small problem may take a minute.

@@ -9,7 +9,7 @@ import asyncio
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Final
 
 from skyway.contracts.drone_report import Telemetry
@@ -43,6 +43,8 @@ class TelemetryRecorder:
         self._most_waiting = most_waiting
         self._waiting: deque[ReceivedSample] = deque()
         self._batch: list[ReceivedSample] = []
+        #: The moment of the newest sample that was accepted, fleet time.
+        self.newest_at: datetime | None = None
         #: Set when there is a full batch.
         self.wake = Wake()
 
@@ -55,12 +57,18 @@ class TelemetryRecorder:
         for drone_id, sample in samples:
             if earliest <= sample.at <= latest:
                 self._waiting.append(ReceivedSample(drone_id, sample, wall_ms))
+                self.newest_at = max(self.newest_at or sample.at, sample.at)
             else:
                 wrong += 1
         _count_dropped(wrong, reason="clock")
         self._drop_oldest()
         if len(self._waiting) >= BATCH:
             self.wake.set()
+
+    @property
+    def depth(self) -> int:
+        """How many samples wait to be written."""
+        return len(self._waiting) + len(self._batch)
 
     async def step(self) -> bool:
         """Write one batch; True when another full batch waits."""

@@ -13,9 +13,11 @@ from fastapi.security.base import SecurityBase
 from fastapi.security.utils import get_authorization_scheme_param
 
 from skyway.runtime.errors import InvalidSettings, Unauthenticated
+from skyway.runtime.exposition import exposition
+from skyway.runtime.gauges import Gauges
 from skyway.runtime.http.identity import read_secret
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.metrics import METRICS_KEY, exposition
+from skyway.runtime.metrics import METRICS_KEY
 
 
 class MetricsGate(SecurityBase):
@@ -49,14 +51,14 @@ class MetricsGate(SecurityBase):
             raise Unauthenticated("this is not the metrics key")
 
 
-def metrics_routes(*, gate: MetricsGate) -> ServiceRouter:
+def metrics_routes(*, gate: MetricsGate, gauges: Gauges) -> ServiceRouter:
     """GET /metrics."""
     router = ServiceRouter(tags=("service",))
 
     @router.get("/metrics", response_class=PlainTextResponse, dependencies=[Depends(gate)])
     async def get_metrics() -> Response:
-        """What the process counts, for Prometheus; the metrics key is needed."""
-        content, content_type = exposition()
+        """What the process counts and measures, for Prometheus; the metrics key is needed."""
+        content, content_type = exposition(await gauges.read())
         return Response(content, headers={"Content-Type": content_type})
 
     return router

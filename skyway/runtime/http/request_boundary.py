@@ -18,6 +18,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from skyway.contracts.problem_details import ProblemDetails
 from skyway.errors import SkywayError
+from skyway.runtime.durations import observe
 from skyway.runtime.errors import TooLarge
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.problems import (
@@ -118,7 +119,7 @@ class RequestBoundary:
         with tracing(request.headers.get("traceparent")):
             exchange = _Exchange(BODY_LIMIT_BYTES, scope, receive, send)
             await self._serve(request, exchange)
-        _count_request(request, exchange.status, time.monotonic() - started_at)
+        _count_request(request, exchange, started_at)
 
     async def _serve(self, request: Request, exchange: "_Exchange") -> None:
         if (fault := _fault_of_url(request.scope)) is not None:
@@ -147,6 +148,8 @@ class _Exchange:
     def __init__(self, limit_bytes: int, scope: Scope, receive: Receive, send: Send) -> None:
         self.limit_bytes = limit_bytes
         self.status = 0
+        #: When the answer began, by `time.monotonic`.
+        self.answered_at: float | None = None
         #: Added to every answer.
         self.headers: Mapping[str, str] = {}
         self._scope = scope
@@ -172,6 +175,7 @@ class _Exchange:
         elif self._received_bytes <= self.limit_bytes:
             if self.status == 0:
                 self.status = message["status"]
+                self.answered_at = time.monotonic()
                 given = message.get("headers", [])
                 names = {name.lower() for name, _ in given}
                 defaults = [each for each in _DEFAULT_HEADERS if each[0] not in names]
@@ -190,6 +194,7 @@ class _Exchange:
     ) -> None:
         """Answer with a problem document."""
         self.status = problem.status
+        self.answered_at = time.monotonic()
         response = problem_response(problem, {**self.headers, **(headers or {})})
         response.headers.update({name.decode(): value.decode() for name, value in _DEFAULT_HEADERS})
         await response(self._scope, self._receive, self._send)
@@ -232,11 +237,20 @@ def _announced_bytes(request: Request) -> int:
     return int(announced) if announced.isdecimal() else 0
 
 
-def _count_request(request: Request, status: int, elapsed_s: float) -> None:
+def _count_request(request: Request, exchange: _Exchange, started_at: float) -> None:
     route = getattr(request.scope.get("route"), "path", "")
     # The client chooses the method: counting unknown ones could make any number of series.
     method = request.method if request.method in _METHODS else "OTHER"
-    code = str(status)
+    code, elapsed_s = str(exchange.status), time.monotonic() - started_at
     count("skyway_http_requests", "requests", method=method, route=route, status=code)
     name, about = "skyway_http_request_seconds", "time spent on requests"
     count(name, about, elapsed_s, method=method, route=route, status=code)
+    if exchange.answered_at is not None:  # else its client left before
+        observe(
+            "skyway_http_request_duration_seconds",
+            "time from a request to the beginning of its answer",
+            exchange.answered_at - started_at,
+            method=method,
+            route=route,
+            status=f"{code[0]}xx",
+        )

@@ -14,6 +14,7 @@ from pydantic import BaseModel
 from skyway.contracts.message import Message
 from skyway.contracts.topics import Address, M, Topic
 from skyway.runtime.errors import MqttUnavailable, ServiceUnavailable
+from skyway.runtime.gauges import Gauge
 from skyway.runtime.loops import MissingParts, pause_s
 from skyway.runtime.mqtt.address import BrokerAddress
 from skyway.runtime.mqtt.connection import Login, MqttConnection, RawMessage
@@ -143,6 +144,15 @@ class MqttClient:
                 await self._link.publish(self._sealed(name, payload, mqtt_qos, retained))
         except TimeoutError as error:
             raise MqttUnavailable(f"no PUBACK on {name} within {timeout_s:g} s") from error
+
+    async def gauges(self) -> list[Gauge]:
+        """How much waits in the inboxes of this client, and for how long."""
+        waiting = sum(inbox.waiting for inbox in self._inboxes)
+        lag_s = max((inbox.lag_s for inbox in self._inboxes), default=0.0)
+        return [
+            Gauge("skyway_mqtt_inbox_depth", "messages that wait for their reader", waiting),
+            Gauge("skyway_mqtt_inbox_age_seconds", "age of the oldest of them", lag_s),
+        ]
 
     def drop(self) -> None:
         """Close the connection without a goodbye, as a radio loses it: the last will is sent."""

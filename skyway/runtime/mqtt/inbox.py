@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
@@ -41,13 +42,17 @@ class Received(Generic[R]):
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A message as it arrived, not read yet; `ids` are what `name` has in the topic's places."""
+    """A message as it arrived, not read yet; `ids` are what `name` has in the topic's places.
+
+    `at_s` is the moment of the arrival by `time.monotonic`.
+    """
 
     topic: Topic[Any]
     ids: tuple[str, ...]
     name: str
     payload: bytes
     retained: bool
+    at_s: float = 0.0
 
 
 #: Puts a message back among those that wait for the reader.
@@ -96,6 +101,16 @@ class Inbox:
         """What to subscribe to: MQTT filter and `mqtt_qos`."""
         return {name or topic.everywhere: topic.mqtt_qos for topic, name, _ in self._wanted}
 
+    @property
+    def waiting(self) -> int:
+        """How many messages wait for the reader."""
+        return len(self._waiting)
+
+    @property
+    def lag_s(self) -> float:
+        """How long the oldest waiting message has waited, seconds of wall time."""
+        return time.monotonic() - self._waiting[0].at_s if self._waiting else 0.0
+
     def offer(self, name: str, payload: bytes, *, retained: bool) -> None:
         """Keep a message if it is on one of our subscriptions."""
         for topic, only, narrower in self._wanted:
@@ -103,7 +118,7 @@ class Inbox:
                 continue
             ids = topic.ids_in(name)
             if ids is not None and all(other.ids_in(name) is None for other in narrower):
-                self._add(Arrival(topic, ids, name, payload, retained))
+                self._add(Arrival(topic, ids, name, payload, retained, time.monotonic()))
                 return
 
     def _add(self, arrival: Arrival) -> None:

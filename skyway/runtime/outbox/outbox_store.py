@@ -4,6 +4,7 @@ A sender makes its statements once: making one takes as long as running it.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -23,8 +24,10 @@ from sqlalchemy import (
     and_,
     bindparam,
     exists,
+    func,
     select,
 )
+from sqlalchemy.ext.asyncio import AsyncConnection
 from sqlalchemy.sql.dml import ReturningUpdate
 
 from skyway.runtime.sql.claims import FREE, NOW_MS, Claiming, claim_columns
@@ -50,6 +53,8 @@ def outbox_table(metadata: MetaData) -> Table:
         Column("traceparent", Text),
         Column("attempts", Integer, nullable=False, server_default="0"),
         Column("due_at_ms", BigInteger, nullable=False, server_default="0"),
+        # When the message was stored, by the machine's clock; 0 in rows of an older version.
+        Column("stored_wall_ms", BigInteger, nullable=False, server_default="0"),
         *claim_columns(),
         Index("outbox_stream", "channel", "stream", "id"),
         Index("outbox_message", "message_id"),
@@ -70,6 +75,25 @@ async def confirm(tx: Tx, message_ids: Sequence[str]) -> int:
 @lru_cache(maxsize=10)  # a service has one outbox
 def _delete_confirmed(outbox: Table) -> Delete:
     return outbox.delete().where(in_list(outbox.c.message_id, "message_ids"))
+
+
+@dataclass(frozen=True, slots=True)
+class WaitingMessages:
+    """The messages of a channel that are not sent, or not confirmed.
+
+    `oldest_wall_ms` is when the oldest of them was stored; None if that is unknown.
+    """
+
+    channel: str
+    messages: int
+    oldest_wall_ms: int | None
+
+
+async def waiting_messages(connection: AsyncConnection, outbox: Table) -> list[WaitingMessages]:
+    """What waits in the outbox, by channel."""
+    stored = func.nullif(outbox.c.stored_wall_ms, 0)
+    query = select(outbox.c.channel, func.count(), func.min(stored)).group_by(outbox.c.channel)
+    return [WaitingMessages(*row) for row in await connection.execute(query)]
 
 
 def claim_due(table: Table, channel: str) -> Claiming:

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import time
 from collections.abc import Awaitable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Final, Protocol
@@ -10,6 +11,7 @@ from typing import Any, Final, Protocol
 from sqlalchemy import Row
 
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.durations import observe
 from skyway.runtime.errors import MqttUnavailable, RemoteProblem, ServiceUnavailable
 from skyway.runtime.loops import Pace
 from skyway.runtime.metrics import count
@@ -84,6 +86,8 @@ class MqttSender:
             )
         except MqttUnavailable:
             return Retry(after_s=_NO_BROKER_S, attempts=row.attempts)
+        if row.attempts == 0:
+            _observe_delay(row)
         if row.confirmed_by == "broker":
             return None
         # A broker's PUBACK is not delivery: the broker may lose what it has acknowledged.
@@ -134,6 +138,12 @@ class ReportSender:
                 group.create_task(sender.run())
 
     async def _post(self, row: Row[Any]) -> Retry | None:
+        retry = await self._try(row)
+        if retry is None:
+            _observe_delay(row)
+        return retry
+
+    async def _try(self, row: Row[Any]) -> Retry | None:
         path = self._together.get(row.address)
         if path is None or row.attempts:
             return await self._post_alone(row)
@@ -221,6 +231,13 @@ class _ReportBatch:
     async def is_accepted(self) -> bool:
         """Wait until the batch was posted; whether the service accepted it."""
         return await asyncio.shield(self._outcome)
+
+
+def _observe_delay(row: Row[Any]) -> None:
+    if row.stored_wall_ms:
+        delay_s = time.time() - row.stored_wall_ms / 1000
+        about = "time from storing a message to its first successful send"
+        observe("skyway_outbox_delay_seconds", about, delay_s, channel=row.channel)
 
 
 def _with_trace(row: Row[Any]) -> bytes:

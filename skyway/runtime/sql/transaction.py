@@ -1,5 +1,6 @@
 """One transaction, as a write block sees it: statements, and messages that are sent after it."""
 
+import time
 from collections.abc import Awaitable, Callable, Collection, Sequence
 from typing import Any, Literal, TypeVar
 
@@ -217,4 +218,10 @@ class Tx:
 
     def _store_message(self, **row: object) -> None:
         self.outbox_table()
-        self._messages.append({**row, "traceparent": current_traceparent()})
+        self._messages.append(
+            {
+                **row,
+                "traceparent": current_traceparent(),
+                "stored_wall_ms": time.time_ns() // 1_000_000,
+            }
+        )

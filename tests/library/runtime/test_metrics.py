@@ -3,7 +3,8 @@
 import subprocess
 import sys
 
-from skyway.runtime.metrics import Counters, count, exposition
+from skyway.runtime.exposition import exposition
+from skyway.runtime.metrics import Counters, count
 
 
 def test_a_counter_grows_for_each_set_of_labels() -> None:

@@ -18,6 +18,7 @@ from skyway.contracts.mission import Booking, CancelMissions, Mission
 from skyway.contracts.shortlist import Candidates
 from skyway.ids import DeliveryId
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.durations import timed
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.loops import MissingParts
 from skyway.runtime.minting import Mint
@@ -99,7 +100,8 @@ class Booker:
 
     async def book_or_retry(self, queued: QueuedDelivery) -> None:
         """One round; if a service is away, the next round comes later."""
-        with tracing(queued.traceparent):
+        round_time = timed("skyway_booking_round_duration_seconds", "time of a round of booking")
+        with tracing(queued.traceparent), round_time:
             try:
                 await self.book(queued)
                 self.missing.are_back()

@@ -9,11 +9,13 @@ import asyncio
 import logging
 from dataclasses import dataclass, field
 from functools import partial
+from time import perf_counter
 
 from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
 from skyway.contracts.quote import HoldLoss
 from skyway.ids import DeliveryId, HoldId
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.durations import observe
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
@@ -66,6 +68,18 @@ class Bookings:
         Bookings of one network are committed one at a time, first asked, first booked. An offer
         that is held is booked without waiting for others.
         """
+        began_at = perf_counter()
+        booking = await self._book(delivery_id, requested)
+        about = "time of a booking, from the request to its outcome"
+        observe(
+            "skyway_booking_duration_seconds",
+            about,
+            perf_counter() - began_at,
+            outcome=booking.outcome,
+        )
+        return booking
+
+    async def _book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
         own_hold = _hold_of(requested)
         look = partial(self._look, delivery_id, requested, own_hold=own_hold)
         seen = await look()

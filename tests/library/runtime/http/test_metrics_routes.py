@@ -7,8 +7,15 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
+from skyway.runtime.durations import DURATIONS
+from skyway.runtime.gauges import Gauge, Gauges, GaugeSource
 from skyway.runtime.http.metrics_routes import MetricsGate, metrics_routes
 from skyway.runtime.metrics import METRICS_KEY
+
+
+async def one_drone() -> list[Gauge]:
+    return [Gauge("skyway_loads_drones", "drones of this test", 1.0, {"state": "IDLE"})]
+
 
 KEY = {"Authorization": "Bearer mk_right"}
 
@@ -19,7 +26,9 @@ async def scraped(
 ) -> AsyncIterator[httpx.AsyncClient]:
     (tmp_path / METRICS_KEY).write_text("mk_right\n")
     app = make_app()
-    app.routes.extend(metrics_routes(gate=MetricsGate(tmp_path)).routes)
+    gauges = Gauges()
+    gauges.show(GaugeSource("drones", one_drone))
+    app.routes.extend(metrics_routes(gate=MetricsGate(tmp_path), gauges=gauges).routes)
     transport = httpx.ASGITransport(app)
     async with httpx.AsyncClient(transport=transport, base_url="http://loads") as opened:
         yield opened
@@ -31,6 +40,36 @@ async def test_requests_are_counted(scraped: httpx.AsyncClient) -> None:
     text = (await scraped.get("/metrics", headers=KEY)).text
 
     assert 'skyway_http_requests_total{method="GET",route="/loads",status="200"}' in text
+
+
+async def test_the_time_until_an_answer_is_a_histogram_by_route_and_class(
+    scraped: httpx.AsyncClient,
+) -> None:
+    labels = {"method": "GET", "route": "/loads", "status": "2xx"}
+    before = DURATIONS.count_of("skyway_http_request_duration_seconds", **labels)
+
+    await scraped.get("/loads")
+
+    assert DURATIONS.count_of("skyway_http_request_duration_seconds", **labels) == before + 1
+    text = (await scraped.get("/metrics", headers=KEY)).text
+    series = 'skyway_http_request_duration_seconds_bucket{le="+Inf",method="GET",route="/loads"'
+    assert series in text
+
+
+async def test_unknown_paths_and_refusals_share_a_series(scraped: httpx.AsyncClient) -> None:
+    labels = {"method": "GET", "route": "", "status": "4xx"}
+    before = DURATIONS.count_of("skyway_http_request_duration_seconds", **labels)
+
+    await scraped.get("/nowhere/1")
+    await scraped.get("/nowhere/2")
+
+    assert DURATIONS.count_of("skyway_http_request_duration_seconds", **labels) == before + 2
+
+
+async def test_gauges_are_shown(scraped: httpx.AsyncClient) -> None:
+    text = (await scraped.get("/metrics", headers=KEY)).text
+
+    assert 'skyway_loads_drones{state="IDLE"} 1.0' in text
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,84 @@
+"""The gauges of the gateway."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from skyway.runtime.gauges import Gauge, GaugeSource
+from skyway.runtime.outbox.outbox_gauges import OutboxGauges
+from skyway.units import moment_to_ms
+from skyway_gateway import gauge_store
+from skyway_gateway.gauge_store import StoredQueue
+from skyway_gateway.parts import Parts
+from skyway_gateway.tables import outbox
+
+#: The states of a delivery that is not over; each is shown, also without a delivery in it.
+_STATES: Final = (
+    "SCHEDULED",
+    "REQUESTED",
+    "PLANNED",
+    "DISPATCHED",
+    "LOADING",
+    "IN_PROGRESS",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class GatewayGauges:
+    """What stands at the gateway now."""
+
+    parts: Parts
+
+    def sources(self) -> tuple[GaugeSource, ...]:
+        """Where the gauges come from."""
+        messages = OutboxGauges(self.parts.db, outbox, ("mqtt", "composition"))
+        return (
+            GaugeSource("deliveries", self._deliveries),
+            GaugeSource("queues", self._queues),
+            GaugeSource("outbox", messages.read),
+            GaugeSource("live", self._live, kept_s=0.0),
+        )
+
+    async def _deliveries(self) -> list[Gauge]:
+        async with self.parts.db.survey() as connection:
+            by_state = await gauge_store.live_deliveries(connection)
+        about = "deliveries that are not over"
+        return [
+            Gauge("skyway_deliveries", about, by_state.get(state, 0), {"state": state})
+            for state in _STATES
+        ]
+
+    async def _queues(self) -> list[Gauge]:
+        parts = self.parts
+        async with parts.db.survey() as connection:
+            stored = await gauge_store.stored_queues(connection)
+        wall_ms, fleet_ms = moment_to_ms(parts.clock.wall_now()), moment_to_ms(parts.clock.now())
+        return [
+            *_stored("booking", stored.booking, now_ms=fleet_ms, rate=parts.clock.rate),
+            *_stored("waiting", stored.waiting, now_ms=fleet_ms, rate=parts.clock.rate),
+            *_stored("webhooks", stored.webhooks, now_ms=wall_ms),
+            _depth("quotes", parts.quoting.depth),
+            _depth("problems", parts.composing.depth),
+        ]
+
+    async def _live(self) -> list[Gauge]:
+        live = self.parts.live
+        readings = [Gauge("skyway_live_viewers", "viewers of the live picture", live.viewers)]
+        if live.age_s is not None:
+            about = "time since the live picture was read completely, while anybody looks"
+            readings.append(Gauge("skyway_live_age_seconds", about, live.age_s))
+        return readings
+
+
+def _depth(queue: str, depth: int) -> Gauge:
+    return Gauge("skyway_queue_depth", "works that wait in a queue", depth, {"queue": queue})
+
+
+def _stored(queue: str, stored: StoredQueue, *, now_ms: int, rate: float = 1.0) -> Iterable[Gauge]:
+    """The depth of a queue and its age in wall seconds; the clock runs at this rate."""
+    age_s = 0.0 if stored.first_ms is None else (now_ms - stored.first_ms) / 1000 / rate
+    about = "how long the first work of a queue has been due"
+    return (
+        _depth(queue, stored.depth),
+        Gauge("skyway_queue_age_seconds", about, max(age_s, 0.0), {"queue": queue}),
+    )

@@ -1,0 +1,16 @@
+"""The moment at which each message of the outbox was stored."""
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0016"
+down_revision = "0015"
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    stored: sa.Column[int] = sa.Column(
+        "stored_wall_ms", sa.BigInteger(), nullable=False, server_default="0"
+    )
+    op.add_column("outbox", stored)
