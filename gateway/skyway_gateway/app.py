@@ -38,6 +38,7 @@ from skyway_gateway.access.routes import audit_routes, key_routes
 from skyway_gateway.access.session_link_routes import session_link_routes
 from skyway_gateway.access.session_routes import session_routes
 from skyway_gateway.build_parts import running_parts
+from skyway_gateway.console.page_routes import console_routes
 from skyway_gateway.deliveries.booking.queue_store import free_claims
 from skyway_gateway.deliveries.reading.routes import (
     earnings_routes,
@@ -162,6 +163,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 planning=parts.composing,
             ),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
+            console_routes(),
         ],
         lifespan=lifespan,
         readiness=readiness,

@@ -1,0 +1,50 @@
+// Calls of the gateway. The browser sends the session's cookie by itself.
+
+import {signal} from "@preact/signals";
+
+// Counts the calls that were refused because there is no session any more.
+export const refusedCalls = signal(0);
+
+// What the gateway answered instead of doing it, in a sentence; `problem` is its answer.
+export class Refusal extends Error {
+  constructor(status, problem) {
+    super(problem.detail ?? problem.title ?? `The gateway answered ${status}.`);
+    this.status = status;
+    this.problem = problem;
+  }
+}
+
+// The answer of a call as JSON, or null where it has no content. Throws a Refusal.
+export async function call(method, path, body, headers = {}) {
+  let answer;
+  try {
+    answer = await fetch(path, {
+      method,
+      headers: {...(body === undefined ? {} : {"Content-Type": "application/json"}), ...headers},
+      body: body === undefined ? undefined : JSON.stringify(body),
+    });
+  } catch {
+    throw new Refusal(0, {title: "The gateway does not answer. Try again."});
+  }
+  if (answer.ok) return answer.status === 204 ? null : answer.json();
+  if (answer.status === 401) refusedCalls.value += 1;
+  throw new Refusal(answer.status, await answer.json().catch(() => ({})));
+}
+
+export const get = (path) => call("GET", path);
+export const post = (path, body, headers) => call("POST", path, body ?? {}, headers);
+
+// All items of a list, page by page, up to `most`.
+export async function all(path, most = 2_000) {
+  const items = [];
+  let cursor = null;
+  do {
+    const joint = path.includes("?") ? "&" : "?";
+    const page = await get(`${path}${joint}limit=200${cursor ? `&cursor=${encodeURIComponent(cursor)}` : ""}`);
+    items.push(...page.items);
+    cursor = page.next_cursor;
+  } while (cursor && items.length < most);
+  return items;
+}
+
+export const part = encodeURIComponent;

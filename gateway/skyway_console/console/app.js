@@ -1,0 +1,54 @@
+// The console: asks who is there, follows the live picture, and shows the view that is open.
+
+import {render} from "preact";
+import {effect} from "@preact/signals";
+
+import {refusedCalls} from "./api.js";
+import {startClock} from "./fleet_clock.js";
+import {html} from "./html.js";
+import {followPicture, leavePicture} from "./live.js";
+import {route} from "./routes.js";
+import {recogniseSession, session} from "./session.js";
+import {Frame} from "./parts/frame.js";
+import {LoginForm} from "./parts/login_form.js";
+import {AlarmsView} from "./views/alarms.js";
+import {DeliveriesView} from "./views/deliveries.js";
+import {MapView} from "./views/map.js";
+import {ScheduleView} from "./views/schedule.js";
+
+// By the first part of the address: the view, its name, and the roles that have it.
+const VIEWS = {
+  map: {view: MapView, name: "Map", roles: ["operator", "provider", "customer"]},
+  schedule: {view: ScheduleView, name: "Schedule", roles: ["operator", "provider"]},
+  deliveries: {view: DeliveriesView, name: "Deliveries", roles: ["operator", "customer"]},
+  alarms: {view: AlarmsView, name: "Alarms", roles: ["operator", "provider"]},
+};
+
+let loginProblem = "";
+
+function Console() {
+  if (session.value === undefined) return html`<p class="opening">Opening the console…</p>`;
+  if (session.value === null) return html`<${LoginForm} problem=${loginProblem} />`;
+  const views = Object.entries(VIEWS).filter(([, {roles}]) => roles.includes(session.value.role));
+  const [name, ...parts] = route.value;
+  const [open, {view}] = views.find(([each]) => each === name) ?? views[0];
+  return html`<${Frame} views=${views} open=${open}><${view} parts=${parts} /></${Frame}>`;
+}
+
+// The live picture is followed as long as there is a session.
+effect(() => {
+  if (session.value) {
+    startClock().catch(() => null);
+    followPicture();
+  } else {
+    leavePicture();
+  }
+});
+
+// A call that is refused for want of a session leads back to the form.
+effect(() => {
+  if (refusedCalls.value > 0 && session.peek()) session.value = null;
+});
+
+await recogniseSession().catch((refusal) => (loginProblem = refusal.message));
+render(html`<${Console} />`, document.body);

@@ -1,0 +1,71 @@
+// GeoJSON for the map's sources, from the network and from the live picture.
+
+const collection = (features) => ({type: "FeatureCollection", features});
+const feature = (geometry, properties = {}) => ({type: "Feature", geometry, properties});
+const line = (...coordinates) => ({type: "LineString", coordinates});
+
+export const stationsOf = (network) =>
+  network.features.filter(({properties}) => properties.kind === "station");
+
+export function segmentLines(network) {
+  return collection(network.features
+    .filter(({properties}) => properties.kind === "segment")
+    .map(({geometry, properties}) => feature(geometry, {from: properties.from, to: properties.to})));
+}
+
+// What is closed now, by station: true for the station, or the numbers of its pads.
+function closedStations(closures) {
+  const closed = {};
+  for (const {kind, station_id, pad} of Object.values(closures)) {
+    if (kind === "STATION") closed[station_id] = true;
+    if (kind === "PAD" && closed[station_id] !== true) {
+      closed[station_id] = [...(closed[station_id] ?? []), pad];
+    }
+  }
+  return closed;
+}
+
+function padState(pads, live, closed) {
+  if (closed === true) return "closed";
+  const usable = pads - (closed?.length ?? 0);
+  if (usable <= 0) return "closed";
+  const taken = live?.pads_taken ?? 0;
+  if (taken >= usable) return "full";
+  return taken > 0 ? "busy" : "free";
+}
+
+export function stationPoints(network, live, closures) {
+  const closed = closedStations(closures);
+  return collection(stationsOf(network).map(({geometry, properties}) => feature(geometry, {
+    station_id: properties.station_id,
+    pads: padState(properties.pads, live[properties.station_id], closed[properties.station_id]),
+  })));
+}
+
+// Zones and ground stops with an area, and closed segments.
+export function closureShapes(network, closures) {
+  const places = Object.fromEntries(stationsOf(network)
+    .map(({geometry, properties}) => [properties.station_id, geometry.coordinates]));
+  return collection(Object.values(closures).flatMap(({rings, kind, station_id: from, to_station_id: to}) => {
+    if (rings) return [feature({type: "Polygon", coordinates: rings})];
+    if (kind === "SEGMENT" && places[from] && places[to]) {
+      return [feature(line(places[from], places[to]))];
+    }
+    return [];
+  }));
+}
+
+// The flights of a plan: the one under way is flown up to where the drone is.
+export function planLines(mission, drone) {
+  if (!mission) return collection([]);
+  const flights = Object.values(mission.steps).filter(({kind}) => kind === "FLY");
+  const underWay = flights.findIndex(({status}) => status !== "ENDED");
+  return collection(flights.flatMap(({status, from_position, position}, number) => {
+    const isUnderWay = number === underWay && drone?.activity === "FLYING";
+    if (!isUnderWay) return [feature(line(from_position, position), {status})];
+    return [
+      feature(line(from_position, drone.position), {status: "ENDED"}),
+      feature(line(drone.position, position), {status: "PLANNED"}),
+    ];
+  }));
+}

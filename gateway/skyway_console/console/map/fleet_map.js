@@ -1,0 +1,100 @@
+// The map of the fleet: MapLibre for what stands still, a canvas above it for the drones.
+
+import {Map as MapLibreMap, NavigationControl, setWorkerUrl} from "maplibre-gl";
+
+import {outlines} from "./base_map.js";
+import {onThemeChange} from "./colours.js";
+import {DroneLayer} from "./drone_layer.js";
+import {closureShapes, planLines, segmentLines, stationPoints, stationsOf} from "./features.js";
+import {mapStyle} from "./layers.js";
+import {stationName} from "../words.js";
+
+setWorkerUrl("/console/vendor/maplibre-gl-worker.mjs");
+
+const FAR_OUT = {center: [-98, 30], zoom: 3};
+
+export class FleetMap {
+  // `onClick` is called with {droneId, stationId, position} of what was clicked.
+  constructor(container, onClick) {
+    this.map = new MapLibreMap({
+      container, style: mapStyle(), ...FAR_OUT, attributionControl: false, fadeDuration: 0,
+      dragRotate: false, pitchWithRotate: false,
+    });
+    this.map.addControl(new NavigationControl({showCompass: false}));
+    this.map.touchZoomRotate.disableRotation();
+    this.drones = new DroneLayer(this.map);
+    this.data = {};
+    this.map.on("click", (event) => onClick(this.whatIsAt(event)));
+    this.isReady = new Promise((resolve) => this.map.once("load", resolve));
+    this.isReady.then(() => this.showOutlines());
+    onThemeChange(() => this.map.setStyle(mapStyle()));
+    this.map.on("style.load", () => this.putAll());
+  }
+
+  remove() {
+    this.drones.remove();
+    this.map.remove();
+  }
+
+  whatIsAt({point, lngLat}) {
+    const [station] = this.map.queryRenderedFeatures(point, {layers: ["stations"]});
+    return {
+      droneId: this.drones.droneAt(point),
+      stationId: station?.properties.station_id ?? null,
+      position: [lngLat.lng, lngLat.lat],
+    };
+  }
+
+  showNetwork(network) {
+    this.network = network;
+    const stations = stationsOf(network);
+    this.drones.stations = stations.map(({geometry, properties}, number) => ({
+      name: properties.name ?? stationName(properties.station_id),
+      position: geometry.coordinates,
+      isFirst: number % Math.ceil(stations.length / 12) === 0,
+    }));
+    this.put("segments", segmentLines(network));
+    const places = stations.map(({geometry}) => geometry.coordinates);
+    if (places.length) this.map.fitBounds(around(places), {padding: 60, duration: 0});
+  }
+
+  showStations(stations, closures) {
+    if (!this.network) return;
+    this.put("stations", stationPoints(this.network, stations, closures));
+    this.put("closures", closureShapes(this.network, closures));
+  }
+
+  showPlan(mission, drone) {
+    this.put("plan", planLines(mission, drone));
+  }
+
+  showDraft(ring) {
+    const features = ring.length < 3 ? [] : [{
+      type: "Feature", properties: {},
+      geometry: {type: "Polygon", coordinates: [[...ring, ring[0]]]},
+    }];
+    this.put("draft", {type: "FeatureCollection", features});
+  }
+
+  async showOutlines() {
+    this.put("countries", await outlines("countries"));
+    this.put("counties", await outlines("us-counties"));
+  }
+
+  // Data is kept, because a change of the theme begins with empty sources.
+  put(source, data) {
+    this.data[source] = data;
+    this.map.getSource(source)?.setData(data);
+  }
+
+  putAll() {
+    for (const [source, data] of Object.entries(this.data)) this.map.getSource(source)?.setData(data);
+  }
+}
+
+function around(places) {
+  const longitudes = places.map(([longitude]) => longitude);
+  const latitudes = places.map(([, latitude]) => latitude);
+  return [[Math.min(...longitudes), Math.min(...latitudes)],
+    [Math.max(...longitudes), Math.max(...latitudes)]];
+}

@@ -1,0 +1,47 @@
+// The layers of the map, from the ground up: outlines, segments, closures, the open plan, stations.
+
+import {colours} from "./colours.js";
+
+export const NOTHING = {type: "FeatureCollection", features: []};
+
+export const SOURCES = ["countries", "counties", "segments", "closures", "plan", "draft", "stations"];
+
+const source = (id) => [id, {type: "geojson", data: NOTHING}];
+
+export function mapStyle() {
+  return {
+    version: 8,
+    sources: Object.fromEntries(SOURCES.map(source)),
+    layers: [{id: "background", type: "background", paint: {"background-color": colours().background}},
+      ...fleetLayers()],
+  };
+}
+
+export function fleetLayers() {
+  const paint = colours();
+  const line = (id, sourceId, of, filter) => ({
+    id, type: "line", source: sourceId, paint: of, ...(filter ? {filter} : {}),
+    layout: {"line-cap": "round", "line-join": "round"},
+  });
+  const isStatus = (status) => ["==", ["get", "status"], status];
+  return [
+    line("counties", "counties", {"line-color": paint.county, "line-width": 1}),
+    line("countries", "countries", {"line-color": paint.country, "line-width": 1}),
+    line("segments", "segments", {"line-color": paint.segment, "line-width": 1}),
+    {id: "zones", type: "fill", source: "closures",
+      paint: {"fill-color": paint.zone, "fill-opacity": 0.22}, filter: ["==", ["geometry-type"], "Polygon"]},
+    line("closed", "closures", {"line-color": paint.zone, "line-width": 2, "line-dasharray": [2, 2]}),
+    {id: "draft", type: "fill", source: "draft",
+      paint: {"fill-color": paint.selected, "fill-opacity": 0.3}},
+    line("draft-edge", "draft", {"line-color": paint.selected, "line-width": 2}),
+    line("to-come", "plan", {"line-color": paint.planned, "line-width": 3, "line-dasharray": [1, 2]},
+      isStatus("PLANNED")),
+    line("flown", "plan", {"line-color": paint.flown, "line-width": 4}, isStatus("ENDED")),
+    {id: "stations", type: "circle", source: "stations", paint: {
+      "circle-radius": ["interpolate", ["linear"], ["zoom"], 7, 3, 9, 7, 11, 10],
+      "circle-color": ["match", ["get", "pads"],
+        "busy", paint.busy, "full", paint.full, "closed", paint.closed, paint.free],
+      "circle-stroke-color": paint.halo, "circle-stroke-width": 1.5,
+    }},
+  ];
+}

@@ -1,0 +1,88 @@
+// A drone's charge over time: what it measured, and what its plan says.
+
+import uPlot from "uplot";
+import {useEffect, useRef, useState} from "preact/hooks";
+
+import {get, part} from "../api.js";
+import {fleetNow} from "../fleet_clock.js";
+import {html} from "../html.js";
+import {colours} from "../map/colours.js";
+
+const BEFORE_S = 3_600;
+const AGAIN_MS = 5_000;
+const SIZE = {width: 300, height: 150};
+
+const seconds = (moment) => Date.parse(moment) / 1_000;
+
+// Moments and charges of a plan: where each step ends, and where the first begins.
+function planned({start_at: startAt, plan}) {
+  const start = seconds(startAt);
+  const points = plan.steps.flatMap(({start_s, end_s, soc_start, soc_end}) => [
+    ...(soc_start === undefined || soc_start === null ? [] : [[start + start_s, soc_start]]),
+    ...(soc_end === undefined || soc_end === null ? [] : [[start + end_s, soc_end]]),
+  ]);
+  return [points.map(([at]) => at), points.map(([, soc]) => soc)];
+}
+
+async function readCharges(providerId, droneId, missionId) {
+  const now = fleetNow();
+  const path = `/v1/providers/${part(providerId)}/drones/${part(droneId)}/telemetry`;
+  const span = `from=${new Date(now - BEFORE_S * 1_000).toISOString()}&resolution=minute&limit=500`;
+  const [{items}, progress] = await Promise.all([
+    get(`${path}?${span}`),
+    missionId ? get(`/v1/missions/${part(missionId)}`) : null,
+  ]);
+  const measured = [items.map(({at}) => seconds(at)), items.map(({soc, soc_last}) => soc ?? soc_last)];
+  const plan = progress ? planned(progress.mission) : [[], []];
+  return uPlot.join([measured, plan]);
+}
+
+function chartOptions() {
+  const paint = colours();
+  const axis = {stroke: paint.text, grid: {stroke: paint.county, width: 1}, ticks: {show: false}};
+  return {
+    ...SIZE,
+    cursor: {show: false},
+    legend: {show: false},
+    scales: {y: {range: [0, 1]}},
+    axes: [{...axis, space: 70}, {...axis, size: 40, values: (_, all) => all.map((y) => `${y * 100}%`)}],
+    series: [
+      {},
+      {label: "Measured", stroke: paint.drone, width: 2, spanGaps: true},
+      {label: "Plan", stroke: paint.busy, width: 2, dash: [5, 4], spanGaps: true},
+    ],
+  };
+}
+
+export function ChargeChart({droneId, providerId, missionId}) {
+  const element = useRef(null);
+  const [problem, setProblem] = useState("");
+  useEffect(() => {
+    let chart = null;
+    let isGone = false;
+    async function look() {
+      try {
+        const data = await readCharges(providerId, droneId, missionId);
+        if (isGone) return;
+        if (chart) chart.setData(data);
+        else chart = new uPlot(chartOptions(), data, element.current);
+        setProblem("");
+      } catch (refusal) {
+        setProblem(refusal.message);
+      }
+    }
+    look();
+    const timer = setInterval(look, AGAIN_MS);
+    return () => {
+      isGone = true;
+      clearInterval(timer);
+      chart?.destroy();
+    };
+  }, [droneId, missionId]);
+  return html`
+    <figure class="chart" aria-label="Charge over time">
+      <div ref=${element}></div>
+      <figcaption>Charge: <span class="measured">measured</span>, <span class="plan">plan</span></figcaption>
+      ${problem && html`<p class="refused">${problem}</p>`}
+    </figure>`;
+}

@@ -1,0 +1,111 @@
+// One delivery: packages with promise and ETA, the reasons, what happened, the proof, the plan.
+
+import {useEffect, useState} from "preact/hooks";
+
+import {call, get} from "../api.js";
+import {html} from "../html.js";
+import {picture} from "../live.js";
+import {pathTo} from "../routes.js";
+import {inWords, money, momentText, shortId, stationName} from "../words.js";
+import {DeliveryEvents} from "./delivery_events.js";
+import {Facts} from "./facts.js";
+import {attempt} from "./messages.js";
+import {StepList} from "./step_list.js";
+
+const LATE_MS = 60_000;
+
+export const isLate = ({promised_at: promised, eta_at: eta, delivered_at: delivered}) =>
+  promised && (delivered ?? eta) && Date.parse(delivered ?? eta) - Date.parse(promised) > LATE_MS;
+
+function useDelivery(path, deliveryId) {
+  const [delivery, setDelivery] = useState(null);
+  const [proof, setProof] = useState(null);
+  const [problem, setProblem] = useState("");
+  // The live picture says when the delivery has changed.
+  const live = picture.deliveries.value[deliveryId];
+  useEffect(() => {
+    get(path).then(setDelivery, (refusal) => setProblem(refusal.message));
+  }, [path, live]);
+  const isOver = delivery?.packages.some(({delivered_at}) => delivered_at);
+  useEffect(() => {
+    if (isOver) get(`${path}/proof`).then(setProof, () => null);
+  }, [path, isOver]);
+  return {delivery, proof, problem};
+}
+
+function Packages({packages}) {
+  return html`
+    <div class="table"><table aria-label="Packages">
+      <thead><tr><th>Package</th><th>To</th><th>State</th><th>Promised</th><th>Expected</th><th>Why</th></tr></thead>
+      <tbody>
+        ${packages.map((each) => html`
+          <tr key=${each.package_id} class=${isLate(each) ? "late" : ""}>
+            <td>${each.package_id}</td>
+            <td>${each.destination?.station_id ? stationName(each.destination.station_id) : ""}</td>
+            <td>${inWords(each.state)}</td>
+            <td>${each.promised_at ? momentText(each.promised_at) : ""}</td>
+            <td class="eta">${each.delivered_at
+              ? `handed over ${momentText(each.delivered_at)}`
+              : each.eta_at ? momentText(each.eta_at) : ""}</td>
+            <td>${each.code ? inWords(each.code) : ""} ${each.detail ?? ""}</td>
+          </tr>`)}
+      </tbody>
+    </table></div>`;
+}
+
+function Missions({missions}) {
+  return missions.map(({mission_id, drone_id}) => {
+    const live = picture.missions.value[mission_id];
+    return html`
+      <section key=${mission_id}>
+        <h3>Mission ${shortId(mission_id)}${drone_id && html` of
+          ${" "}<a href=${pathTo("map", "drone", drone_id)}>drone ${shortId(drone_id)}</a>`}</h3>
+        ${live ? html`<${StepList} mission=${live} />` : html`<p>It is over.</p>`}
+      </section>`;
+  });
+}
+
+function Proof({proof}) {
+  return proof && html`
+    <h2>Proof</h2>
+    <ul class="timeline">
+      ${(proof.packages ?? []).map(({package_id, station_id, delivered_at, at}) => html`
+        <li><time>${momentText(delivered_at ?? at)}</time>${package_id} handed over
+          ${station_id ? ` at ${stationName(station_id)}` : ""}</li>`)}
+    </ul>`;
+}
+
+const OVER = ["COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"];
+
+export function DeliveryPage({deliveryId, path: part}) {
+  const path = `/v1/deliveries/${part}`;
+  const {delivery, proof, problem} = useDelivery(path, deliveryId);
+  if (!delivery) return html`<div class="page"><p class="refused">${problem}</p></div>`;
+  const live = picture.deliveries.value[deliveryId];
+  const {state, activity, code, detail, request, price, provider_id: provider} = {...delivery, ...live};
+  const cancel = () => attempt(() => call("POST", `${path}/cancel`, {}), "The delivery is being cancelled.");
+  return html`
+    <div class="page">
+      <p><a href=${pathTo("deliveries")}>All deliveries</a></p>
+      <h1>Delivery ${shortId(deliveryId)}</h1>
+      <${Facts} of=${[
+        ["Id", deliveryId],
+        ["Reference", delivery.reference],
+        ["Customer", delivery.customer_id],
+        ["State", `${inWords(state)}${activity ? `, ${inWords(activity).toLowerCase()}` : ""}`],
+        ["Why", code && `${inWords(code)}${detail ? `: ${detail}` : ""}`],
+        ["Pickup", request.pickup.station_id && stationName(request.pickup.station_id)],
+        ["Wanted", request.qos?.objective && inWords(request.qos.objective)],
+        ["Price", price && money(price)],
+        ["Provider", provider],
+        ["Requested", momentText(delivery.created_at)],
+      ]} />
+      ${!OVER.includes(state) && html`<button onClick=${cancel}>Cancel the delivery</button>`}
+      <h2>Packages</h2>
+      <${Packages} packages=${delivery.packages.map((each) => ({...each, ...live?.packages?.[each.package_id]}))} />
+      <div class="columns">
+        <section><h2>What happened</h2><${DeliveryEvents} path=${path} /><${Proof} proof=${proof} /></section>
+        <section><h2>Plan</h2><${Missions} missions=${delivery.missions ?? []} /></section>
+      </div>
+    </div>`;
+}

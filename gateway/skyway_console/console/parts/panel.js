@@ -1,0 +1,12 @@
+// A panel beside the map with a title and a button that closes it.
+
+import {html} from "../html.js";
+
+export const Panel = ({title, label, onClose, children}) => html`
+  <section class="panel" aria-label=${label ?? title}>
+    <header>
+      <h2>${title}</h2>
+      <button class="quiet" onClick=${onClose} aria-label="Close the panel">✕</button>
+    </header>
+    ${children}
+  </section>`;

@@ -1,0 +1,36 @@
+// Closing an area: its corners are clicked on the map.
+
+import {signal} from "@preact/signals";
+import {useEffect} from "preact/hooks";
+
+import {html} from "../html.js";
+import {networks} from "../networks.js";
+import {askToClose} from "./closures.js";
+import {Panel} from "./panel.js";
+
+// The corners so far, [longitude, latitude] in degrees; null while nobody draws.
+export const draftRing = signal(null);
+
+const closed = (ring) => ({type: "Polygon", coordinates: [[...ring, ring[0]]]});
+
+export function ZonePanel({onClose}) {
+  useEffect(() => {
+    draftRing.value = [];
+    return () => (draftRing.value = null);
+  }, []);
+  const ring = draftRing.value ?? [];
+  const order = () => ({network_id: networks.value[0].network_id, area: closed(ring)});
+  const stop = () => askToClose("Ground stop in this area", "/v1/ground-stops", order());
+  const zone = () => askToClose("Close this area", "/v1/zones", order());
+  return html`
+    <${Panel} title="Close an area" onClose=${onClose}>
+      <p>Click its corners on the map. ${ring.length} ${ring.length === 1 ? "corner" : "corners"}.</p>
+      <div class="commands">
+        <button disabled=${ring.length < 3} onClick=${zone}>Close to flights…</button>
+        <button disabled=${ring.length < 3} onClick=${stop}>Forbid take-offs…</button>
+        <button class="quiet" disabled=${ring.length === 0} onClick=${() => (draftRing.value = [])}>
+          Begin again
+        </button>
+      </div>
+    </${Panel}>`;
+}

@@ -1,0 +1,108 @@
+// Open alarms, the newest first, and what is closed; operators acknowledge and open again.
+
+import {useEffect, useState} from "preact/hooks";
+
+import {get, part, post} from "../api.js";
+import {ticks} from "../fleet_clock.js";
+import {html} from "../html.js";
+import {openAlarms, picture} from "../live.js";
+import {pathTo} from "../routes.js";
+import {isOperator} from "../session.js";
+import {distanceText, inWords, momentText, shortId, stationName} from "../words.js";
+import {alarmSound} from "../parts/alarm_sound.js";
+import {askToClose, closureName, lift} from "../parts/closures.js";
+import {ConfirmDialog} from "../parts/confirm_dialog.js";
+import {attempt} from "../parts/messages.js";
+
+function acknowledge(event, alarmId) {
+  event.preventDefault();
+  const note = new FormData(event.target).get("note").trim();
+  const path = `/v1/alarms/${part(alarmId)}/acknowledgements`;
+  attempt(() => post(path, note ? {note} : {}), "The alarm is acknowledged.");
+}
+
+function about({drone_id: drone, mission_id: mission, station_id: station}) {
+  return html`
+    ${drone && html`<a href=${pathTo("map", "drone", drone)}>drone ${shortId(drone)}</a> `}
+    ${mission && html`<span>mission ${shortId(mission)} </span>`}
+    ${station && html`<a href=${pathTo("map", "station", station)}>${stationName(station)}</a>`}`;
+}
+
+function Alarm({alarm}) {
+  const {alarm_id, level, code, detail, at} = alarm;
+  return html`
+    <tr data-alarm=${alarm_id}>
+      <td><span class="tag ${level}">${inWords(level)}</span></td>
+      <td><strong>${inWords(code)}</strong><br />${detail}</td>
+      <td>${about(alarm)}</td>
+      <td title=${momentText(at)}>${distanceText(at)}</td>
+      ${isOperator() && html`
+        <td><form class="row" onSubmit=${(event) => acknowledge(event, alarm_id)}>
+          <input name="note" maxlength="1000" placeholder="note" aria-label="Note for others" />
+          <button>Acknowledge</button>
+        </form></td>`}
+    </tr>`;
+}
+
+function Closures() {
+  const closures = Object.entries(picture.closures.value);
+  return html`
+    <h2>Closed now</h2>
+    ${closures.length === 0 && html`<p>Nothing is closed.</p>`}
+    <ul class="timeline">
+      ${closures.map(([closureId, closure]) => html`
+        <li key=${closureId}>
+          <strong>${closureName(closure)}</strong>${closure.reason ? `: ${closure.reason}. ` : ". "}
+          From ${momentText(closure.from_at)}
+          ${closure.until ? ` to ${momentText(closure.until)} ` : " until it is opened "}
+          ${isOperator() && html`
+            <button class="small" onClick=${() => lift(closureId, closure)}>Open again</button>`}
+        </li>`)}
+    </ul>
+    ${isOperator() && html`
+      <button class="danger" onClick=${() => askToClose("Stop all take-offs", "/v1/ground-stops", {reason: "dry run"})}>
+        Stop all take-offs…
+      </button>`}`;
+}
+
+function Acknowledged() {
+  const [items, setItems] = useState([]);
+  // Read again when an alarm comes or goes.
+  const count = openAlarms.value.length;
+  useEffect(() => {
+    get("/v1/alarms?state=ACKNOWLEDGED&limit=20").then((page) => setItems(page.items), () => null);
+  }, [count]);
+  return html`
+    <h2>Acknowledged</h2>
+    <ul class="timeline">
+      ${items.length === 0 && html`<li>None yet.</li>`}
+      ${items.map(({alarm_id, code, detail, acknowledged_by, acknowledged_at, note}) => html`
+        <li key=${alarm_id}>
+          <time>${momentText(acknowledged_at)}</time><strong>${inWords(code)}</strong> ${detail}
+          <br /><small>by ${acknowledged_by}${note ? `: ${note}` : ""}</small>
+        </li>`)}
+    </ul>`;
+}
+
+export function AlarmsView() {
+  ticks.value; // read so that "3 min ago" is right each second
+  return html`
+    <div class="page">
+      <h1>Alarms</h1>
+      <label><input type="checkbox" checked=${alarmSound.value}
+        onChange=${({target}) => (alarmSound.value = target.checked)} /> Sound at new alarms</label>
+      <div class="table"><table aria-label="Open alarms">
+        <thead><tr><th>Level</th><th>What</th><th>About</th><th>When</th>
+          ${isOperator() && html`<th>Acknowledge</th>`}</tr></thead>
+        <tbody>
+          ${openAlarms.value.map((alarm) => html`<${Alarm} key=${alarm.alarm_id} alarm=${alarm} />`)}
+          ${openAlarms.value.length === 0 && html`<tr><td colspan="5">No open alarm.</td></tr>`}
+        </tbody>
+      </table></div>
+      <div class="columns">
+        <section><${Closures} /></section>
+        <section><${Acknowledged} /></section>
+      </div>
+      <${ConfirmDialog} />
+    </div>`;
+}

@@ -1,0 +1,77 @@
+// The map: the network, what is closed, the drones, and the plan of the drone that is open.
+
+import {effect} from "@preact/signals";
+import {useEffect, useRef, useState} from "preact/hooks";
+
+import {html} from "../html.js";
+import {picture} from "../live.js";
+import {FleetMap} from "../map/fleet_map.js";
+import {listNetworks, networkContent, networks} from "../networks.js";
+import {openView} from "../routes.js";
+import {ConfirmDialog} from "../parts/confirm_dialog.js";
+import {DronePanel} from "../parts/drone_panel.js";
+import {EmptyHint} from "../parts/empty_hint.js";
+import {MapLegend} from "../parts/map_legend.js";
+import {StationPanel} from "../parts/station_panel.js";
+import {ZonePanel, draftRing} from "../parts/zone_panel.js";
+
+function openClicked({droneId, stationId, position}) {
+  if (draftRing.value) draftRing.value = [...draftRing.value, position];
+  else if (droneId) openView("map", "drone", droneId);
+  else if (stationId) openView("map", "station", stationId);
+}
+
+function useFleetMap(container, opened) {
+  const map = useRef(null);
+  useEffect(() => {
+    const made = new FleetMap(container.current, openClicked);
+    map.current = made;
+    const stops = [
+      effect(() => made.drones.show(picture.drones.value)),
+      effect(() => made.showStations(picture.stations.value, picture.closures.value)),
+      effect(() => made.showDraft(draftRing.value ?? [])),
+    ];
+    // Stories in tests count the frames that were drawn.
+    container.current.fleetMap = made;
+    return () => {
+      stops.forEach((stop) => stop());
+      made.remove();
+    };
+  }, []);
+  useEffect(() => {
+    map.current.drones.selected = opened;
+    return effect(() => {
+      const drone = picture.drones.value[opened];
+      map.current.showPlan(picture.missions.value[drone?.mission_id], drone);
+    });
+  }, [opened]);
+  return map;
+}
+
+export function MapView({parts: [kind, id]}) {
+  const container = useRef(null);
+  const map = useFleetMap(container, kind === "drone" ? id : null);
+  const [network, setNetwork] = useState(null);
+  useEffect(() => {
+    listNetworks().then(async ([first]) => {
+      if (!first) return;
+      const content = await networkContent(first.network_id);
+      setNetwork(content);
+      await map.current.isReady;
+      map.current.showNetwork(content);
+      map.current.showStations(picture.stations.value, picture.closures.value);
+    }).catch(() => null);
+  }, []);
+  const close = () => openView("map");
+  return html`
+    <div class="map-view">
+      <div class="map" ref=${container} role="application" aria-label="Map of the fleet"></div>
+      <${MapLegend} />
+      ${networks.value?.length === 0 && html`<${EmptyHint} />`}
+      ${kind === "drone" && html`<${DronePanel} key=${id} droneId=${id} onClose=${close} />`}
+      ${kind === "station" && html`
+        <${StationPanel} key=${id} stationId=${id} network=${network} onClose=${close} />`}
+      ${kind === "zone" && html`<${ZonePanel} onClose=${close} />`}
+      <${ConfirmDialog} />
+    </div>`;
+}

@@ -1,0 +1,46 @@
+// How moments, charge, money and ids are written.
+
+import {fleetNow} from "./fleet_clock.js";
+
+export const clockTime = (moment) =>
+  new Date(moment).toLocaleTimeString([], {hour: "2-digit", minute: "2-digit", hourCycle: "h23"});
+
+const DAY_MS = 86_400_000;
+
+// A time of today, or a day and a time.
+export function momentText(moment) {
+  const ms = typeof moment === "number" ? moment : Date.parse(moment);
+  const isNear = Math.abs(ms - fleetNow()) < DAY_MS / 2;
+  const day = new Date(ms).toLocaleDateString([], {day: "numeric", month: "short"});
+  return isNear ? clockTime(ms) : `${day}, ${clockTime(ms)}`;
+}
+
+export function durationText(seconds) {
+  const whole = Math.round(Math.abs(seconds));
+  if (whole < 90) return `${whole} s`;
+  const minutes = Math.round(whole / 60);
+  if (minutes < 90) return `${minutes} min`;
+  return `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min`;
+}
+
+// "in 5 min", "3 min ago".
+export function distanceText(moment) {
+  const seconds = (Date.parse(moment) - fleetNow()) / 1000;
+  return seconds >= 0 ? `in ${durationText(seconds)}` : `${durationText(seconds)} ago`;
+}
+
+export const percent = (share) => `${Math.round(share * 100)} %`;
+
+export const money = ({amount, currency}) =>
+  new Intl.NumberFormat([], {style: "currency", currency}).format(amount / 100);
+
+// The ends of ids differ, their beginnings hardly do.
+export const shortId = (id) => (id.length > 12 ? `…${id.slice(-6)}` : id);
+
+export const stationName = (id) =>
+  id.split(/[-_]/).map((word) => word.charAt(0).toUpperCase() + word.slice(1)).join(" ");
+
+export const inWords = (name) => {
+  const words = String(name).toLowerCase().replaceAll("_", " ");
+  return words.charAt(0).toUpperCase() + words.slice(1);
+};

@@ -1,0 +1,71 @@
+"""The console's files: read once, compressed once, each with its checksum."""
+
+import base64
+import gzip
+import hashlib
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import PurePosixPath
+from types import MappingProxyType
+from typing import Final
+
+_MEDIA_TYPES: Final = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".mjs": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain; charset=utf-8",
+}
+_IMPORT_MAP: Final = re.compile(rb'<script type="importmap">(.*?)</script>', re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class ConsoleFile:
+    """A file as it is sent: its media type, its bytes with and without gzip, and its ETag."""
+
+    media_type: str
+    content: bytes
+    compressed: bytes
+    etag: str
+
+
+@cache
+def console_files() -> Mapping[str, ConsoleFile]:
+    """All files by their path inside the console's folder, such as `views/map.js`.
+
+    Nothing but these is served, so no path leads out of the folder.
+    """
+    folder = files("skyway_console") / "console"
+    return MappingProxyType(
+        {str(path): _read(path, file) for path, file in _inside(folder, PurePosixPath())}
+    )
+
+
+@cache
+def import_map_hash() -> str:
+    """The checksum of the page's import map, as a Content-Security-Policy names it."""
+    found = _IMPORT_MAP.search(console_files()["index.html"].content)
+    if found is None:
+        raise LookupError("index.html of the console has no import map")
+    return "sha256-" + base64.b64encode(hashlib.sha256(found.group(1)).digest()).decode()
+
+
+def _inside(folder: Traversable, at: PurePosixPath) -> Iterator[tuple[PurePosixPath, Traversable]]:
+    for each in folder.iterdir():
+        if each.is_dir():
+            yield from _inside(each, at / each.name)
+        elif PurePosixPath(each.name).suffix in _MEDIA_TYPES:
+            yield at / each.name, each
+
+
+def _read(path: PurePosixPath, file: Traversable) -> ConsoleFile:
+    content = file.read_bytes()
+    checksum = hashlib.sha256(content).hexdigest()
+    compressed = gzip.compress(content, compresslevel=9, mtime=0)
+    return ConsoleFile(_MEDIA_TYPES[path.suffix], content, compressed, f'"{checksum[:32]}"')

@@ -1,0 +1,57 @@
+"""The console's page and files over HTTP. They hold no secret; the calls of the page need a key."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from fastapi import Request, Response
+
+from skyway.runtime.errors import NotFound
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway_gateway.console.console_files import ConsoleFile, console_files, import_map_hash
+
+CONSOLE_PATH: Final = "/console"
+_PAGE: Final = "index.html"
+
+#: Asked for again each time; an unchanged file is answered with 304 and no content.
+_CACHE: Final = "no-cache"
+
+
+def console_routes() -> ServiceRouter:
+    """GET /console, and its files below /console/."""
+    router = ServiceRouter(include_in_schema=False)
+
+    @router.get(CONSOLE_PATH)
+    def show_console(request: Request) -> Response:
+        """The page."""
+        return _answer(request, console_files()[_PAGE], _page_headers())
+
+    @router.get(f"{CONSOLE_PATH}/{{path:path}}")
+    def show_file(request: Request, path: str) -> Response:
+        """A file that the page needs."""
+        file = console_files().get(path)
+        if file is None or path == _PAGE:
+            raise NotFound("console file", path)
+        return _answer(request, file, {})
+
+    return router
+
+
+def _page_headers() -> Mapping[str, str]:
+    """No other host, no script in the page but its import map, and no frame around it."""
+    return {
+        "Content-Security-Policy": f"default-src 'none'; script-src 'self' '{import_map_hash()}'; "
+        "style-src 'self'; connect-src 'self'; img-src 'self' data: blob:; worker-src 'self'; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+        "Referrer-Policy": "no-referrer",
+        "X-Robots-Tag": "noindex, nofollow",
+    }
+
+
+def _answer(request: Request, file: ConsoleFile, headers: Mapping[str, str]) -> Response:
+    sent = {"ETag": file.etag, "Cache-Control": _CACHE, "Vary": "Accept-Encoding", **headers}
+    if request.headers.get("if-none-match") == file.etag:
+        return Response(status_code=304, headers=sent)
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        sent["Content-Encoding"] = "gzip"
+        return Response(file.compressed, media_type=file.media_type, headers=sent)
+    return Response(file.content, media_type=file.media_type, headers=sent)
