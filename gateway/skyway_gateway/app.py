@@ -163,7 +163,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 planning=parts.composing,
             ),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
-            console_routes(),
+            console_routes(base_map=parts.base_map),
         ],
         lifespan=lifespan,
         readiness=readiness,

@@ -24,6 +24,7 @@ from skyway_gateway.access.refused_logins import RefusedLogins
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
 from skyway_gateway.clients import Composition, Registry
+from skyway_gateway.console.base_map import BaseMap
 from skyway_gateway.deliveries.apply_reports import OverdueNotifier, ReportApplier
 from skyway_gateway.deliveries.booking.book import Booker
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop, ScheduleOpener
@@ -61,6 +62,7 @@ class Parts:
     cached_keys: CachedKeys
     cached_sessions: CachedKeys
     login_codes: LoginCodes
+    base_map: BaseMap
     gate: KeyGate
     metrics_gate: MetricsGate
     entrance: KeyEntrance

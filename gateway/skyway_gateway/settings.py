@@ -1,6 +1,7 @@
 """The settings that the gateway reads from its environment."""
 
 from ipaddress import IPv4Network, IPv6Network, ip_network
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import AnyHttpUrl, Field, field_validator
@@ -30,6 +31,12 @@ class GatewaySettings(ServiceSettings):
         default=None,
         description="How people reach the gateway, as links to tracking pages and to the console "
         "begin. Without it links begin with the address of the request that asked for them.",
+    )
+    console_map: Path | None = Field(
+        default=None,
+        description="A folder with the console's base map: `style.json`, a MapLibre style, and the "
+        "files that it names, such as PMTiles. Without it the console draws outlines of countries "
+        "and of counties of the United States.",
     )
     bookings_at_once: int = Field(
         default=8, ge=1, le=64, description="Deliveries that are booked at the same time."

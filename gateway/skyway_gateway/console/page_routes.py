@@ -4,20 +4,23 @@ from collections.abc import Mapping
 from typing import Final
 
 from fastapi import Request, Response
+from fastapi.responses import FileResponse
 
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.service_router import ServiceRouter
+from skyway_gateway.console.base_map import BaseMap
 from skyway_gateway.console.console_files import ConsoleFile, console_files, import_map_hash
 
 CONSOLE_PATH: Final = "/console"
+BASE_MAP_PATH: Final = "/console-map"
 _PAGE: Final = "index.html"
 
 #: Asked for again each time; an unchanged file is answered with 304 and no content.
 _CACHE: Final = "no-cache"
 
 
-def console_routes() -> ServiceRouter:
-    """GET /console, and its files below /console/."""
+def console_routes(*, base_map: BaseMap) -> ServiceRouter:
+    """GET /console, its files below /console/, and the operator's base map below /console-map/."""
     router = ServiceRouter(include_in_schema=False)
 
     @router.get(CONSOLE_PATH)
@@ -32,6 +35,11 @@ def console_routes() -> ServiceRouter:
         if file is None or path == _PAGE:
             raise NotFound("console file", path)
         return _answer(request, file, {})
+
+    @router.get(f"{BASE_MAP_PATH}/{{path:path}}")
+    def show_base_map(path: str) -> Response:
+        """A file of the operator's base map; a part of it for `Range`, as PMTiles need."""
+        return FileResponse(base_map.file_at(path), headers={"Cache-Control": _CACHE})
 
     return router
 

@@ -11,8 +11,10 @@ from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 import pytest
+from skyway_gateway.console.base_map import BaseMap
 from skyway_gateway.console.console_files import console_files, import_map_hash
 
+from skyway.runtime.errors import NotFound
 from tests.gateway.whole_gateway import Gateway
 
 ROOT: Final = Path(__file__).parents[3]
@@ -183,3 +185,18 @@ def test_each_own_script_fits_on_few_screens() -> None:
         lines = (FOLDER / name).read_text().splitlines()
         assert len(lines) <= 300, name
         assert lines[0].startswith("// "), f"{name} says first what it is for"
+
+
+async def test_no_path_leads_out_of_an_operators_base_map(gateway: Gateway, tmp_path: Path) -> None:
+    folder = tmp_path / "map"
+    folder.mkdir()
+    (folder / "style.json").write_text('{"version": 8}')
+    (tmp_path / "secret").write_text("not of the map")
+    (folder / "out").symlink_to(tmp_path / "secret")
+    base_map = BaseMap(folder)
+
+    assert base_map.file_at("style.json") == folder / "style.json"
+    for path in ("../secret", "/etc/passwd", "out", "", ".", "nothing", "a\0b"):
+        with pytest.raises(NotFound):
+            base_map.file_at(path)
+    assert (await gateway.http.get("/console-map/style.json")).status_code == 404

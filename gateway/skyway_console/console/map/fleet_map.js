@@ -7,6 +7,7 @@ import {onThemeChange} from "./colours.js";
 import {DroneLayer} from "./drone_layer.js";
 import {closureShapes, planLines, segmentLines, stationPoints, stationsOf} from "./features.js";
 import {mapStyle} from "./layers.js";
+import {readOwnStyle} from "./own_base_map.js";
 import {stationName} from "../words.js";
 
 setWorkerUrl("/console/vendor/maplibre-gl-worker.mjs");
@@ -26,8 +27,8 @@ export class FleetMap {
     this.data = {};
     this.map.on("click", (event) => onClick(this.whatIsAt(event)));
     this.isReady = new Promise((resolve) => this.map.once("load", resolve));
-    this.isReady.then(() => this.showOutlines());
-    onThemeChange(() => this.map.setStyle(mapStyle()));
+    this.isReady.then(() => this.showGround());
+    onThemeChange(() => this.map.setStyle(mapStyle(this.ownStyle)));
     this.map.on("style.load", () => this.putAll());
   }
 
@@ -76,7 +77,13 @@ export class FleetMap {
     this.put("draft", {type: "FeatureCollection", features});
   }
 
-  async showOutlines() {
+  // What lies below the fleet comes after the fleet: the first picture does not wait for it.
+  async showGround() {
+    this.ownStyle = await readOwnStyle();
+    if (this.ownStyle) {
+      this.map.setStyle(mapStyle(this.ownStyle));
+      return;
+    }
     this.put("countries", await outlines("countries"));
     this.put("counties", await outlines("us-counties"));
   }

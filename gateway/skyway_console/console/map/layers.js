@@ -8,16 +8,18 @@ export const SOURCES = ["countries", "counties", "segments", "closures", "plan",
 
 const source = (id) => [id, {type: "geojson", data: NOTHING}];
 
-export function mapStyle() {
+// The style of the map: an operator's own base map below the fleet, or a plain ground.
+export function mapStyle(own) {
+  const ground = {id: "background", type: "background", paint: {"background-color": colours().background}};
   return {
     version: 8,
-    sources: Object.fromEntries(SOURCES.map(source)),
-    layers: [{id: "background", type: "background", paint: {"background-color": colours().background}},
-      ...fleetLayers()],
+    ...own,
+    sources: {...own?.sources, ...Object.fromEntries(SOURCES.map(source))},
+    layers: [...(own?.layers ?? [ground]), ...fleetLayers()],
   };
 }
 
-export function fleetLayers() {
+function fleetLayers() {
   const paint = colours();
   const line = (id, sourceId, of, filter) => ({
     id, type: "line", source: sourceId, paint: of, ...(filter ? {filter} : {}),
