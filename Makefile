@@ -1,5 +1,5 @@
 # The only targets; each is one line of what a developer would type in .venv.
-.PHONY: setup demo up test check openapi sbom benchmark lock
+.PHONY: setup live demo up test check openapi sbom benchmark lock
 VENV := .venv
 BIN := $(VENV)/bin
 UV := $(shell command -v uv 2>/dev/null)
@@ -21,6 +21,9 @@ $(COMPILED): $(VENV)/.ready $(wildcard skyway/planner/kernels/*.py)
 	@$(BIN)/python -m skyway.planner.warm
 	@mkdir -p $(@D)
 	@touch $@
+
+live: setup
+	@$(BIN)/skyway up --demo
 
 demo: setup
 	@$(BIN)/skyway demo

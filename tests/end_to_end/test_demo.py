@@ -36,10 +36,10 @@ def test_the_demo_delivers_three_packages_and_leaves_nothing_running(tmp_path: P
         )
     ]
     assert -1 < shown[0] < shown[1] < shown[2]
-    assert not _processes_using(tmp_path)
+    assert not processes_using(tmp_path)
 
 
-def _processes_using(folder: Path) -> list[str]:
+def processes_using(folder: Path) -> list[str]:
     """Processes whose command line or environment names this folder."""
     found = []
     for process in Path("/proc").glob("[0-9]*"):

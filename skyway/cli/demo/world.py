@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Never
 
+from skyway.cli.demo.fleets import COURIER, NETWORK_ID, PROVIDERS, register_fleet
 from skyway.cli.gateway import GatewayApi
 from skyway.drone.models import PAPER_SCENARIO
 from skyway.errors import SkywayError
@@ -13,9 +14,6 @@ from skyway.network.bundled import texas_corridor
 from skyway.network.geojson import write_network
 from skyway.planner.compose import compose
 from skyway.planner.problem import Problem
-from skyway.runtime.signing.fleet_keys import FleetKeys
-
-NETWORK_ID: Final = "texas-corridor"
 
 #: The paper's motivating scenario; the masses are ours, because the paper names none.
 PICKUP: Final = "san-marcos"
@@ -23,28 +21,6 @@ PACKAGES: Final = (
     ("medicine", 0.5, "mcqueeney"),
     ("camera", 0.8, "bulverde"),
     ("books", 1.2, "san-antonio"),
-)
-
-#: The provider that has one drone.
-COURIER: Final = "Guadalupe Couriers"
-
-#: The providers: tariff in US cents, and the home stations of their drones.
-PROVIDERS: Final[tuple[dict[str, Any], ...]] = (
-    {
-        "name": "Hill Country Drones",
-        "tariff": {"currency": "USD", "base": 900, "per_km": 22, "per_recharge_minute": 2},
-        "homes": ("san-marcos", "san-marcos", "kyle", "mcqueeney", "schertz"),
-    },
-    {
-        "name": "Alamo Air Delivery",
-        "tariff": {"currency": "USD", "base": 600, "per_km": 30, "per_recharge_minute": 1},
-        "homes": ("san-marcos", "san-antonio", "mcqueeney", "seguin", "universal-city"),
-    },
-    {
-        "name": COURIER,
-        "tariff": {"currency": "USD", "base": 1500, "per_km": 40, "per_recharge_minute": 2},
-        "homes": ("new-braunfels",),
-    },
 )
 
 #: The default of a network's settings.
@@ -120,16 +96,11 @@ async def register(api: GatewayApi, operator_key: str, *, folder: Path) -> World
     drones: list[dict[str, Any]] = []
     for provider in PROVIDERS:
         # Its loaders weigh the packages; in the demo they are simulated.
-        terms = {"name": provider["name"], "tariff": provider["tariff"], "loading": "CONFIRMED"}
-        provider_id = (await operate("POST", "/v1/providers", terms))["provider_id"]
-        names[provider_id] = provider["name"]
-        fleet = [
-            {"model_id": PAPER_SCENARIO.model_id, "home_station_id": home}
-            for home in provider["homes"]
-        ]
-        own = FleetKeys(fleet)
-        answer = await operate("POST", f"/v1/providers/{provider_id}/drones", own.bodies)
-        drones += own.kept(answer["items"])
+        fleet = await register_fleet(
+            api, operator_key, provider, model_id=PAPER_SCENARIO.model_id, loading="CONFIRMED"
+        )
+        names[fleet.provider_id] = provider["name"]
+        drones += fleet.drones
     fleet_file = folder / "fleet.json"
     fleet_file.touch(mode=0o600)
     fleet_file.write_text(json.dumps({"items": drones}))

@@ -28,6 +28,10 @@ _SIGNERS = ("composition", "gateway")
 _API_KEYS = ("operator_key", "customer_key")
 
 
+#: The key of a provider of the small world; no service reads it.
+_PROVIDER_KEY = "provider_key"
+
+
 def make_secrets(folder: DataFolder) -> None:
     """Write the missing secrets; only this user can read them."""
     folder.make()
@@ -94,8 +98,19 @@ def write_keys_file(
         "SKYWAY_METRICS_KEY": read_secret(folder, METRICS_KEY),
         "SKYWAY_MQTT_OPERATOR_PASSWORD": read_secret(folder, "mqtt_operator"),
     }
+    if (folder.secrets / _PROVIDER_KEY).exists():
+        values["SKYWAY_PROVIDER_KEY"] = read_secret(folder, _PROVIDER_KEY)
     lines = [f"export {name}={value}\n" for name, value in values.items()]
     write_private(folder.keys_file, "".join(lines))
+
+
+def keep_provider_key(folder: DataFolder, key: str) -> None:
+    """Keep the key of a provider, for the command line: here and in keys.env."""
+    path = folder.secrets / _PROVIDER_KEY
+    if not path.exists():
+        write_private(path, key + "\n")
+        line = f"export SKYWAY_PROVIDER_KEY={key}\n"
+        write_private(folder.keys_file, folder.keys_file.read_text() + line)
 
 
 def _write_once(path: Path, content: str) -> None:

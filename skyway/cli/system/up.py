@@ -4,7 +4,7 @@ import asyncio
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 from rich.console import Console
@@ -16,8 +16,19 @@ from skyway.cli.system.running_system import System, running_system
 from skyway.cli.system.secrets import read_secret
 from skyway.cli.system.supervisor import first_of
 
+#: Fleet seconds per second of wall time. In the small world a flight between two stations takes
+#: about ten seconds, so that one sees the drones move.
+_RATE: Final = 120.0
+_DEMO_RATE: Final = 60.0
+
 RateOption = Annotated[
-    float, typer.Option(min=1.0, max=100_000.0, help="Fleet seconds per second of wall time.")
+    float | None,
+    typer.Option(
+        min=1.0,
+        max=100_000.0,
+        help="Fleet seconds per second of wall time.",
+        show_default=f"{_RATE:g}, with --demo {_DEMO_RATE:g}",
+    ),
 ]
 PortOption = Annotated[
     int, typer.Option(min=0, max=65535, help="The gateway's port; 0 is any free port.")
@@ -29,29 +40,45 @@ MqttPortOption = Annotated[
 
 def up_command(
     data: DataOption = None,
-    rate: RateOption = 120.0,
+    rate: RateOption = None,
     port: PortOption = 8000,
     mqtt_port: MqttPortOption = 1883,
+    demo: Annotated[
+        bool,
+        typer.Option(
+            "--demo",
+            help="Keep a small world going: simulated fleets on the bundled network, and a "
+            "delivery requested every few seconds.",
+        ),
+    ] = False,
 ) -> None:
     """Start all processes and keep them running until Ctrl-C."""
     folder = data_folder(data)
-    asyncio.run(_up(folder, rate=rate, ports=Ports(gateway=port, broker=mqtt_port)))
+    ports = Ports(gateway=port, broker=mqtt_port)
+    asyncio.run(_up(folder, rate=rate or (_DEMO_RATE if demo else _RATE), ports=ports, demo=demo))
 
 
-async def _up(folder: DataFolder, *, rate: float, ports: Ports) -> None:
+async def _up(folder: DataFolder, *, rate: float, ports: Ports, demo: bool) -> None:
     console = Console()
     with asked_to_stop() as asked:
-        await first_of(asked.wait(), _run(console, folder, rate=rate, ports=ports))
+        await first_of(asked.wait(), _run(console, folder, rate=rate, ports=ports, demo=demo))
     console.print("Skyway has stopped; nothing is left running.")
 
 
-async def _run(console: Console, folder: DataFolder, *, rate: float, ports: Ports) -> None:
+async def _run(
+    console: Console, folder: DataFolder, *, rate: float, ports: Ports, demo: bool
+) -> None:
     def say(line: str) -> None:
         console.print(line, soft_wrap=True, markup=False)
 
     async with running_system(folder, rate=rate, ports=ports, say=say) as system:
         announce(console, system, link=await login_link(system))
-        await system.supervisor.failed()
+        if not demo:
+            await system.supervisor.failed()
+        # Imported here: networks take a moment, and most starts need none.
+        from skyway.cli.small_world.live_on import live_on
+
+        await first_of(live_on(system, say=say), system.supervisor.failed())
 
 
 @contextmanager

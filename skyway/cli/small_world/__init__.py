@@ -1,0 +1,1 @@
+"""The small world of `skyway up --demo`: a few fleets, and customers who go on requesting."""

@@ -1,0 +1,95 @@
+"""`skyway up --demo`: a small world that goes on until Ctrl-C, and goes on after a restart."""
+
+import os
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from skyway.cli.data_folder import DataFolder
+from tests.end_to_end.eventually import LONGEST_WAIT_S, eventually
+from tests.end_to_end.local_system import SKYWAY, LocalSystem
+from tests.end_to_end.test_demo import processes_using
+
+pytestmark = pytest.mark.end_to_end
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> Iterator[LocalSystem]:
+    """The data folder of a small world that is not started, on the embedded pair."""
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("SKYWAY_")}
+    local = LocalSystem(DataFolder(tmp_path / "data"), environment)
+    local.folder.make()
+    yield local
+    local.stop()
+
+
+def start(world: LocalSystem) -> None:
+    log = world.folder.path / "up.log"
+    ports = ("--port", "0", "--mqtt-port", "0", "--rate", "600")
+    command = [*SKYWAY, "up", "--demo", "--data", str(world.folder.path), *ports]
+    with log.open("wb") as output:
+        world.up = subprocess.Popen(command, stdout=output, stderr=output, env=world.environment)
+    eventually(lambda: "The small world" in log.read_text(), "a start", instead=log.read_text)
+
+
+def interrupt(world: LocalSystem) -> str:
+    assert world.up is not None
+    world.up.send_signal(signal.SIGINT)
+    world.up.wait(LONGEST_WAIT_S)
+    return (world.folder.path / "up.log").read_text()
+
+
+def deliveries(world: LocalSystem, state: str = "") -> set[str]:
+    query = f"&state={state}" if state else ""
+    items = world.operate("GET", f"/v1/deliveries?limit=200{query}")["items"]
+    return {each["delivery_id"] for each in items}
+
+
+def fleets(world: LocalSystem) -> dict[str, Any]:
+    providers = [each["provider_id"] for each in world.operate("GET", "/v1/providers")["items"]]
+    return {
+        each: [
+            drone["drone_id"]
+            for drone in world.operate("GET", f"/v1/providers/{each}/drones")["items"]
+        ]
+        for each in providers
+    }
+
+
+def test_the_small_world_goes_on_until_it_is_stopped_and_after_a_restart(
+    world: LocalSystem,
+) -> None:
+    start(world)
+    eventually(lambda: deliveries(world, "COMPLETED"), "a completed delivery")
+    lived = fleets(world)
+    assert sum(len(drones) for drones in lived.values()) == 11
+
+    assert "has stopped" in interrupt(world)
+    assert processes_using(world.folder.path) == []
+
+    start(world)
+    before = deliveries(world)
+    eventually(lambda: deliveries(world, "COMPLETED") - before, "a delivery of the second start")
+    assert fleets(world) == lived
+
+
+def test_its_printed_link_logs_in(world: LocalSystem) -> None:
+    start(world)
+    [line] = [
+        each
+        for each in (world.folder.path / "up.log").read_text().splitlines()
+        if "#login=" in each
+    ]
+    address, _, code = line.split()[1].partition("/console#login=")
+
+    begun = httpx.post(f"{address}/v1/sessions", json={"code": code}, headers={"Origin": address})
+
+    assert begun.json()["role"] == "operator"
+    for role in ("operator", "provider", "customer"):
+        printed = world.command("console", "--role", role)
+        assert printed.stdout.startswith(f"{address}/console#login="), printed.stderr
