@@ -33,7 +33,7 @@ PROVIDERS: Final[tuple[dict[str, Any], ...]] = (
 
 
 @dataclass(frozen=True, slots=True)
-class Fleet:
+class RegisteredFleet:
     """A registered provider, its API key, and its drones with their credentials as JSON."""
 
     provider_id: str
@@ -48,7 +48,7 @@ async def register_fleet(
     *,
     model_id: str,
     loading: str = "AUTOMATIC",
-) -> Fleet:
+) -> RegisteredFleet:
     """Register one of `PROVIDERS` and its drones; `loading` is who says that a drone is loaded.
 
     Raises
@@ -62,4 +62,4 @@ async def register_fleet(
     own = FleetKeys([{"model_id": model_id, "home_station_id": home} for home in provider["homes"]])
     path = f"/v1/providers/{provider_id}/drones"
     registered = await api.call("POST", path, key=operator_key, body=own.bodies)
-    return Fleet(provider_id, answer["key"], own.kept(registered["items"]))
+    return RegisteredFleet(provider_id, answer["key"], own.kept(registered["items"]))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from skyway.broker_setup.private_file import write_private
-from skyway.cli.demo.fleets import Fleet
+from skyway.cli.demo.fleets import RegisteredFleet
 
 
 @dataclass(slots=True)
@@ -14,7 +14,7 @@ class Inhabitants:
     """The fleets and the customers' keys that are registered so far, by their names."""
 
     file: Path
-    fleets: dict[str, Fleet] = field(default_factory=dict)
+    fleets: dict[str, RegisteredFleet] = field(default_factory=dict)
     customer_keys: dict[str, str] = field(default_factory=dict)
 
     @classmethod
@@ -23,7 +23,7 @@ class Inhabitants:
         if not file.exists():
             return cls(file)
         kept: dict[str, Any] = json.loads(file.read_text())
-        fleets = {name: Fleet(**fleet) for name, fleet in kept["fleets"].items()}
+        fleets = {name: RegisteredFleet(**fleet) for name, fleet in kept["fleets"].items()}
         return cls(file, fleets, kept["customer_keys"])
 
     def keep(self) -> None:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.demo.fleets import Fleet
+from skyway.cli.demo.fleets import RegisteredFleet
 from skyway.cli.gateway import read_keys
 from skyway.cli.small_world.inhabitants import Inhabitants
 from skyway.cli.system.secrets import keep_provider_key, make_secrets, write_keys_file
@@ -14,7 +14,7 @@ ADDRESSES = ("http://127.0.0.1:8000", "mqtt://127.0.0.1:1883")
 def test_what_was_kept_is_read_again(tmp_path: Path) -> None:
     file = tmp_path / "small-world.json"
     known = Inhabitants.read(file)
-    known.fleets["Alamo Air"] = Fleet("prv_1", "sk_provider", [{"drone_id": "drn_1"}])
+    known.fleets["Alamo Air"] = RegisteredFleet("prv_1", "sk_provider", [{"drone_id": "drn_1"}])
     known.customer_keys["river-books"] = "sk_books"
 
     known.keep()
