@@ -11,7 +11,7 @@ from skyway.errors import SkywayError
 
 #: Each subcommand, and what runs it.
 _COMMANDS: Final = {
-    "up": "skyway.cli.system.up:up_command",
+    "up": "skyway.cli.up:up_command",
     "demo": "skyway.cli.demo.command:demo_command",
     "compose": "skyway.cli.compose:compose_command",
     "experiment": "skyway.cli.experiment:experiment_command",

@@ -9,10 +9,10 @@ from rich.console import Console
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder, held
 from skyway.cli.demo.screen import DemoScreen
+from skyway.cli.system.announce import announce, asked_to_stop, login_link
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import running_system
 from skyway.cli.system.supervisor import first_of
-from skyway.cli.system.up import announce, asked_to_stop, login_link
 from skyway.errors import SkywayError
 
 #: The delivery shall take about this long on the wall (docs/reference/time.md).

@@ -11,9 +11,10 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from skyway.cli import up
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.main import make_app
-from skyway.cli.system import up
+from skyway.cli.system.announce import announce
 from skyway.cli.system.running_system import System
 from skyway.cli.system.supervisor import Supervisor
 
@@ -47,7 +48,7 @@ def announced(folder: DataFolder) -> str:
     urls = {name: f"http://{name}:1" for name in ("registry", "composition", "gateway")}
     system = System(folder, Supervisor(), urls, "mqtt://broker:1883")
     with console.capture() as captured:
-        up.announce(console, system, link="http://gateway:1/console#login=" + "c" * 43)
+        announce(console, system, link="http://gateway:1/console#login=" + "c" * 43)
     return captured.get()
 
 

@@ -1,19 +1,15 @@
 """`skyway up`: the whole system on this machine, until Ctrl-C."""
 
 import asyncio
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Annotated, Final
 
 import typer
 from rich.console import Console
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
-from skyway.cli.gateway import GatewayApi
+from skyway.cli.system.announce import announce, asked_to_stop, login_link
 from skyway.cli.system.children import Ports
-from skyway.cli.system.running_system import System, running_system
-from skyway.cli.system.secrets import read_secret
+from skyway.cli.system.running_system import running_system
 from skyway.cli.system.supervisor import first_of
 
 #: Fleet seconds per second of wall time. In the small world a flight between two stations takes
@@ -79,52 +75,3 @@ async def _run(
         from skyway.cli.small_world.live_on import live_on
 
         await first_of(live_on(system, say=say), system.supervisor.failed())
-
-
-@contextmanager
-def asked_to_stop() -> Iterator[asyncio.Event]:
-    """An event that Ctrl-C and SIGTERM set, so that everything ends in order."""
-    asked = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    for number in numbers:
-        loop.add_signal_handler(number, asked.set)
-    try:
-        yield asked
-    finally:
-        for number in numbers:
-            loop.remove_signal_handler(number)
-
-
-async def login_link(system: System) -> str:
-    """A link to the console that logs the operator in once.
-
-    Raises
-    ------
-    SkywayError
-        The gateway refuses it.
-    """
-    key = read_secret(system.folder, "operator_key")
-    async with GatewayApi(system.urls["gateway"]) as api:
-        link = await api.call("POST", "/v1/session-links", key=key)
-    return str(link["url"])
-
-
-def announce(console: Console, system: System, *, link: str) -> None:
-    """Print the addresses, keys and logs of the system, and a login link for the operator.
-
-    The lines are not wrapped, because people copy addresses and paths from them.
-    """
-    rows = {
-        "console": f"{link} (works once, for ten minutes; another one: skyway console)",
-        "gateway": f"{system.urls['gateway']} (its pages: /docs)",
-        "registry": system.urls["registry"],
-        "composition": system.urls["composition"],
-        "broker": system.mqtt_url,
-    }
-    lines = [
-        "Skyway is up:",
-        *(f"  {name:<12} {text}" for name, text in rows.items()),
-        f"Keys: source {system.folder.keys_file}    Logs: {system.folder.logs}    Stop: Ctrl-C",
-    ]
-    console.print("\n".join(lines), soft_wrap=True, markup=False, highlight=False)
