@@ -60,6 +60,8 @@ class Gauges:
     def show(self, *sources: GaugeSource) -> None:
         """Read these sources too."""
         self._sources += sources
+        for source in sources:
+            _count_unread(0, source)
 
     async def read(self) -> tuple[Gauge, ...]:
         """All numbers, none of them older than its source keeps them."""
@@ -76,11 +78,15 @@ class Gauges:
             async with asyncio.timeout(self._within_s):
                 readings = tuple(await source.read())
         except (ServiceUnavailable, TimeoutError) as error:
-            count("skyway_gauges_unread", "gauges that could not be read", source=source.name)
+            _count_unread(1, source)
             log.info("gauges not read", extra={"source": source.name, "reason": str(error)})
             return ()
         self._kept[source.name] = (self._now(), readings)
         return readings
+
+
+def _count_unread(times: int, source: GaugeSource) -> None:
+    count("skyway_gauges_unread", "gauges that could not be read", times, source=source.name)
 
 
 def gauge_families(readings: Iterable[Gauge]) -> "Iterable[GaugeMetricFamily]":

@@ -92,12 +92,13 @@ async def repeat(
     wake = wake or Wake()
     missing = MissingParts(name)
     failures = 0
+    _count_failures(name, 0)
     while True:
         try:
             has_more = await step()
         except Exception as error:
             failures += 1
-            count("skyway_loop_failures", "steps of loops that failed", loop=name)
+            _count_failures(name, 1)
             longest_s = _LONGEST_WAIT_FOR_A_PART_S
             if not missing.note(error):
                 log.exception("loop step failed", extra={"loop": name, "failures": failures})
@@ -111,6 +112,10 @@ async def repeat(
             await asyncio.sleep(0)
         else:
             await wake.wait(every_s)
+
+
+def _count_failures(loop: str, failures: int) -> None:
+    count("skyway_loop_failures", "steps of loops that failed", failures, loop=loop)
 
 
 def pause_s(failures: int, *, longest_s: float = _LONGEST_WAIT_FOR_A_PART_S) -> float:

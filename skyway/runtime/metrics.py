@@ -53,5 +53,9 @@ COUNTERS = Counters()
 
 
 def count(name: str, about: str, amount: float = 1.0, **labels: str) -> None:
-    """Count in this process: ``count("skyway_outbox_sent", "messages sent", channel="mqtt")``."""
+    """Count in this process: ``count("skyway_outbox_sent", "messages sent", channel="mqtt")``.
+
+    A counter that alerts watch is counted with 0 at the start: Prometheus sees the growth of a
+    series, and not that it appears.
+    """
     COUNTERS.add(name, about, amount, **labels)

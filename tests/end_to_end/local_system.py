@@ -15,6 +15,7 @@ import httpx
 
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.gateway import read_keys
+from skyway.runtime.metrics import METRICS_KEY
 from skyway.runtime.signing.fleet_keys import FleetKeys
 from tests.end_to_end.corridor_network import corridor
 from tests.end_to_end.eventually import LONGEST_WAIT_S, eventually
@@ -23,6 +24,8 @@ SKYWAY = (sys.executable, "-m", "skyway.cli")
 
 #: Deliveries in these states stay in them.
 TERMINAL = ("COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED")
+
+_SERVICES = ("gateway", "registry", "composition")
 
 #: An empty trust store. Calls go over plain HTTP; without it, each would load all certificates.
 _NO_CERTIFICATES = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
@@ -85,6 +88,25 @@ class LocalSystem:
             timeout=LONGEST_WAIT_S,
             verify=_NO_CERTIFICATES,
         )
+
+    @property
+    def service_urls(self) -> dict[str, str]:
+        """The address of each service, as `skyway up` has printed it last."""
+        lines = (self.folder.path / "up.log").read_text().splitlines()
+        fields = (line.split() for line in lines)
+        return {each[0]: each[1] for each in fields if each and each[0] in _SERVICES}
+
+    def metrics_of(self, service: str) -> str:
+        """What a service answers to GET /metrics."""
+        key = (self.folder.secrets / METRICS_KEY).read_text().strip()
+        answer = httpx.get(
+            f"{self.service_urls[service]}/metrics",
+            headers={"Authorization": f"Bearer {key}"},
+            timeout=LONGEST_WAIT_S,
+            verify=_NO_CERTIFICATES,
+        )
+        assert answer.status_code == 200, answer.text
+        return answer.text
 
     def publish_corridor(self, name: str) -> None:
         """Publish a network for one test. Its stations are name-s1 to name-s4."""

@@ -7,12 +7,12 @@ answer, so the answer shows nothing of the work.
 
 import json
 from http import HTTPMethod
-from typing import Final
+from typing import Final, get_args
 
 from skyway.ids import SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.http.identity import RefusedKey
+from skyway.runtime.http.identity import RefusalReason, RefusedKey
 from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
@@ -47,6 +47,9 @@ class RefusedLogins:
         self._waiting: list[RefusedLogin] = []
         #: Set when an entry waits.
         self.wake = Wake()
+        for reason in get_args(RefusalReason):
+            count("skyway_keys_refused", "keys that were refused", 0, reason=reason)
+        count("skyway_audit_lost", "calls that could not be logged", 0)
 
     def note(self, refused: RefusedKey, *, method: str, path: str, address: str) -> None:
         """Count a refused key, and have it written unless its minute has an entry of it."""

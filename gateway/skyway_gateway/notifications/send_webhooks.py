@@ -11,7 +11,7 @@ import logging
 import random
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
-from typing import Final, Never
+from typing import Final, Never, get_args
 
 from skyway.ids import EventId
 from skyway.runtime.clock import FleetClock, sleep_wall
@@ -86,6 +86,8 @@ class WebhookSender:
 
     async def run(self) -> Never:
         """Notify until the process ends."""
+        for outcome in get_args(Outcome):
+            _count_attempts(0, outcome)
         async with asyncio.TaskGroup() as group:
             await repeat(
                 "webhooks", lambda: self._step(group), every_s=_LONGEST_PAUSE_S, wake=self.wake
@@ -152,7 +154,7 @@ class WebhookSender:
     async def _try(self, endpoint: Endpoint, notification: Notification) -> None:
         sent = await self._send(endpoint, notification)
         attempt = self._attempt(notification, sent, wait_s=self._wait_s(notification, sent.reply))
-        count("skyway_webhook_attempts", "tries to notify", outcome=attempt.outcome)
+        _count_attempts(1, attempt.outcome)
         about, duration_s = "time until an endpoint answered", attempt.duration_ms / 1000
         observe("skyway_webhook_duration_seconds", about, duration_s, outcome=attempt.outcome)
         async with self.db.write() as tx:
@@ -212,6 +214,10 @@ class WebhookSender:
             detail=sent.reply.detail,
             next_try_at=None if wait_s is None else sent.at + timedelta(seconds=wait_s),
         )
+
+
+def _count_attempts(attempts: int, outcome: Outcome) -> None:
+    count("skyway_webhook_attempts", "tries to notify", attempts, outcome=outcome)
 
 
 def _outcome(reply: Reply, wait_s: float | None) -> Outcome:

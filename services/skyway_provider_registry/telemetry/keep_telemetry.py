@@ -47,6 +47,8 @@ class TelemetryRecorder:
         self.newest_at: datetime | None = None
         #: Set when there is a full batch.
         self.wake = Wake()
+        for reason in ("clock", "database"):
+            _count_dropped(0, reason=reason)
 
     def accept(self, samples: Iterable[tuple[DroneId, Telemetry]]) -> None:
         """Queue samples; a sample whose moment is far from now is dropped and counted."""
@@ -93,8 +95,7 @@ class TelemetryRecorder:
 
 
 def _count_dropped(samples: int, *, reason: str) -> None:
-    if samples:
-        count("skyway_telemetry_dropped", "samples not written", samples, reason=reason)
+    count("skyway_telemetry_dropped", "samples not written", samples, reason=reason)
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,6 +95,7 @@ class Inbox:
         self._light = 0  # how many waiting messages have mqtt_qos 0
         self._has_news = asyncio.Event()
         self._unreadable: set[str] = set()
+        _count_shed(0)
 
     @property
     def filters(self) -> dict[str, int]:
@@ -144,7 +145,7 @@ class Inbox:
     def _drop_older_half(self) -> None:
         """Drop the older half of the messages of mqtt_qos 0."""
         doomed = self._light // 2
-        count("skyway_mqtt_shed", "messages of mqtt_qos 0 dropped: their reader is stuck", doomed)
+        _count_shed(doomed)
         self._light -= doomed
         for _ in range(len(self._waiting)):
             item = self._waiting.popleft()
@@ -172,6 +173,10 @@ class Inbox:
                     extra={"topic": topic.template, "ids": ids, "errors": error.error_count()},
                 )
             return None
+
+
+def _count_shed(messages: int) -> None:
+    count("skyway_mqtt_shed", "messages of mqtt_qos 0 dropped: their reader is stuck", messages)
 
 
 def _narrower_than(topic: Topic[Any]) -> tuple[Topic[Any], ...]:

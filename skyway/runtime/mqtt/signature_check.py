@@ -64,6 +64,7 @@ class SignatureCheck:
         self._held_of: Counter[str] = Counter()  # how many, by drone
         self._wake = Wake()
         self._logged_s = -_LOG_EVERY_S
+        _count_forged(0)
 
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         """Whether to drop the messages of this sender, unread."""
@@ -129,9 +130,13 @@ class SignatureCheck:
         return self._book.judge(arrival.ids[1], arrival.name, arrival.payload) == "PROVEN"
 
     def _reject(self, arrival: Arrival) -> None:
-        count("skyway_forged_messages", "drone messages without a valid signature of the drone")
+        _count_forged(1)
         now_s = time.monotonic()
         if now_s - self._logged_s >= _LOG_EVERY_S:
             self._logged_s = now_s
             log.warning("drone message without a valid signature", extra={"topic": arrival.name})
         self._reception.forged(arrival)
+
+
+def _count_forged(messages: int) -> None:
+    count("skyway_forged_messages", "drone messages without a valid signature", messages)

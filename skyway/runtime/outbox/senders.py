@@ -130,6 +130,8 @@ class ReportSender:
             StreamSender(db, service, self._post, clock=clock, pace=pace_of[service])
             for service in clients
         ]
+        for service in clients:
+            _count_dropped(0, channel=service)
 
     async def run(self) -> None:
         """Post for ever."""
@@ -179,7 +181,7 @@ class ReportSender:
             if refusal.status in _LATER_STATUSES:
                 return retry_later(row, _UNANSWERED_S)
             # It can never succeed, and its stream must go on.
-            count("skyway_outbox_dropped", "reports refused for good", channel=row.channel)
+            _count_dropped(1, channel=row.channel)
             log.error(  # noqa: TRY400  the receiver's reason matters, not our stack
                 "report refused",
                 extra={"service_name": row.channel, "path": row.address, "reason": str(refusal)},
@@ -231,6 +233,10 @@ class _ReportBatch:
     async def is_accepted(self) -> bool:
         """Wait until the batch was posted; whether the service accepted it."""
         return await asyncio.shield(self._outcome)
+
+
+def _count_dropped(reports: int, *, channel: str) -> None:
+    count("skyway_outbox_dropped", "reports refused for good", reports, channel=channel)
 
 
 def _observe_delay(row: Row[Any]) -> None:

@@ -133,6 +133,7 @@ class StreamSender:
     async def run(self) -> None:
         """Send for ever."""
         self._db.wake_when_sent(self._wake, channel=self._channel)
+        self._count_failures(0)
         async with asyncio.TaskGroup() as group:
             await repeat(
                 f"outbox {self._channel}", lambda: self._step(group), every_s=_LONGEST_PAUSE_S
@@ -225,7 +226,7 @@ class StreamSender:
             with tracing(row.traceparent):
                 retry = await self._send(row)
         except Exception:
-            count("skyway_outbox_failures", "sends that broke", channel=self._channel)
+            self._count_failures(1)
             log.exception("send failed", extra={"channel": self._channel, "stream": row.stream})
             return
         count("skyway_outbox_sends", "rows sent, repeats too", channel=self._channel)
@@ -233,6 +234,9 @@ class StreamSender:
             self._sent.append(row.id)
         else:
             self._keep(row, retry)
+
+    def _count_failures(self, failures: int) -> None:
+        count("skyway_outbox_failures", "sends that broke", failures, channel=self._channel)
 
     def _keep(self, row: Row[Any], retry: Retry) -> None:
         """Remember a row that is sent again later.

@@ -19,6 +19,7 @@ from skyway.runtime.sql.connection import AnyRow, Values
 from skyway.runtime.sql.engines import Dialect, read_url
 from skyway.runtime.sql.storage import PostgresqlStorage, SqliteStorage, Storage
 from skyway.runtime.sql.transaction import Tx
+from skyway.runtime.sql.trouble import count_trouble
 
 __all__ = ["Database", "Tx"]
 
@@ -43,6 +44,7 @@ class Database:
         self._storage: Storage | None = None
 
     async def __aenter__(self) -> Self:
+        count_trouble(0)
         storage = (SqliteStorage if self.dialect == "sqlite" else PostgresqlStorage)(self._url)
         self._storage = await self._opened.enter_async_context(storage)
         return self

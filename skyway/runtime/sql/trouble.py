@@ -87,13 +87,13 @@ def named_trouble(name: NameTrouble) -> Iterator[None]:
     try:
         yield
     except ServiceUnavailable:
-        _count()
+        count_trouble(1)
         raise
     except (DBAPIError, NoFreeConnection, sqlite3.Error, OSError, MemoryError) as error:
         trouble = name(error)
         if trouble is None:
             raise
-        _count()
+        count_trouble(1)
         raise trouble from error
 
 
@@ -166,8 +166,9 @@ def _sqlite_trouble(cause: BaseException | None) -> ServiceUnavailable | None:
     return None
 
 
-def _count() -> None:
-    count("skyway_database_trouble", "blocks that met trouble of the database")
+def count_trouble(blocks: int) -> None:
+    """Count blocks that met trouble of the database."""
+    count("skyway_database_trouble", "blocks that met trouble of the database", blocks)
 
 
 def _sqlstate(cause: BaseException | None) -> str:
