@@ -34,6 +34,7 @@ from skyway_provider_registry.enrolment.routes import (
     enrolment_routes,
 )
 from skyway_provider_registry.enrolment.stored_keys import StoredKeys
+from skyway_provider_registry.fleets.all_drones_routes import all_drones_routes
 from skyway_provider_registry.fleets.announce_renewals import CompositionNotice, RenewalAnnouncer
 from skyway_provider_registry.fleets.credential_routes import credential_routes
 from skyway_provider_registry.fleets.drone_model_routes import drone_model_routes
@@ -95,6 +96,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             fleet_routes(
                 db=db, gate=gate, clock=clock, stations=stations, password_file=password_file
             ),
+            all_drones_routes(db=db, gate=gate, clock=clock),
             service_state_routes(db=db, gate=gate),
             fleet_statistics_routes(db=db, gate=gate, clock=clock),
             credential_routes(

@@ -77,6 +77,7 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         "GET /v1/providers",
         f"GET {_PROVIDER}",
         f"GET {_PROVIDER}/drones",
+        "GET /v1/drones",
         f"GET {_DRONE}",
         f"GET {_DRONE}/telemetry",
         "GET /v1/drone-models",

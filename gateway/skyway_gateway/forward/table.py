@@ -71,6 +71,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         timeout_s=_HEAVY_S,
     ),
     Forwarded("GET", "/v1/providers/{provider_id}/drones", "registry", _FLEETS),
+    Forwarded("GET", "/v1/drones", "registry", _OPERATOR),
     Forwarded("GET", "/v1/providers/{provider_id}/drones/{drone_id}", "registry", _FLEETS_OR_DRONE),
     Forwarded(
         "GET",

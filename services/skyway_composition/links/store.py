@@ -94,6 +94,16 @@ async def link_to(connection: AsyncConnection, drone_id: DroneId) -> DroneLink |
     return None if row is None else _link(row)
 
 
+async def states_of(
+    connection: AsyncConnection, drone_ids: Collection[DroneId]
+) -> dict[DroneId, DroneState]:
+    """The last state that each of these drones has reported, if any."""
+    query = select(drone_links.c.drone_id, drone_links.c.state).where(
+        drone_links.c.drone_id.in_(sorted(drone_ids)), drone_links.c.state.is_not(None)
+    )
+    return {row.drone_id: DroneState.read(row.state) for row in await connection.execute(query)}
+
+
 async def renewals_of(
     connection: AsyncConnection, drone_ids: Collection[DroneId]
 ) -> dict[DroneId, int]:

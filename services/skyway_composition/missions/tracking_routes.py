@@ -1,21 +1,31 @@
 """Tracks and missions over REST: for the gateway, operators, providers and drones."""
 
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 from fastapi import Depends, Query
 from pydantic import Field
 
-from skyway.contracts.mission import Mission, MissionState
+from skyway.contracts.drone_report import DroneState
+from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.message import FleetMoment, Soc
+from skyway.contracts.mission import OPEN_MISSION_STATES, Mission, MissionState
 from skyway.contracts.track import Track
-from skyway.ids import DeliveryId, MissionId, ProviderId
+from skyway.geo import Position
+from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
-from skyway_composition.links.store import link_to
+from skyway_composition.links.store import link_to, states_of
 from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.step_store import ended_events, steps_of
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.step_store import (
+    ended_events,
+    next_steps_of,
+    steps_of,
+)
 from skyway_composition.missions.mission.store import MissionFilter
 from skyway_composition.missions.tracking import MissionProgress, progress_of, track_of
 
@@ -37,6 +47,31 @@ class MissionQuery(PageQuery):
     ] = None
 
 
+class ListedMission(Mission):
+    """A mission, its present step, and where its drone was last seen flying it."""
+
+    step: Annotated[
+        FlightStep | None,
+        Field(
+            description="The first step that has not ended, as it was sent to the drone; null when "
+            "the mission is over."
+        ),
+    ]
+    position: Annotated[
+        Position | None,
+        Field(
+            description="Longitude and latitude in degrees that the drone reported last on this "
+            "mission; null while it is not on this mission."
+        ),
+    ]
+    position_at: Annotated[
+        FleetMoment | None, Field(description="When it was there; null without a position.")
+    ]
+    soc: Annotated[
+        Soc | None, Field(description="Its state of charge there, 0 to 1; null without a position.")
+    ]
+
+
 def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     """GET under /v1/missions, and the track under /internal/deliveries."""
     router = ServiceRouter(tags=("missions",))
@@ -52,7 +87,7 @@ def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     @router.get("/v1/missions")
     async def list_missions(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[MissionQuery, Query()]
-    ) -> Page[Mission]:
+    ) -> Page[ListedMission]:
         """List missions, the newest first: all for operators, its own for a provider or a drone."""
         shown = MissionFilter(
             provider_id=_own(caller),
@@ -69,11 +104,13 @@ def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
                 before=str(after[0]) if after else None,
                 limit=query.limit + 1,
             )
+            steps = await next_steps_of(connection, [record.mission_id for record in rows])
+            states = await states_of(connection, {record.drone_id for record in rows})
         return page_of(
-            rows,
+            _all_listed(rows, steps=steps, states=states),
             query,
-            item=lambda record: record.mission,
-            sort_key=lambda record: (record.mission_id,),
+            item=lambda mission: mission,
+            sort_key=lambda mission: (mission.mission_id,),
         )
 
     @router.get("/v1/missions/{mission_id}")
@@ -91,6 +128,32 @@ def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         return progress_of(record, steps, events=events, link=link)
 
     return router
+
+
+def _all_listed(
+    records: Sequence[MissionRecord],
+    *,
+    steps: Mapping[MissionId, FlightStep],
+    states: Mapping[DroneId, DroneState],
+) -> list[ListedMission]:
+    """The missions with these steps, and with the states of their drones."""
+    return [
+        _listed(record.mission, steps.get(record.mission_id), states.get(record.drone_id))
+        for record in records
+    ]
+
+
+def _listed(mission: Mission, step: FlightStep | None, state: DroneState | None) -> ListedMission:
+    is_open = mission.state in OPEN_MISSION_STATES
+    is_here = is_open and state is not None and state.mission_id == mission.mission_id
+    seen = state if is_here else None
+    return ListedMission(
+        **dict(mission),
+        step=step if is_open else None,
+        position=None if seen is None else seen.position,
+        position_at=None if seen is None else seen.at,
+        soc=None if seen is None else seen.soc,
+    )
 
 
 def _own(caller: Caller) -> ProviderId | None:

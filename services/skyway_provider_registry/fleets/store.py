@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
-from sqlalchemy import ColumnElement, delete, select, update
+from sqlalchemy import ColumnElement, delete, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.drone.model import DroneModel
@@ -111,10 +111,29 @@ async def page_of_caller(
     connection: AsyncConnection, caller: Caller, *, provider_id: ProviderId, query: PageQuery
 ) -> Sequence[FleetDrone]:
     """Up to limit + 1 drones of this provider that the caller may see, sorted by id."""
-    statement = _fleet.where(_is_own(caller, provider_id))
-    if (after := query.after(str)) is not None:
-        statement = statement.where(drones.c.drone_id > after[0])
-    statement = statement.order_by(drones.c.drone_id).limit(query.limit + 1)
+    after = query.after(str)
+    return await _page(
+        connection,
+        _is_own(caller, provider_id),
+        after=str(after[0]) if after else None,
+        limit=query.limit + 1,
+    )
+
+
+async def page_of_all(
+    connection: AsyncConnection, *, provider_id: ProviderId | None, after: str | None, limit: int
+) -> Sequence[FleetDrone]:
+    """Up to `limit` drones of all providers, or of this one, sorted by id."""
+    of_provider = true() if provider_id is None else drones.c.provider_id == provider_id
+    return await _page(connection, of_provider, after=after, limit=limit)
+
+
+async def _page(
+    connection: AsyncConnection, which: ColumnElement[bool], *, after: str | None, limit: int
+) -> Sequence[FleetDrone]:
+    statement = _fleet.where(which).order_by(drones.c.drone_id).limit(limit)
+    if after is not None:
+        statement = statement.where(drones.c.drone_id > after)
     models = await every_model(connection)
     return [_drone(row, models) for row in await connection.execute(statement)]
 

@@ -1,5 +1,6 @@
 """Missions over REST: providers and drones see their own, operators see all."""
 
+import json
 from typing import Any
 
 import pytest
@@ -50,6 +51,48 @@ async def test_operators_see_all_missions_and_can_filter_them(composition: Any, 
     assert [item["mission_id"] for item in everything.json()["items"]] == [theirs, mine]
     assert [item["mission_id"] for item in narrowed.json()["items"]] == [theirs]
     assert none.json()["items"] == []
+
+
+async def listed_mission(composition: Any) -> Any:
+    [item] = (await composition("operator:op", "GET", "/v1/missions")).json()["items"]
+    return item
+
+
+async def test_a_listed_mission_shows_its_present_step_and_where_its_drone_is(
+    composition: Any, drone: Any
+) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    booked = await listed_mission(composition)
+    flown = drone.flown(instruction)
+    await composition.receive(drone.ack(instruction), *flown[:1])
+    await composition.receive(
+        drone.state(
+            activity="FLYING",
+            mission_id=instruction.mission_id,
+            step_id=instruction.steps[1].step_id,
+            station_id=None,
+            position=(0.25, 0.5),
+            soc=0.75,
+            last_instruction_seq=instruction.seq,
+        )
+    )
+    flying = await listed_mission(composition)
+    await composition.receive(*flown[1:])
+    over = await listed_mission(composition)
+
+    first, second = (json.loads(each.model_dump_json()) for each in instruction.steps[:2])
+    assert (booked["step"], booked["position"], booked["soc"]) == (first, None, None)
+    assert (flying["step"], flying["position"], flying["soc"]) == (second, [0.25, 0.5], 0.75)
+    assert flying["position_at"] is not None
+    assert (over["step"], over["position"], over["position_at"]) == (None, None, None)
+
+
+async def test_a_drone_on_another_mission_is_not_shown(composition: Any, drone: Any) -> None:
+    await composition.book()
+    await composition.receive(drone.state(mission_id="mis_other", position=(0.25, 0.5)))
+
+    assert (await listed_mission(composition))["position"] is None
 
 
 async def test_missions_come_in_pages(composition: Any, make: Any) -> None:

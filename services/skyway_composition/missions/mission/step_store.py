@@ -1,12 +1,12 @@
 """The steps of a mission, with all SQL: as they were sent, how they ended, and which were cut."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, Literal
 
 from pydantic import TypeAdapter
-from sqlalchemy import Row, bindparam, delete, insert, select, update
+from sqlalchemy import Row, bindparam, delete, func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import DroneEvent
@@ -164,6 +164,26 @@ async def steps_of(connection: AsyncConnection, mission_id: MissionId) -> list[S
     """All steps of a mission, in order."""
     found = await connection.execute(_STEPS, {"mission_id": mission_id})
     return [step_record(row) for row in found]
+
+
+async def next_steps_of(
+    connection: AsyncConnection, mission_ids: Collection[MissionId]
+) -> dict[MissionId, FlightStep]:
+    """The first step of each of these missions that has not ended; nothing for other missions."""
+    first = (
+        select(mission_steps.c.mission_id, func.min(mission_steps.c.step_id).label("step_id"))
+        .where(mission_steps.c.mission_id.in_(sorted(mission_ids)))
+        .where(mission_steps.c.status == "PLANNED")
+        .group_by(mission_steps.c.mission_id)
+        .subquery()
+    )
+    is_first = (mission_steps.c.mission_id == first.c.mission_id) & (
+        mission_steps.c.step_id == first.c.step_id
+    )
+    found = await connection.execute(
+        select(mission_steps.c.mission_id, mission_steps.c.step).join(first, is_first)
+    )
+    return {row.mission_id: read_step(row.step) for row in found}
 
 
 def step_record(row: Row[*tuple[Any, ...]]) -> StepRecord:
