@@ -11,7 +11,9 @@ import {route} from "./routes.js";
 import {recogniseSession, session} from "./session.js";
 import {Frame} from "./parts/frame.js";
 import {LoginForm} from "./parts/login_form.js";
+import {AccountView} from "./views/account.js";
 import {AlarmsView} from "./views/alarms.js";
+import {CustomerView} from "./views/customer.js";
 import {DeliveriesView} from "./views/deliveries.js";
 import {MapView} from "./views/map.js";
 import {ScheduleView} from "./views/schedule.js";
@@ -20,8 +22,10 @@ import {ScheduleView} from "./views/schedule.js";
 const VIEWS = {
   map: {view: MapView, name: "Map", roles: ["operator", "provider", "customer"]},
   schedule: {view: ScheduleView, name: "Schedule", roles: ["operator", "provider"]},
+  new: {view: CustomerView, name: "New delivery", roles: ["customer"]},
   deliveries: {view: DeliveriesView, name: "Deliveries", roles: ["operator", "customer"]},
   alarms: {view: AlarmsView, name: "Alarms", roles: ["operator", "provider"]},
+  account: {view: AccountView, name: "Keys", roles: ["operator", "provider", "customer"]},
 };
 
 let loginProblem = "";

@@ -15,6 +15,11 @@ export function momentText(moment) {
   return isNear ? clockTime(ms) : `${day}, ${clockTime(ms)}`;
 }
 
+// A day with its year and a time, for moments of wall time.
+export const dayText = (moment) => new Date(moment).toLocaleString([], {
+  year: "numeric", month: "short", day: "numeric", hour: "2-digit", minute: "2-digit", hourCycle: "h23",
+});
+
 export function durationText(seconds) {
   const whole = Math.round(Math.abs(seconds));
   if (whole < 90) return `${whole} s`;

@@ -11,9 +11,11 @@ from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 import pytest
+from skyway_gateway.access.scopes import SCOPES
 from skyway_gateway.console.base_map import BaseMap
 from skyway_gateway.console.console_files import console_files, import_map_hash
 
+from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.runtime.errors import NotFound
 from tests.gateway.whole_gateway import Gateway
 
@@ -200,3 +202,13 @@ async def test_no_path_leads_out_of_an_operators_base_map(gateway: Gateway, tmp_
         with pytest.raises(NotFound):
             base_map.file_at(path)
     assert (await gateway.http.get("/console-map/style.json")).status_code == 404
+
+
+def test_forms_offer_all_scopes_and_all_events() -> None:
+    """A new scope or type of event can be chosen in the console, too."""
+    scopes = console_files()["parts/key_form.js"].content.decode()
+    events = console_files()["parts/delivery_events.js"].content.decode()
+    names = {event_type.split(".")[1] for event_type in DeliveryEventType}
+
+    assert re.findall(r'"([a-z]+:[a-z]+)"', scopes) == list(SCOPES)
+    assert names <= set(re.findall(r'"([a-z_]+)"', events))

@@ -7,7 +7,7 @@ import {inWords, momentText} from "../words.js";
 
 const LAST = ["completed", "partially_completed", "cancelled", "failed", "rejected"]
   .map((name) => `delivery.${name}`);
-const TYPES = [
+export const TYPES = [
   ...LAST,
   ...["requested", "scheduled", "planned", "dispatched", "loaded", "started", "delayed", "replanned"]
     .map((name) => `delivery.${name}`),

@@ -6,11 +6,13 @@ import {call, get} from "../api.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {pathTo} from "../routes.js";
+import {session} from "../session.js";
 import {inWords, money, momentText, shortId, stationName} from "../words.js";
 import {DeliveryEvents} from "./delivery_events.js";
 import {Facts} from "./facts.js";
 import {attempt} from "./messages.js";
 import {StepList} from "./step_list.js";
+import {TrackingBox} from "./tracking_box.js";
 
 const LATE_MS = 60_000;
 
@@ -105,7 +107,8 @@ export function DeliveryPage({deliveryId, path: part}) {
       <${Packages} packages=${delivery.packages.map((each) => ({...each, ...live?.packages?.[each.package_id]}))} />
       <div class="columns">
         <section><h2>What happened</h2><${DeliveryEvents} path=${path} /><${Proof} proof=${proof} /></section>
-        <section><h2>Plan</h2><${Missions} missions=${delivery.missions ?? []} /></section>
+        <section><h2>Plan</h2><${Missions} missions=${delivery.missions ?? []} />
+          ${session.value.role === "customer" && html`<${TrackingBox} path=${path} />`}</section>
       </div>
     </div>`;
 }

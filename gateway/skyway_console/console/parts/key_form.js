@@ -1,0 +1,52 @@
+// The form of a new API key: for whom, its name, its end, and what it allows.
+
+import {html} from "../html.js";
+import {inWords} from "../words.js";
+
+const ROLES = ["customer", "provider", "operator"];
+
+// All scopes of the API; a key without a choice may do all that its role may do.
+export const SCOPES = ["account:read", "account:write", "audit:read", "deliveries:read", "deliveries:write",
+  "fleet:read", "fleet:write", "keys:read", "keys:write", "live:read", "missions:read", "missions:write",
+  "network:read", "network:write", "operations:read", "operations:write", "quotes:write", "webhooks:read",
+  "webhooks:write"];
+
+function keyOf(form) {
+  const values = new FormData(form);
+  const text = (name) => values.get(name).trim();
+  const scopes = values.getAll("scope");
+  return {
+    role: text("role"),
+    subject_id: text("subject"),
+    ...(text("name") ? {name: text("name")} : {}),
+    ...(text("ends") ? {expires_at: new Date(text("ends")).toISOString()} : {}),
+    ...(scopes.length ? {scopes} : {}),
+  };
+}
+
+export function KeyForm({onMake}) {
+  async function make(event) {
+    event.preventDefault();
+    const form = event.target;
+    if (await onMake(keyOf(form))) form.reset();
+  }
+  return html`
+    <form class="fields" aria-label="New key" onSubmit=${make}>
+      <label>Role<select name="role">
+        ${ROLES.map((each) => html`<option value=${each}>${inWords(each)}</option>`)}
+      </select></label>
+      <label>For: a customer's or operator's name, or a provider's id
+        <input name="subject" required maxlength="64" pattern="[A-Za-z0-9_\\-]+"
+          title="Letters, digits, _ and -" /></label>
+      <label>Name (optional)<input name="name" maxlength="100" placeholder="laptop" /></label>
+      <label>Ends (optional)<input name="ends" type="datetime-local" /></label>
+      <details>
+        <summary>Allow only some calls</summary>
+        <fieldset class="choices"><legend>Scopes; without a choice the key may do all that its role may</legend>
+          ${SCOPES.map((each) => html`
+            <label class="check"><input type="checkbox" name="scope" value=${each} /> ${each}</label>`)}
+        </fieldset>
+      </details>
+      <div class="commands"><button class="main">Make the key</button></div>
+    </form>`;
+}

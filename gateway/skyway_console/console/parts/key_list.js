@@ -1,0 +1,70 @@
+// API keys: operators list, make and delete them; each holder gets the next key of the own one.
+
+import {useEffect, useState} from "preact/hooks";
+
+import {all, call, part, post} from "../api.js";
+import {html} from "../html.js";
+import {dayText, inWords} from "../words.js";
+import {KeyForm} from "./key_form.js";
+import {attempt} from "./messages.js";
+import {SecretBox} from "./secret_box.js";
+import {SureButton} from "./sure_button.js";
+
+function secretsOf({key, mqtt}) {
+  return [["Key", key], ...(mqtt ? [["Broker user", mqtt.user_name], ["Broker password", mqtt.password]] : [])];
+}
+
+function KeyRow({each, onDelete}) {
+  const {key_id, role, subject_id, name, scopes, created_at, expires_at} = each;
+  return html`
+    <tr>
+      <td>${name && html`${name}<br />`}<small>${key_id}</small></td>
+      <td>${subject_id}<br /><small>${inWords(role)}</small></td>
+      <td>${scopes ? scopes.join(", ") : "all of its role"}</td>
+      <td>${dayText(created_at)}</td>
+      <td>${expires_at ? dayText(expires_at) : "never"}</td>
+      <td><${SureButton} verb="Delete" label=${`Delete key ${name ?? key_id}`} onSure=${onDelete} /></td>
+    </tr>`;
+}
+
+export function AllKeys() {
+  const [keys, setKeys] = useState([]);
+  const [made, setMade] = useState(null);
+  const read = () => attempt(async () => setKeys(await all("/v1/keys")));
+  useEffect(() => void read(), []);
+
+  async function make(wanted) {
+    const isMade = await attempt(async () => setMade(await post("/v1/keys", wanted)));
+    if (isMade) read();
+    return isMade;
+  }
+  async function remove({key_id}) {
+    if (await attempt(() => call("DELETE", `/v1/keys/${part(key_id)}`), "The key is deleted.")) read();
+  }
+
+  return html`
+    <h2>Keys</h2>
+    <div class="table"><table aria-label="Keys">
+      <thead><tr><th>Name</th><th>For</th><th>Allows</th><th>Made</th><th>Ends</th>
+        <th><span class="unseen">Delete</span></th></tr></thead>
+      <tbody>${keys.map((each) => html`
+        <${KeyRow} key=${each.key_id} each=${each} onDelete=${() => remove(each)} />`)}</tbody>
+    </table></div>
+    ${made && html`<${SecretBox} title="The new key" secrets=${secretsOf(made)} onClose=${() => setMade(null)}
+      hint="It is shown only now. Nobody can read it again." />`}
+    <h2>New key</h2>
+    <${KeyForm} onMake=${make} />`;
+}
+
+export function OwnKey() {
+  const [next, setNext] = useState(null);
+  const rotate = () => attempt(async () => setNext(await post("/v1/keys/rotations")));
+  return html`
+    <h2>Your key</h2>
+    <p>The next key allows what your key allows. Your present key ends when the next one is first used,
+      at the latest after a day; so does this session.</p>
+    ${next
+      ? html`<${SecretBox} title="The next key" secrets=${secretsOf(next)} onClose=${() => setNext(null)}
+          hint="It is shown only now. Nobody can read it again." />`
+      : html`<${SureButton} verb="Get the next key" label="Get the next key" kind="" onSure=${rotate} />`}`;
+}

@@ -1,0 +1,91 @@
+// The offers of a quote side by side, why other providers make none, and taking one.
+
+import {useEffect, useRef, useState} from "preact/hooks";
+
+import {post} from "../api.js";
+import {ticks} from "../fleet_clock.js";
+import {html} from "../html.js";
+import {openView} from "../routes.js";
+import {durationText, inWords, money, momentText, shortId} from "../words.js";
+import {attempt} from "./messages.js";
+import {beginAgain} from "./request_draft.js";
+import {ShareBar} from "./share_bar.js";
+
+const METRES_PER_KM = 1_000;
+const JOULES_PER_WH = 3_600;
+
+const lastAt = ({packages}) => packages.map(({eta_at}) => eta_at).sort().at(-1);
+
+function OfferRow({offer, most, name, isOpen, onTake}) {
+  const {price, delivery_time_s: time, distance_m: distance, recharges, energy_j: energy} = offer;
+  return html`
+    <tr data-offer=${offer.offer_id}>
+      <td><strong>${name}</strong><br /><small>${offer.drone_model_id}</small></td>
+      <td>${money(price)}<${ShareBar} share=${price.amount / most.price} kind="price" /></td>
+      <td>${durationText(time)}<${ShareBar} share=${time / most.time} kind="time" /></td>
+      <td>${momentText(offer.pickup_at)}</td>
+      <td>${momentText(lastAt(offer))}
+        ${offer.packages.length > 1 && offer.packages.map(({package_id, eta_at}) => html`
+          <br /><small>${package_id}: ${momentText(eta_at)}</small>`)}</td>
+      <td>${(distance / METRES_PER_KM).toFixed(1)} km${recharges > 0
+        ? `, charges ${recharges === 1 ? "once" : `${recharges} times`}` : ""}${offer.trips > 1
+        ? `, ${offer.trips} trips` : ""}
+        <br /><small>${Math.round(energy / JOULES_PER_WH)} Wh${offer.is_held ? ", kept for you" : ""}</small></td>
+      <td><button class="main" disabled=${!isOpen} onClick=${onTake}
+        aria-label=${`Take the offer of ${name}`}>Take it</button></td>
+    </tr>`;
+}
+
+function Infeasible({reasons, names}) {
+  return reasons.length > 0 && html`
+    <h3>${reasons.length === 1 ? "Why there is no other offer" : "Why there are no other offers"}</h3>
+    <ul class="reasons">
+      ${reasons.map(({provider_id: provider, code, detail, is_temporary}) => html`
+        <li><strong>${inWords(code)}</strong>${provider ? ` (${names[provider] ?? shortId(provider)})` : ""}:
+          ${" "}${detail}${is_temporary ? " Ask again later." : ""}</li>`)}
+    </ul>`;
+}
+
+export function OfferTable({quote, names}) {
+  ticks.value; // read so that the time that is left is right each second
+  const section = useRef(null);
+  const [isBusy, setBusy] = useState(false);
+  useEffect(() => section.current.scrollIntoView({block: "nearest"}), []);
+  const {quote_id, offers, infeasible, expires_at} = quote;
+  // Offers end in wall time, unlike what they promise.
+  const leftS = (Date.parse(expires_at) - Date.now()) / 1_000;
+  const most = {
+    price: Math.max(...offers.map(({price}) => price.amount), 1),
+    time: Math.max(...offers.map(({delivery_time_s}) => delivery_time_s), 1),
+  };
+
+  async function take({offer_id}) {
+    setBusy(true);
+    await attempt(async () => {
+      // The same offer is taken once, however often somebody presses the button.
+      const headers = {"Idempotency-Key": `take-${offer_id}`};
+      const {delivery_id} = await post("/v1/deliveries", {quote_id, offer_id}, headers);
+      beginAgain();
+      openView("deliveries", delivery_id);
+    }, "The delivery is requested.");
+    setBusy(false);
+  }
+
+  return html`
+    <section ref=${section} aria-label="Answer" aria-live="polite">
+      <h2>${offers.length === 0 ? "Nobody can fly this" : "Offers"}</h2>
+      ${offers.length > 0 && html`
+        <p class="hint">${leftS > 0
+          ? `The best one is first. They hold for another ${durationText(leftS)}.`
+          : "These offers have ended. Ask for new ones."}</p>
+        <div class="table"><table class="offers" aria-label="Offers">
+          <thead><tr><th>Provider</th><th>Price</th><th>Takes</th><th>Pickup</th><th>Delivered</th>
+            <th>Way</th><th><span class="unseen">Take</span></th></tr></thead>
+          <tbody>${offers.map((offer) => html`
+            <${OfferRow} key=${offer.offer_id} offer=${offer} most=${most}
+              name=${names[offer.provider_id] ?? shortId(offer.provider_id)}
+              isOpen=${leftS > 0 && !isBusy} onTake=${() => take(offer)} />`)}</tbody>
+        </table></div>`}
+      <${Infeasible} reasons=${infeasible} names=${names} />
+    </section>`;
+}

@@ -1,0 +1,58 @@
+// What a customer asks for while it is being put together: pickup, packages and wishes.
+
+import {signal} from "@preact/signals";
+
+export const OBJECTIVES = ["fastest", "cheapest", "greenest"];
+export const MOST_PACKAGES = 100;
+
+const newPackage = (number) => ({package_id: `p${number}`, mass_kg: "0.5", station_id: ""});
+const nothing = () => ({pickup: "", packages: [newPackage(1)], objective: "fastest", reference: "",
+  latest: "", isHeld: false});
+
+// It outlives the view, so that a look at another view loses nothing.
+export const draft = signal(nothing());
+
+export const change = (members) => (draft.value = {...draft.value, ...members});
+export const beginAgain = () => (draft.value = nothing());
+
+export function changePackage(number, members) {
+  change({packages: draft.value.packages.map((each, n) => (n === number ? {...each, ...members} : each))});
+}
+
+function unusedPackage(packages) {
+  const used = new Set(packages.map(({package_id}) => package_id));
+  let number = packages.length + 1;
+  while (used.has(`p${number}`)) number += 1;
+  return newPackage(number);
+}
+
+export function addPackage(stationId = "") {
+  const {packages} = draft.value;
+  if (packages.length >= MOST_PACKAGES) return;
+  change({packages: [...packages, {...unusedPackage(packages), station_id: stationId}]});
+}
+
+export const removePackage = (number) =>
+  change({packages: draft.value.packages.filter((_, n) => n !== number)});
+
+// A click on the map: the pickup first, then one destination after the other.
+export function chooseStation(stationId) {
+  const {pickup, packages} = draft.value;
+  const open = packages.findIndex(({station_id}) => station_id === "");
+  if (pickup === "") change({pickup: stationId});
+  else if (open >= 0) changePackage(open, {station_id: stationId});
+  else addPackage(stationId);
+}
+
+// The body of POST /v1/quotes. The browser's own time zone is that of all moments in the console.
+export function quoteRequest() {
+  const {pickup, packages, objective, reference, latest, isHeld} = draft.value;
+  return {
+    pickup: {station_id: pickup},
+    packages: packages.map(({package_id, mass_kg, station_id}) =>
+      ({package_id: package_id.trim(), mass_kg: Number(mass_kg), destination: {station_id}})),
+    qos: {objective, ...(latest ? {deadline_at: new Date(latest).toISOString()} : {})},
+    ...(reference.trim() ? {reference: reference.trim()} : {}),
+    hold: isHeld,
+  };
+}

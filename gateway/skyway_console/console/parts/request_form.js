@@ -1,0 +1,69 @@
+// The form of a request. All that a click on the map chooses can be chosen here by keyboard, too.
+
+import {html} from "../html.js";
+import {inWords, stationName} from "../words.js";
+import {MOST_PACKAGES, OBJECTIVES, addPackage, beginAgain, change, changePackage, draft, removePackage}
+  from "./request_draft.js";
+
+const stationOptions = (stations, none) => html`
+  <option value="">${none}</option>
+  ${stations.map(({station_id, name}) => html`
+    <option value=${station_id}>${name ?? stationName(station_id)}</option>`)}`;
+
+function PackageRow({each, number, stations, isOnly}) {
+  const set = (name) => ({target}) => changePackage(number, {[name]: target.value});
+  return html`
+    <fieldset class="package">
+      <legend>Package ${number + 1}</legend>
+      <label>Id<input required maxlength="64" pattern="[A-Za-z0-9_\\-]+" value=${each.package_id}
+        title="Letters, digits, _ and -" onInput=${set("package_id")} /></label>
+      <label>Mass in kg<input required type="number" min="0.001" max="1000" step="any"
+        value=${each.mass_kg} onInput=${set("mass_kg")} /></label>
+      <label>To<select required value=${each.station_id} onChange=${set("station_id")}>
+        ${stationOptions(stations, "Choose a station")}
+      </select></label>
+      <button type="button" class="quiet small" disabled=${isOnly} aria-label=${`Remove package ${number + 1}`}
+        onClick=${() => removePackage(number)}>✕</button>
+    </fieldset>`;
+}
+
+function Wishes() {
+  const {objective, reference, latest, isHeld} = draft.value;
+  return html`
+    <div class="fields">
+      <label>Best is the<select value=${objective} onChange=${({target}) => change({objective: target.value})}>
+        ${OBJECTIVES.map((each) => html`<option value=${each}>${inWords(each)}</option>`)}
+      </select></label>
+      <label>Latest delivery, fleet time (optional)<input type="datetime-local" value=${latest}
+        onInput=${({target}) => change({latest: target.value})} /></label>
+      <label>Reference (optional)<input maxlength="200" value=${reference} placeholder="order 1042"
+        onInput=${({target}) => change({reference: target.value})} /></label>
+      <label class="check"><input type="checkbox" checked=${isHeld}
+        onChange=${({target}) => change({isHeld: target.checked})} />
+        Keep the drones of the best offers for me until the offers end</label>
+    </div>`;
+}
+
+export function RequestForm({stations, isBusy, onAsk}) {
+  const {pickup, packages} = draft.value;
+  const ask = (event) => {
+    event.preventDefault();
+    onAsk();
+  };
+  return html`
+    <form class="request" aria-label="Request" onSubmit=${ask}>
+      <label>Pickup<select required value=${pickup} onChange=${({target}) => change({pickup: target.value})}>
+        ${stationOptions(stations, "Choose a station")}
+      </select></label>
+      ${packages.map((each, number) => html`
+        <${PackageRow} key=${number} each=${each} number=${number} stations=${stations}
+          isOnly=${packages.length === 1} />`)}
+      <button type="button" class="quiet" disabled=${packages.length >= MOST_PACKAGES}
+        onClick=${() => addPackage()}>Add a package</button>
+      <${Wishes} />
+      <div class="commands">
+        <button class="main" disabled=${isBusy}>${isBusy ? "Asking…" : "Ask for offers"}</button>
+        <button type="button" class="quiet" onClick=${beginAgain}>Begin again</button>
+      </div>
+    </form>`;
+}

@@ -1,0 +1,38 @@
+// The map of a request: clicks choose the pickup and the destinations.
+
+import {effect} from "@preact/signals";
+import {useEffect, useRef} from "preact/hooks";
+
+import {html} from "../html.js";
+import {picture} from "../live.js";
+import {FleetMap} from "../map/fleet_map.js";
+import {RequestMarks} from "../map/request_marks.js";
+import {chooseStation, draft} from "./request_draft.js";
+
+export function RequestMap({network}) {
+  const container = useRef(null);
+  useEffect(() => {
+    const map = new FleetMap(container.current, ({stationId}) => stationId && chooseStation(stationId));
+    const marks = new RequestMarks(map);
+    // Stories in tests look for the place of a station on the screen.
+    container.current.fleetMap = map;
+    const stops = [effect(() => map.drones.show(picture.drones.value))];
+    let isGone = false;
+    map.isReady.then(() => {
+      if (isGone) return;
+      map.showNetwork(network);
+      stops.push(
+        effect(() => map.showStations(picture.stations.value, picture.closures.value)),
+        effect(() => marks.show(network, draft.value)),
+      );
+    });
+    return () => {
+      isGone = true;
+      stops.forEach((stop) => stop());
+      map.remove();
+    };
+  }, [network]);
+  return html`
+    <div class="map" ref=${container} role="application"
+      aria-label="Map of the request: click the pickup, then the destinations"></div>`;
+}

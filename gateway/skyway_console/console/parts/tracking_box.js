@@ -1,0 +1,43 @@
+// The link by which a recipient follows a delivery without a key: show, renew and withdraw it.
+
+import {useEffect, useState} from "preact/hooks";
+
+import {call, get} from "../api.js";
+import {html} from "../html.js";
+import {attempt, say} from "./messages.js";
+import {QrCode} from "./qr_code.js";
+import {SureButton} from "./sure_button.js";
+
+async function copy(url) {
+  await navigator.clipboard.writeText(url);
+  say("The link is copied.");
+}
+
+export function TrackingBox({path}) {
+  const [url, setUrl] = useState(undefined);
+  const link = `${path}/tracking-link`;
+  useEffect(() => {
+    get(link).then(({tracking_url}) => setUrl(tracking_url), () => null);
+  }, [link]);
+  const renew = () => attempt(async () => setUrl((await call("POST", link)).tracking_url),
+    "The new link works. The one before has ended.");
+  const withdraw = () => attempt(async () => {
+    await call("DELETE", link);
+    setUrl(null);
+  }, "The link has ended.");
+  if (url === undefined) return null;
+  return html`
+    <section class="tracking" aria-label="Tracking link">
+      <h2>Tracking link</h2>
+      ${url ? html`
+        <p>Whoever has <a href=${url} target="_blank" rel="noopener">this link</a> can follow the delivery.</p>
+        <${QrCode} text=${url} label="The link as a QR code" />
+        <div class="commands">
+          ${navigator.clipboard && html`<button onClick=${() => copy(url)}>Copy the link</button>`}
+          <button onClick=${renew}>Another link</button>
+          <${SureButton} verb="Withdraw" label="Withdraw the link" kind="" onSure=${withdraw} />
+        </div>` : html`
+        <p>There is no link. Nobody can follow the delivery without a key.</p>
+        <button onClick=${renew}>Make a link</button>`}
+    </section>`;
+}

@@ -1,0 +1,89 @@
+// A new delivery: what goes where, the offers for it, and taking one.
+
+import {useEffect, useState} from "preact/hooks";
+
+import {all, post} from "../api.js";
+import {html} from "../html.js";
+import {stationsOf} from "../map/features.js";
+import {listNetworks, networkContent, networks} from "../networks.js";
+import {stationName} from "../words.js";
+import {OfferTable} from "../parts/offer_table.js";
+import {beginAgain, quoteRequest} from "../parts/request_draft.js";
+import {RequestForm} from "../parts/request_form.js";
+import {RequestMap} from "../parts/request_map.js";
+
+// The networks, and the content of the one in which somebody asks.
+function useNetwork() {
+  const [networkId, choose] = useState(null);
+  const [network, setNetwork] = useState(null);
+  const [problem, setProblem] = useState("");
+  const fail = (refusal) => setProblem(refusal.message);
+  useEffect(() => {
+    listNetworks().then(([first]) => first && choose(first.network_id), fail);
+  }, []);
+  useEffect(() => {
+    if (networkId) networkContent(networkId).then(setNetwork, fail);
+  }, [networkId]);
+  return {network, networkId, choose, problem};
+}
+
+// Names of providers by their ids; customers see each provider's card.
+function useNames() {
+  const [names, setNames] = useState({});
+  useEffect(() => {
+    all("/v1/providers").then((items) => setNames(
+      Object.fromEntries(items.map(({provider_id, name}) => [provider_id, name]))), () => null);
+  }, []);
+  return names;
+}
+
+const named = (network) => stationsOf(network)
+  .map(({properties}) => properties)
+  .sort((one, other) => one.station_id.localeCompare(other.station_id));
+
+const NetworkChoice = ({networkId, onChoose}) => html`
+  <div class="fields"><label>Network<select value=${networkId} onChange=${({target}) => {
+    beginAgain();
+    onChoose(target.value);
+  }}>
+    ${networks.value.map(({network_id: id}) => html`<option value=${id}>${stationName(id)}</option>`)}
+  </select></label></div>`;
+
+export function CustomerView() {
+  const {network, networkId, choose, problem} = useNetwork();
+  const names = useNames();
+  const [quote, setQuote] = useState(null);
+  const [refused, setRefused] = useState("");
+  const [isBusy, setBusy] = useState(false);
+
+  async function ask() {
+    setBusy(true);
+    setRefused("");
+    setQuote(await post("/v1/quotes", quoteRequest()).catch((refusal) => {
+      setRefused(refusal.message);
+      return null;
+    }));
+    setBusy(false);
+  }
+
+  if (!network) {
+    const hint = networks.value?.length === 0 ? "There are no stations yet." : "Reading the stations…";
+    return html`<div class="page"><h1>New delivery</h1><p>${problem || hint}</p></div>`;
+  }
+  return html`
+    <div class="page">
+      <h1>New delivery</h1>
+      <div class="request-view">
+        <div>
+          <p class="hint">Click stations on the map: the pickup first, then each destination. Or choose
+            them here.</p>
+          ${networks.value.length > 1 && html`
+            <${NetworkChoice} networkId=${networkId} onChoose=${choose} />`}
+          <${RequestForm} stations=${named(network)} isBusy=${isBusy} onAsk=${ask} />
+        </div>
+        <div class="map-frame"><${RequestMap} network=${network} /></div>
+      </div>
+      ${refused && html`<p class="refused" role="alert">${refused}</p>`}
+      ${quote && html`<${OfferTable} key=${quote.quote_id} quote=${quote} names=${names} />`}
+    </div>`;
+}
