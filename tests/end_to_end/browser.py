@@ -3,9 +3,10 @@
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Literal
 
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, ViewportSize, expect, sync_playwright
 
 CHROMIUM = shutil.which("chromium")
 
@@ -14,7 +15,7 @@ needs_browser = pytest.mark.skipif(
 )
 
 #: Milliseconds: longer than anything that a page waits for.
-LONGEST_WAIT_MS = 60_000
+LONGEST_WAIT_MS = 15_000
 
 
 @contextmanager
@@ -34,9 +35,16 @@ def opened_browser() -> Iterator[Browser]:
 class WatchedPage:
     """A page with all that must not happen in it: errors, and requests to other hosts."""
 
-    def __init__(self, browser: Browser, base_url: str) -> None:
+    def __init__(
+        self,
+        browser: Browser,
+        base_url: str,
+        *,
+        viewport: ViewportSize | None = None,
+        theme: Literal["dark", "light"] = "light",
+    ) -> None:
         context = browser.new_context(
-            viewport={"width": 390, "height": 844}, color_scheme="light", locale="en-GB"
+            viewport=viewport or {"width": 390, "height": 844}, color_scheme=theme, locale="en-GB"
         )
         context.set_default_timeout(LONGEST_WAIT_MS)
         self.page: Page = context.new_page()

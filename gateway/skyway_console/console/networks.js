@@ -1,10 +1,17 @@
-// The networks that the gateway knows; a network's content is asked for once.
+// The networks that the gateway knows, and the one that is shown. Its content is asked for once.
 
-import {signal} from "@preact/signals";
+import {computed, signal} from "@preact/signals";
 
 import {get, part} from "./api.js";
 
+// null while they were not asked for.
 export const networks = signal(null);
+
+const chosen = signal(null);
+
+export const shownNetwork = computed(() => chosen.value ?? networks.value?.[0]?.network_id ?? null);
+
+export const showNetwork = (networkId) => (chosen.value = networkId);
 
 const contents = new Map();
 
@@ -14,6 +21,10 @@ export async function listNetworks() {
 }
 
 export function networkContent(networkId) {
-  if (!contents.has(networkId)) contents.set(networkId, get(`/v1/networks/${part(networkId)}`));
+  if (!contents.has(networkId)) {
+    const content = get(`/v1/networks/${part(networkId)}`);
+    contents.set(networkId, content);
+    content.catch(() => contents.delete(networkId));
+  }
   return contents.get(networkId);
 }

@@ -45,14 +45,22 @@ export class DroneLayer {
   }
 
   // The drone at this place of the screen, or null.
-  droneAt({x, y}) {
+  droneAt(point) {
     const now = performance.now();
-    let nearest = null;
-    let least = NEAR_PX;
-    for (const [droneId, track] of this.tracks) {
-      const point = this.map.project(placeOf(track, now));
+    return this.nearest(point, [...this.tracks].map(([id, track]) => [id, placeOf(track, now)]));
+  }
+
+  // The station at this place of the screen, or null.
+  stationAt(point) {
+    return this.nearest(point, this.stations.map(({stationId, position}) => [stationId, position]));
+  }
+
+  nearest({x, y}, places) {
+    let [nearest, least] = [null, NEAR_PX];
+    for (const [id, position] of places) {
+      const point = this.map.project(position);
       const distance = Math.hypot(point.x - x, point.y - y);
-      if (distance <= least) [nearest, least] = [droneId, distance];
+      if (distance <= least) [nearest, least] = [id, distance];
     }
     return nearest;
   }

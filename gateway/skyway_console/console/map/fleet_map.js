@@ -38,10 +38,9 @@ export class FleetMap {
   }
 
   whatIsAt({point, lngLat}) {
-    const [station] = this.map.queryRenderedFeatures(point, {layers: ["stations"]});
     return {
       droneId: this.drones.droneAt(point),
-      stationId: station?.properties.station_id ?? null,
+      stationId: this.drones.stationAt(point),
       position: [lngLat.lng, lngLat.lat],
     };
   }
@@ -50,6 +49,7 @@ export class FleetMap {
     this.network = network;
     const stations = stationsOf(network);
     this.drones.stations = stations.map(({geometry, properties}, number) => ({
+      stationId: properties.station_id,
       name: properties.name ?? stationName(properties.station_id),
       position: geometry.coordinates,
       isFirst: number % Math.ceil(stations.length / 12) === 0,

@@ -3,9 +3,10 @@
 import {colours} from "../map/colours.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
+import {networks, showNetwork, shownNetwork} from "../networks.js";
 import {pathTo} from "../routes.js";
 import {isOperator} from "../session.js";
-import {inWords} from "../words.js";
+import {inWords, stationName} from "../words.js";
 
 const PADS = [["free", "All pads free"], ["busy", "Some taken"], ["full", "All taken"], ["closed", "Closed"]];
 
@@ -17,6 +18,12 @@ function countsByState() {
   return Object.entries(counts).sort();
 }
 
+const NetworkChoice = () => networks.value?.length > 0 && html`
+  <select aria-label="Network" value=${shownNetwork.value}
+    onChange=${({target}) => showNetwork(target.value)}>
+    ${networks.value.map(({network_id: id}) => html`<option value=${id}>${stationName(id)}</option>`)}
+  </select>`;
+
 export function MapLegend() {
   const paint = colours();
   const dot = (name) => html`
@@ -27,6 +34,7 @@ export function MapLegend() {
       <ul class="counts">
         ${countsByState().map(([state, count]) => html`<li>${count} ${inWords(state)}</li>`)}
       </ul>
+      <${NetworkChoice} />
       ${isOperator() && html`<a href=${pathTo("map", "zone")}>Close an area…</a>`}
     </aside>`;
 }

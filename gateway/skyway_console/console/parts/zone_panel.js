@@ -4,7 +4,7 @@ import {signal} from "@preact/signals";
 import {useEffect} from "preact/hooks";
 
 import {html} from "../html.js";
-import {networks} from "../networks.js";
+import {shownNetwork} from "../networks.js";
 import {askToClose} from "./closures.js";
 import {Panel} from "./panel.js";
 
@@ -19,7 +19,7 @@ export function ZonePanel({onClose}) {
     return () => (draftRing.value = null);
   }, []);
   const ring = draftRing.value ?? [];
-  const order = () => ({network_id: networks.value[0].network_id, area: closed(ring)});
+  const order = () => ({network_id: shownNetwork.value, area: closed(ring)});
   const stop = () => askToClose("Ground stop in this area", "/v1/ground-stops", order());
   const zone = () => askToClose("Close this area", "/v1/zones", order());
   return html`

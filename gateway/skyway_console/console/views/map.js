@@ -6,14 +6,18 @@ import {useEffect, useRef, useState} from "preact/hooks";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {FleetMap} from "../map/fleet_map.js";
-import {listNetworks, networkContent, networks} from "../networks.js";
+import {listNetworks, networkContent, networks, shownNetwork} from "../networks.js";
 import {openView} from "../routes.js";
 import {ConfirmDialog} from "../parts/confirm_dialog.js";
 import {DronePanel} from "../parts/drone_panel.js";
 import {EmptyHint} from "../parts/empty_hint.js";
 import {MapLegend} from "../parts/map_legend.js";
+import {attempt} from "../parts/messages.js";
 import {StationPanel} from "../parts/station_panel.js";
 import {ZonePanel, draftRing} from "../parts/zone_panel.js";
+
+// How soon a network that somebody publishes can be chosen.
+const NETWORKS_EVERY_MS = 5_000;
 
 function openClicked({droneId, stationId, position}) {
   if (draftRing.value) draftRing.value = [...draftRing.value, position];
@@ -48,20 +52,32 @@ function useFleetMap(container, opened) {
   return map;
 }
 
-export function MapView({parts: [kind, id]}) {
-  const container = useRef(null);
-  const map = useFleetMap(container, kind === "drone" ? id : null);
+// The content of the shown network, which is on the map then.
+function useNetwork(map) {
   const [network, setNetwork] = useState(null);
+  const networkId = shownNetwork.value;
   useEffect(() => {
-    listNetworks().then(async ([first]) => {
-      if (!first) return;
-      const content = await networkContent(first.network_id);
+    attempt(listNetworks);
+    const timer = setInterval(() => listNetworks().catch(() => null), NETWORKS_EVERY_MS);
+    return () => clearInterval(timer);
+  }, []);
+  useEffect(() => {
+    if (networkId === null) return;
+    attempt(async () => {
+      const content = await networkContent(networkId);
       setNetwork(content);
       await map.current.isReady;
       map.current.showNetwork(content);
       map.current.showStations(picture.stations.value, picture.closures.value);
-    }).catch(() => null);
-  }, []);
+    });
+  }, [networkId]);
+  return network;
+}
+
+export function MapView({parts: [kind, id]}) {
+  const container = useRef(null);
+  const map = useFleetMap(container, kind === "drone" ? id : null);
+  const network = useNetwork(map);
   const close = () => openView("map");
   return html`
     <div class="map-view">

@@ -1,0 +1,61 @@
+"""A console in a browser, as somebody with a key uses it."""
+
+from typing import Any, Literal
+from urllib.parse import urlsplit
+
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Locator, expect
+
+from tests.end_to_end.browser import WatchedPage
+
+
+class ConsolePage(WatchedPage):
+    """A console that is open in a browser context of its own."""
+
+    def __init__(
+        self, browser: Browser, system: Any, *, theme: Literal["dark", "light"] = "light"
+    ) -> None:
+        self.gateway_url: str = system.keys["SKYWAY_GATEWAY_URL"]
+        self._system = system
+        super().__init__(
+            browser, self.gateway_url, viewport={"width": 1280, "height": 800}, theme=theme
+        )
+
+    def open_with(self, key: str) -> "ConsolePage":
+        """Log in by a link of this key, as `skyway console` prints it."""
+        link = self._system.call("POST", "/v1/session-links", key=key).json()["url"]
+        self.page.goto(f"{self.gateway_url}/console#{urlsplit(link).fragment}")
+        expect(self.page.get_by_role("navigation", name="Views")).to_be_visible()
+        expect(self.page.locator(".connection")).to_have_text("Live")
+        return self
+
+    def show(self, *parts: str) -> "ConsolePage":
+        """Open a view by its address."""
+        self.page.evaluate("path => { location.hash = path }", "#/" + "/".join(parts))
+        return self
+
+    def panel(self, name: str) -> Locator:
+        """A panel beside the map."""
+        return self.page.get_by_role("region", name=name)
+
+    def confirm(self, reason: str, *, after: str) -> None:
+        """Confirm in the dialog, after it has said what would happen."""
+        dialog = self.page.get_by_role("dialog")
+        expect(dialog).to_contain_text(after)
+        dialog.get_by_label("Reason").fill(reason)
+        dialog.locator("button.danger").click()
+        expect(dialog).to_have_count(0)
+
+    def serious_problems(self) -> list[str]:
+        """What axe finds serious in the view that is open, when it has loaded."""
+        found = Axe().run(self.page).response["violations"]
+        return [
+            f"{each['id']}: {node['html'][:120]}"
+            for each in found
+            if each["impact"] in {"serious", "critical"}
+            for node in each["nodes"]
+        ]
+
+    def sound(self) -> bool:
+        """Whether nothing happened that must not: errors, and requests to other hosts."""
+        return (self.foreign, self.errors) == ([], [])

@@ -1,0 +1,380 @@
+"""Operators use the console in a browser: they watch, look into, close, command and acknowledge."""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.end_to_end.browser import needs_browser, opened_browser
+from tests.end_to_end.console_page import ConsolePage
+from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
+
+pytestmark = [
+    pytest.mark.end_to_end,
+    pytest.mark.integration,
+    pytest.mark.storage_pair("embedded"),
+    pytest.mark.fleet_rate(60.0),
+    needs_browser,
+]
+
+MARKUP = "<img src=x onerror=alert(1)><b>bold</b>"
+
+#: The map, and the drones that it draws, in the page.
+MAP = "document.querySelector('.map').fleetMap"
+DRAWN = f"{MAP}.drones.tracks"
+
+#: Drones whose batteries are cold raise an alarm.
+COLD = "[battery]\ntemperature_c = -8\n"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with opened_browser() as opened:
+        yield opened
+
+
+@pytest.fixture
+def console(browser: Browser, system: Any) -> Iterator[ConsolePage]:
+    """An operator's console; nothing in it may go wrong, and nothing may come from elsewhere."""
+    opened = ConsolePage(browser, system).open_with(system.keys["SKYWAY_OPERATOR_KEY"])
+    yield opened
+    assert opened.sound(), (opened.foreign, opened.errors)
+    opened.page.context.close()
+
+
+def publish(system: Any, name: str) -> None:
+    system.operate("PUT", f"/v1/networks/{name}", ladders(name))
+    system.operate("PUT", "/v1/drone-models/quick-charge", QUICK_CHARGE)
+
+
+def fleet(system: Any, network: str, *, options: tuple[str, ...] = (), **provider: Any) -> Any:
+    """A provider with a drone at the first station of a new network of this name."""
+    publish(system, network)
+    return system.start_fleet(
+        [f"{network}-s1"], model_id="quick-charge", options=options, **provider
+    )
+
+
+def in_the_air(system: Any, name: str) -> str:
+    """A delivery on its way from the first station to the last; its mission."""
+    delivery_id = system.request_delivery([f"{name}-s5"], pickup=f"{name}-s1")
+
+    def mission() -> str | None:
+        live = system.operate("GET", f"/v1/missions?delivery_id={delivery_id}")["items"]
+        return live[0]["mission_id"] if live and live[0]["state"] == "ACTIVE" else None
+
+    found: str = system.eventually(mission, f"{delivery_id} in the air")
+    return found
+
+
+def shown_network(page: Page, name: str) -> None:
+    page.get_by_label("Network").select_option(name)
+
+
+def test_a_key_opens_the_console_and_a_wrong_key_does_not(browser: Browser, system: Any) -> None:
+    console = ConsolePage(browser, system)
+    page = console.page
+    page.goto(f"{console.gateway_url}/console")
+    page.get_by_label("API key").fill("sk_wrong")
+    page.get_by_role("button", name="Log in").click()
+    expect(page.get_by_role("alert")).to_be_visible()
+
+    page.get_by_label("API key").fill(system.keys["SKYWAY_OPERATOR_KEY"])
+    page.get_by_role("button", name="Log in").click()
+    expect(page.locator(".who")).to_have_text("operator (operator)")
+    stored = page.evaluate("JSON.stringify([localStorage, sessionStorage, document.cookie])")
+    assert (stored, page.url) == ('[{},{},""]', f"{console.gateway_url}/console")
+
+    page.get_by_role("button", name="Log out").click()
+    expect(page.get_by_label("API key")).to_be_visible()
+    page.reload()
+    expect(page.get_by_label("API key")).to_be_visible()
+
+
+def test_a_login_link_opens_the_console_once(browser: Browser, system: Any) -> None:
+    key = system.keys["SKYWAY_OPERATOR_KEY"]
+    url = system.call("POST", "/v1/session-links", key=key).json()["url"]
+    first, second = ConsolePage(browser, system), ConsolePage(browser, system)
+
+    first.page.goto(url)
+    expect(first.page.locator(".who")).to_have_text("operator (operator)")
+    assert "login" not in first.page.url
+    second.page.goto(url)
+    expect(second.page.get_by_role("alert")).to_be_visible()
+    expect(second.page.get_by_label("API key")).to_be_visible()
+
+
+def test_an_operator_sees_a_drone_move_and_opens_its_plan(
+    console: ConsolePage, system: Any
+) -> None:
+    drone = fleet(system, "seen")["drones"][0]["drone_id"]
+    page = console.page
+    shown_network(page, "seen")
+    longitude = f"{DRAWN}.get('{drone}')?.drone.position[0]"
+    page.wait_for_function(f"() => {longitude} !== undefined")
+    before = page.evaluate(f"() => {longitude}")
+    in_the_air(system, "seen")
+    page.wait_for_function(f"() => {longitude} > {before} + 0.001")
+
+    console.show("map", "drone", drone)
+    panel = console.panel("Drone")
+    expect(panel).to_contain_text("Flying")
+    expect(panel).to_contain_text("Lands next")
+    expect(panel.locator(".steps li").first).to_be_visible()
+    expect(panel.get_by_label("Charge over time").locator("canvas")).to_be_visible()
+    page.wait_for_function(f"() => {MAP}.data.plan.features.length > 0")
+
+
+def test_a_click_on_the_map_opens_what_is_there(console: ConsolePage, system: Any) -> None:
+    publish(system, "clicked")
+    page = console.page
+    page.reload()
+    shown_network(page, "clicked")
+    page.wait_for_function(
+        f"() => {MAP}.drones.stations.some(({{stationId}}) => stationId === 'clicked-t3')"
+    )
+    x, y = page.evaluate(
+        f"""() => {{
+          const {{map, drones}} = {MAP};
+          const found = drones.stations.find(({{stationId}}) => stationId === 'clicked-t3');
+          const {{x, y}} = map.project(found.position);
+          const {{left, top}} = map.getCanvas().getBoundingClientRect();
+          return [x + left, y + top];
+        }}"""
+    )
+    page.mouse.click(x, y)
+
+    expect(console.panel("Station")).to_contain_text("Clicked T3")
+
+
+def test_a_pad_is_closed_after_its_dry_run_and_opened_again(
+    console: ConsolePage, system: Any
+) -> None:
+    publish(system, "pads")
+    console.show("map", "station", "pads-s2")
+    panel = console.panel("Station")
+    panel.get_by_role("button", name="Close pad 0").click()
+    console.confirm(MARKUP, after="No mission needs another plan")
+
+    expect(panel).to_contain_text("Pad 0 of Pads S2 is closed")
+    expect(panel).to_contain_text(MARKUP)
+    panel.get_by_role("button", name="Open again").click()
+    expect(panel).not_to_contain_text("is closed")
+
+
+def test_a_closed_station_diverts_a_drone(console: ConsolePage, system: Any) -> None:
+    fleet(system, "divert")
+    mission = in_the_air(system, "divert")
+    console.show("map", "station", "divert-s4")
+    console.panel("Station").get_by_role("button", name="Close the station").click()
+    console.confirm("roof works", after="1 mission needs another plan")
+
+    system.eventually(
+        lambda: system.operate("GET", f"/v1/missions/{mission}")["mission"]["revision"] > 1,
+        "another plan",
+    )
+    console.show("alarms")
+    expect(console.page.locator("main")).to_contain_text("roof works")
+    item = console.page.locator("li", has_text="Divert S4")
+    item.get_by_role("button", name="Open again").click()
+    expect(item).to_have_count(0)
+
+
+def test_an_area_is_drawn_and_closed(console: ConsolePage, system: Any) -> None:
+    publish(system, "area")
+    page = console.page
+    page.reload()
+    shown_network(page, "area")
+    console.show("map", "zone")
+    page.wait_for_function(f"() => {MAP}.map.areTilesLoaded()")
+    for x, y in ((300, 300), (500, 300), (500, 420)):
+        page.mouse.click(x, y)
+    expect(console.panel("Close an area")).to_contain_text("3 corners")
+    page.get_by_role("button", name="Close to flights").click()
+    console.confirm("air show", after="mission")
+
+    console.show("alarms")
+    item = page.locator("li", has_text="air show")
+    expect(item).to_contain_text("Area")
+    item.get_by_role("button", name="Open again").click()
+    expect(item).to_have_count(0)
+
+
+def test_a_ground_stop_for_all_is_made_and_lifted(console: ConsolePage) -> None:
+    console.show("alarms")
+    page = console.page
+    page.get_by_role("button", name="Stop all take-offs").click()
+    console.confirm("storm", after="mission")
+
+    item = page.locator("li", has_text="storm")
+    expect(item).to_contain_text("Ground stop")
+    item.get_by_role("button", name="Open again").click()
+    expect(item).to_have_count(0)
+
+
+def test_nothing_happens_when_an_operator_thinks_again(console: ConsolePage, system: Any) -> None:
+    console.show("alarms")
+    console.page.get_by_role("button", name="Stop all take-offs").click()
+    console.page.get_by_role("button", name="Do nothing").click()
+
+    expect(console.page.get_by_role("dialog")).to_have_count(0)
+    expect(console.page.locator("main")).to_contain_text("Nothing is closed")
+
+
+def test_a_mission_is_held_and_resumed(console: ConsolePage, system: Any) -> None:
+    drone = fleet(system, "held")["drones"][0]["drone_id"]
+    in_the_air(system, "held")
+    console.show("map", "drone", drone)
+    panel = console.panel("Drone")
+    panel.get_by_role("button", name="Hold").click()
+    console.confirm("crowd at the station", after="The drone lands at the next station")
+    expect(panel).to_contain_text("held")
+
+    panel.get_by_role("button", name="Resume").click()
+    console.confirm("the crowd has gone", after="The drone goes on")
+    expect(panel.get_by_role("button", name="Hold")).to_be_visible()
+
+
+def test_an_alarm_that_one_acknowledges_leaves_every_console(
+    browser: Browser, console: ConsolePage, system: Any
+) -> None:
+    file = system.folder.path / "cold.toml"
+    file.write_text(COLD)
+    drone = fleet(system, "cold", options=("--scenario", str(file)))["drones"][0]["drone_id"]
+    system.request_delivery(["cold-s2"], pickup="cold-s1")
+    other = ConsolePage(browser, system).open_with(system.keys["SKYWAY_OPERATOR_KEY"])
+    rows = [
+        each.show("alarms").page.locator("tr[data-alarm]", has_text=drone[-6:]).first
+        for each in (console, other)
+    ]
+    for row in rows:
+        expect(row).to_contain_text("Battery cold")
+    alarm = rows[0].get_attribute("data-alarm")
+    rows[0].get_by_label("Note").fill(MARKUP)
+    rows[0].get_by_role("button", name="Acknowledge").click()
+
+    for each in (console, other):
+        expect(each.page.locator(f"tr[data-alarm='{alarm}']")).to_have_count(0)
+        expect(each.page.locator("main")).to_contain_text(f"by operator:operator: {MARKUP}")
+    assert other.sound()
+
+
+def test_a_delivery_is_found_and_followed_to_its_proof(console: ConsolePage, system: Any) -> None:
+    fleet(system, "proof", name=MARKUP)
+    body = {
+        "pickup": {"station_id": "proof-s1"},
+        "packages": [
+            {"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": "proof-s2"}}
+        ],
+        "reference": MARKUP,
+    }
+    key = system.keys["SKYWAY_CUSTOMER_KEY"]
+    delivery_id = system.call("POST", "/v1/deliveries", key=key, body=body).json()["delivery_id"]
+    page = console.show("deliveries").page
+    page.get_by_label("Reference").fill(MARKUP)
+    page.get_by_label("Reference").press("Enter")
+    row = page.get_by_role("row", name=re.compile(delivery_id[-6:]))
+    expect(row).to_contain_text(MARKUP)
+    row.get_by_role("link").click()
+
+    events = page.get_by_label("What happened")
+    expect(events).to_contain_text("Package delivered")
+    expect(events).to_contain_text("Delivery completed")
+    expect(page.get_by_role("heading", name="Proof")).to_be_visible()
+    expect(page.locator("main")).to_contain_text("handed over at Proof S2")
+    expect(page.locator("main")).to_contain_text(MARKUP)
+    expect(page.locator("main img, main b")).to_have_count(0)
+
+
+def test_the_calendar_shows_missions_and_pads_and_moves_by_keys(
+    console: ConsolePage, system: Any
+) -> None:
+    drone = fleet(system, "booked")["drones"][0]["drone_id"]
+    in_the_air(system, "booked")
+    page = console.show("schedule").page
+    calendar = page.get_by_label("Calendar")
+    row = calendar.locator(".row", has_text=drone[-6:])
+    expect(row.locator("rect").first).to_be_attached()
+    first_hour = calendar.locator("svg text").first.text_content()
+    calendar.focus()
+    calendar.press("ArrowRight")
+    expect(calendar.locator("svg text").first).not_to_have_text(first_hour or "")
+
+    page.get_by_role("button", name="Now").click()
+    page.get_by_role("button", name="Pads").click()
+    expect(calendar.locator(".row", has_text="Booked S").first).to_be_attached()
+
+
+def test_the_console_goes_on_after_the_gateway_was_killed(
+    console: ConsolePage, system: Any
+) -> None:
+    drone = fleet(system, "killed")["drones"][0]["drone_id"]
+    status = console.page.locator(".connection")
+    system.kill("skyway_gateway")
+    expect(status).to_contain_text("No connection")
+    expect(status).to_have_text("Live")
+    in_the_air(system, "killed")
+
+    console.show("map", "drone", drone)
+    expect(console.panel("Drone")).to_contain_text("Flying")
+
+
+def test_a_silent_service_is_named(console: ConsolePage, system: Any) -> None:
+    status = console.page.locator(".connection")
+    system.kill("skyway_provider_registry")
+
+    expect(status).to_contain_text("No answer from registry")
+    expect(status).to_have_text("Live")
+    # The broker that the registry has left again is reached before the next story.
+    system.eventually(
+        lambda: system.call("GET", "/readyz", key="none").status_code == 200, "the gateway ready"
+    )
+
+
+def test_a_deleted_key_ends_its_console(browser: Browser, system: Any) -> None:
+    made = system.operate("POST", "/v1/keys", {"role": "operator", "subject_id": "night-shift"})
+    console = ConsolePage(browser, system).open_with(made["key"])
+    system.operate("DELETE", f"/v1/keys/{made['key_id']}")
+
+    expect(console.page.get_by_label("API key")).to_be_visible()
+
+
+def test_a_provider_sees_its_own_drones_and_no_command(browser: Browser, system: Any) -> None:
+    own, other = (fleet(system, name)["provider_id"] for name in ("own", "foreign"))
+    made = system.operate("POST", "/v1/keys", {"role": "provider", "subject_id": own})
+    console = ConsolePage(browser, system).open_with(made["key"])
+    page = console.page
+    providers = f"() => [...{DRAWN}.values()].map(({{drone}}) => drone.provider_id)"
+    page.wait_for_function(f"() => {DRAWN}.size > 0")
+
+    assert page.evaluate(providers) == [own] != [other]
+    expect(page.get_by_role("link", name="Deliveries")).to_have_count(0)
+    console.show("map", "station", "own-s1")
+    expect(console.panel("Station")).to_be_visible()
+    expect(page.get_by_role("button", name="Close the station")).to_have_count(0)
+    assert console.sound()
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_every_view_is_accessible(browser: Browser, system: Any, theme: Any) -> None:
+    """Axe finds nothing serious: names, contrast, roles, order."""
+    drone = fleet(system, f"axe-{theme}")["drones"][0]["drone_id"]
+    in_the_air(system, f"axe-{theme}")
+    console = ConsolePage(browser, system, theme=theme)
+    console.open_with(system.keys["SKYWAY_OPERATOR_KEY"])
+    views = {
+        "Plan of": ("map", "drone", drone),
+        f"Axe {theme} S1": ("map", "station", f"axe-{theme}-s1"),
+        "Schedule": ("schedule",),
+        "Deliveries": ("deliveries",),
+        "Alarms": ("alarms",),
+    }
+    problems: list[str] = []
+    for heading, parts in views.items():
+        expect(console.show(*parts).page.get_by_role("heading", name=heading)).to_be_visible()
+        problems += console.serious_problems()
+
+    assert problems == []
+    assert console.sound()
