@@ -16,6 +16,7 @@ import {AlarmsView} from "./views/alarms.js";
 import {CustomerView} from "./views/customer.js";
 import {DeliveriesView} from "./views/deliveries.js";
 import {MapView} from "./views/map.js";
+import {ProviderView} from "./views/provider.js";
 import {ScheduleView} from "./views/schedule.js";
 
 // By the first part of the address: the view, its name, and the roles that have it.
@@ -24,6 +25,7 @@ const VIEWS = {
   schedule: {view: ScheduleView, name: "Schedule", roles: ["operator", "provider"]},
   new: {view: CustomerView, name: "New delivery", roles: ["customer"]},
   deliveries: {view: DeliveriesView, name: "Deliveries", roles: ["operator", "customer"]},
+  fleet: {view: ProviderView, name: "Fleet", roles: ["operator", "provider"]},
   alarms: {view: AlarmsView, name: "Alarms", roles: ["operator", "provider"]},
   account: {view: AccountView, name: "Keys", roles: ["operator", "provider", "customer"]},
 };

@@ -16,7 +16,7 @@ export const SecretBox = ({title, hint, secrets, qrOf, onClose}) => html`
     <p class="hint">${hint}</p>
     ${secrets.map(([name, text]) => html`
       <label>${name}<span class="row">
-        <input readonly value=${text} onFocus=${({target}) => target.select()} />
+        <input readonly value=${text} aria-label=${name} onFocus=${({target}) => target.select()} />
         ${navigator.clipboard && html`
           <button type="button" onClick=${() => copy(text)} aria-label=${`Copy ${name}`}>Copy</button>`}
       </span></label>`)}

@@ -1,0 +1,50 @@
+// A provider's drones with their commands, and registering another one.
+
+import {useEffect, useState} from "preact/hooks";
+
+import {all, part, post} from "../api.js";
+import {html} from "../html.js";
+import {dayText} from "../words.js";
+import {DroneForm} from "./drone_form.js";
+import {FleetTable} from "./fleet_table.js";
+import {attempt} from "./messages.js";
+import {SecretBox} from "./secret_box.js";
+
+const AGAIN_MS = 5_000;
+
+function useDrones(path) {
+  const [drones, setDrones] = useState(null);
+  const read = () => all(path).then(setDrones, () => null);
+  useEffect(() => {
+    attempt(async () => setDrones(await all(path)));
+    const timer = setInterval(read, AGAIN_MS);
+    return () => clearInterval(timer);
+  }, [path]);
+  return {drones, read};
+}
+
+export function FleetDrones({providerId}) {
+  const path = `/v1/providers/${part(providerId)}/drones`;
+  const {drones, read} = useDrones(path);
+  const [token, setToken] = useState(null);
+  const show = (name, {enrolment_token: text, expires_at: until}) => setToken({name, text, until});
+
+  async function register(wanted) {
+    const isRegistered = await attempt(async () => {
+      const made = await post(path, wanted);
+      show(made.name ?? made.drone_id, made);
+    }, "The drone is registered.");
+    if (isRegistered) read();
+    return isRegistered;
+  }
+
+  return html`
+    ${drones === null ? html`<p>Reading…</p>` : html`
+      <${FleetTable} drones=${drones} onChange=${read} onToken=${show} />`}
+    ${token && html`<${SecretBox} title=${`Enrolment token of ${token.name}`} secrets=${[["Token", token.text]]}
+      qrOf=${token.text} onClose=${() => setToken(null)}
+      hint=${`It is shown only now. The drone exchanges it once for its own credentials${
+        token.until ? `, until ${dayText(token.until)}` : ""}.`} />`}
+    <h2>New drone</h2>
+    <${DroneForm} onRegister=${register} />`;
+}

@@ -1,0 +1,66 @@
+// The drones of a provider: how each is, taking it out of service and back, another token.
+
+import {call, part, post} from "../api.js";
+import {html} from "../html.js";
+import {picture} from "../live.js";
+import {pathTo} from "../routes.js";
+import {inWords, percent, shortId, stationName} from "../words.js";
+import {attempt} from "./messages.js";
+import {ShareBar} from "./share_bar.js";
+
+const LOW_CHARGE = 0.2;
+
+const faultName = (fault) => inWords(typeof fault === "string" ? fault : fault.code);
+
+function Commands({drone, onChange, onToken}) {
+  const {drone_id: droneId, provider_id: provider, state} = drone;
+  const path = `/v1/providers/${part(provider)}/drones/${part(droneId)}`;
+  const name = drone.name ?? shortId(droneId);
+  const put = async (wanted, done) => {
+    if (await attempt(() => call("PATCH", path, {state: wanted}), done)) onChange();
+  };
+  const token = () => attempt(async () => onToken(name, await post(`${path}/enrolment-tokens`)));
+  return html`
+    <div class="commands">
+      ${state === "MAINTENANCE"
+        ? html`<button class="small" aria-label=${`Put ${name} back in service`}
+            onClick=${() => put("AVAILABLE", `${name} is back in service.`)}>Back in service</button>`
+        : html`<button class="small" aria-label=${`Take ${name} into maintenance`}
+            onClick=${() => put("MAINTENANCE", `${name} is in maintenance and gets no missions.`)}>
+            Into maintenance</button>`}
+      <button class="small" aria-label=${`Another enrolment token for ${name}`} onClick=${token}>
+        Enrolment token</button>
+    </div>`;
+}
+
+function DroneRow({drone, onChange, onToken}) {
+  const {drone_id: droneId, name, registration, model_id: model, home_station_id: home} = drone;
+  const {state, activity, soc, faults = []} = drone;
+  return html`
+    <tr data-drone=${droneId}>
+      <td><a href=${pathTo("map", "drone", droneId)}>${name ?? shortId(droneId)}</a>
+        <br /><small>${registration ?? ""}</small></td>
+      <td>${model}<br /><small>home ${stationName(home)}</small></td>
+      <td class="state">${inWords(state)}${activity && activity !== "IDLE" ? html`
+        <br /><small>${inWords(activity)}</small>` : ""}</td>
+      <td>${percent(soc)}<${ShareBar} share=${soc} kind=${soc < LOW_CHARGE ? "low" : "charge"} /></td>
+      <td class=${faults.length ? "late" : ""}>${faults.length ? faults.map(faultName).join(", ") : "none"}</td>
+      <td><${Commands} drone=${drone} onChange=${onChange} onToken=${onToken} /></td>
+    </tr>`;
+}
+
+// A drone of the list as the live picture shows it now.
+const upToDate = (drone) => ({...drone, ...picture.drones.value[drone.drone_id]});
+
+const nameOf = ({name, drone_id: id}) => name ?? id;
+const byName = (one, other) => nameOf(one).localeCompare(nameOf(other), [], {numeric: true});
+
+export const FleetTable = ({drones, onChange, onToken}) => html`
+  <div class="table"><table aria-label="Drones">
+    <thead><tr><th>Drone</th><th>Model</th><th>State</th><th>Charge</th><th>Faults</th><th>Commands</th></tr></thead>
+    <tbody>
+      ${[...drones].sort(byName).map((drone) => html`
+        <${DroneRow} key=${drone.drone_id} drone=${upToDate(drone)} onChange=${onChange} onToken=${onToken} />`)}
+      ${drones.length === 0 && html`<tr><td colspan="6">No drone is registered yet.</td></tr>`}
+    </tbody>
+  </table></div>`;

@@ -1,0 +1,98 @@
+// The loading desk: drones that wait for their packages; a person weighs them and confirms.
+
+import {useEffect, useState} from "preact/hooks";
+
+import {all, part, post} from "../api.js";
+import {html} from "../html.js";
+import {picture} from "../live.js";
+import {inWords, momentText, shortId, stationName} from "../words.js";
+import {attempt, say} from "./messages.js";
+
+const AGAIN_MS = 2_000;
+const OVER = ["COMPLETED", "ABORTED", "CANCELLED", "REFUSED"];
+
+function useWaiting(providerId) {
+  const [missions, setMissions] = useState(null);
+  const [problem, setProblem] = useState("");
+  const read = () => all("/v1/missions?loading=AWAITED").then(
+    (items) => {
+      setMissions(items.filter((each) => each.provider_id === providerId && !OVER.includes(each.state)));
+      setProblem("");
+    },
+    (refusal) => setProblem(refusal.message));
+  useEffect(() => {
+    read();
+    const timer = setInterval(read, AGAIN_MS);
+    return () => clearInterval(timer);
+  }, [providerId]);
+  return {missions, problem, read};
+}
+
+// Where the packages are taken on board, and how much they weigh together by the request.
+function pickupOf({plan: {steps}}) {
+  const number = steps.findIndex(({kind}) => kind === "PICK_UP");
+  const flight = steps.slice(number).find(({kind}) => kind === "FLY");
+  return {stationId: steps[number]?.station_id, loadKg: flight?.load_kg};
+}
+
+function whereText(drone, stationId) {
+  if (!drone) return "";
+  return drone.station_id === stationId && drone.activity !== "FLYING"
+    ? "The drone stands there."
+    : `The drone is not there yet: ${inWords(drone.activity ?? drone.state).toLowerCase()}.`;
+}
+
+async function confirmLoading(missionId, packages) {
+  const {outcome, detail} = await post(`/v1/missions/${part(missionId)}/loading`, {packages});
+  if (outcome === "CONFIRMED") say("Loading is confirmed. The drone takes off once its plan holds with these masses.");
+  else say(`The mission has ended: ${detail}`, "refused");
+}
+
+function Mass({packageId}) {
+  const [isMissing, setMissing] = useState(false);
+  return html`
+    <fieldset class="weighed">
+      <legend>${packageId}</legend>
+      <label>Measured mass in kg<input name=${packageId} type="number" min="0.001" max="1000" step="any" required
+        aria-label=${`Measured mass of ${packageId} in kg`} disabled=${isMissing} /></label>
+      <label class="check"><input type="checkbox" checked=${isMissing}
+        aria-label=${`${packageId} is not here`}
+        onChange=${({target}) => setMissing(target.checked)} /> It is not here</label>
+    </fieldset>`;
+}
+
+function Waiting({mission, onDone}) {
+  const {mission_id: missionId, drone_id: droneId, packages, start_at: start} = mission;
+  const {stationId, loadKg} = pickupOf(mission);
+  const drone = picture.drones.value[droneId];
+  async function confirm(event) {
+    event.preventDefault();
+    // A disabled field is not part of the form's data: that package is missing.
+    const masses = [...new FormData(event.target)].map(([package_id, mass]) =>
+      ({package_id, mass_kg: Number(mass)}));
+    await attempt(() => confirmLoading(missionId, masses));
+    onDone();
+  }
+  return html`
+    <li>
+      <form class="fields desk" aria-label=${`Load ${drone?.name ?? shortId(droneId)}`} onSubmit=${confirm}>
+        <h3>${drone?.name ?? `Drone ${shortId(droneId)}`} at ${stationId ? stationName(stationId) : "its pickup"}</h3>
+        <p class="hint">Mission ${shortId(missionId)}, since ${momentText(start)}. ${whereText(drone, stationId)}
+          ${loadKg === undefined ? "" : ` By the request ${Number(loadKg.toFixed(3))} kg in all.`}</p>
+        ${packages.map(({package_id}) => html`<${Mass} key=${package_id} packageId=${package_id} />`)}
+        <div class="commands"><button class="main">Confirm loading</button></div>
+      </form>
+    </li>`;
+}
+
+export function LoadingDesk({providerId}) {
+  const {missions, problem, read} = useWaiting(providerId);
+  return html`
+    ${problem && html`<p class="refused">${problem}</p>`}
+    ${missions?.length === 0 && html`<p>No drone waits for its packages. Drones wait here if their provider
+      confirms loading by hand.</p>`}
+    <ul class="cards" aria-label="Drones that wait">
+      ${(missions ?? []).map((mission) => html`
+        <${Waiting} key=${mission.mission_id} mission=${mission} onDone=${read} />`)}
+    </ul>`;
+}
