@@ -62,7 +62,8 @@ function Mass({packageId}) {
 }
 
 function Waiting({mission, onDone}) {
-  const {mission_id: missionId, drone_id: droneId, packages, start_at: start} = mission;
+  const {mission_id: missionId, drone_id: droneId, start_at: start} = mission;
+  const packageIds = mission.packages.map(({package_id}) => package_id).sort();
   const {stationId, loadKg} = pickupOf(mission);
   const drone = picture.drones.value[droneId];
   async function confirm(event) {
@@ -79,7 +80,7 @@ function Waiting({mission, onDone}) {
         <h3>${drone?.name ?? `Drone ${shortId(droneId)}`} at ${stationId ? stationName(stationId) : "its pickup"}</h3>
         <p class="hint">Mission ${shortId(missionId)}, since ${momentText(start)}. ${whereText(drone, stationId)}
           ${loadKg === undefined ? "" : ` By the request ${Number(loadKg.toFixed(3))} kg in all.`}</p>
-        ${packages.map(({package_id}) => html`<${Mass} key=${package_id} packageId=${package_id} />`)}
+        ${packageIds.map((each) => html`<${Mass} key=${each} packageId=${each} />`)}
         <div class="commands"><button class="main">Confirm loading</button></div>
       </form>
     </li>`;
