@@ -73,6 +73,20 @@ def tracing(received: str | None) -> Iterator[str]:
         _current.reset(token)
 
 
+@contextmanager
+def in_trace_of(stored: str | None) -> Iterator[None]:
+    """Do the block in the trace of a stored traceparent, under a span of our own.
+
+    What is stored with a delivery names the trace of its request. Without a stored one, and within
+    the same trace already, nothing changes.
+    """
+    if stored is None or trace_id_of(stored) == current_trace_id():
+        yield
+        return
+    with tracing(stored):
+        yield
+
+
 class JsonLines(logging.Formatter):
     """One JSON object per record; what was given as `extra` becomes members."""
 

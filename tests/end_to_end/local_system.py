@@ -172,7 +172,7 @@ class LocalSystem:
         return process
 
     def request_delivery(
-        self, destinations: list[str], *, pickup: str, key: str | None = None
+        self, destinations: list[str], *, pickup: str, key: str | None = None, **headers: str
     ) -> str:
         body = {
             "pickup": {"station_id": pickup},
@@ -183,7 +183,7 @@ class LocalSystem:
             "qos": {"objective": "fastest"},
         }
         customer_key = key or self.keys["SKYWAY_CUSTOMER_KEY"]
-        answer = self.call("POST", "/v1/deliveries", key=customer_key, body=body)
+        answer = self.call("POST", "/v1/deliveries", key=customer_key, body=body, **headers)
         assert answer.status_code == 202, answer.text
         return str(answer.json()["delivery_id"])
 

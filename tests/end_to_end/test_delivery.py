@@ -1,48 +1,37 @@
 """One real delivery from request to hand-over, through every process."""
 
 import json
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from threading import Thread
 from typing import Any
 
 import httpx
 import pytest
 
+from skyway.runtime.tracing import trace_id_of
+from tests.end_to_end.webhook_receiver import webhook_receiver
+
 pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("postgresql-mosquitto")]
 
 
+#: The trace that the customer has begun.
+TRACE_ID = "4bf92f3577b34da6a3ce929d0e0e4736"
+TRACEPARENT = f"00-{TRACE_ID}-00f067aa0ba902b7-01"
+
+
 def test_a_delivery_is_flown_and_its_customer_is_notified_by_sse_and_webhook(system: Any) -> None:
-    received: list[tuple[dict[str, str], bytes]] = []
-
-    class Receiver(BaseHTTPRequestHandler):
-        def do_POST(self) -> None:
-            length = int(self.headers["Content-Length"])
-            received.append((dict(self.headers), self.rfile.read(length)))
-            self.send_response(204)
-            self.end_headers()
-
-        def log_message(self, *_: object) -> None:
-            pass
-
     system.publish_corridor("notified")
     provider = system.start_fleet(["notified-s1", "notified-s2"])
     key = system.keys["SKYWAY_CUSTOMER_KEY"]
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Receiver)
-    thread = Thread(target=server.serve_forever)
-    thread.start()
-    try:
-        url = f"http://127.0.0.1:{server.server_port}/hook"
-        webhook = system.call("POST", "/v1/webhooks", key=key, body={"url": url}).json()
-        delivery_id = system.request_delivery(["notified-s3", "notified-s4"], pickup="notified-s1")
+    with webhook_receiver() as receiver:
+        body = {"url": receiver.url}
+        webhook = system.call("POST", "/v1/webhooks", key=key, body=body).json()
+        delivery_id = system.request_delivery(
+            ["notified-s3", "notified-s4"], pickup="notified-s1", traceparent=TRACEPARENT
+        )
         streamed = _events_of(system, delivery_id, key)
         delivery = system.until_state(delivery_id, "COMPLETED")
         # Webhooks are sent one after another, so the last ones arrive after the stream has ended.
         _until_notified(system, webhook["webhook_id"], key, streamed)
         system.call("DELETE", f"/v1/webhooks/{webhook['webhook_id']}", key=key)
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join()
 
     assert [event["sequence"] for event in streamed] == list(range(1, len(streamed) + 1))
     types = [event["type"] for event in streamed]
@@ -51,10 +40,13 @@ def test_a_delivery_is_flown_and_its_customer_is_notified_by_sse_and_webhook(sys
     assert types.count("package.delivered") == 2
     assert {package["state"] for package in delivery["packages"]} == {"DELIVERED"}
     assert delivery["missions"][0]["provider_id"] == provider["provider_id"]
-    posted = [json.loads(body) for _, body in received]
-    assert {event["event_id"] for event in posted if event["delivery_id"] == delivery_id} == {
-        event["event_id"] for event in streamed
-    }
+    posted = receiver.of(delivery_id)
+    assert {event["event_id"] for _, event in posted} == {event["event_id"] for event in streamed}
+    # One trace from the customer's POST over REST and MQTT to the last webhook.
+    traceparents = [headers["traceparent"] for headers, _ in posted]
+    assert {trace_id_of(each) for each in traceparents} == {TRACE_ID}
+    assert {trace_id_of(event["traceparent"]) for event in streamed} == {TRACE_ID}
+    assert len(set(traceparents)) == len(traceparents)
 
 
 def _events_of(system: Any, delivery_id: str, key: str) -> list[dict[str, Any]]:

@@ -19,7 +19,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database, Tx
-from skyway.runtime.tracing import tracing
+from skyway.runtime.tracing import in_trace_of, tracing
 from skyway_gateway.clients import CANCELLATIONS_PATH
 from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
@@ -92,7 +92,8 @@ class ReportApplier:
             last = await delivery_store.last_report(tx, report.mission_id)
             if last is None:
                 self._refuse_if_not_yet(now.delivery, report)
-                _cancel_late_booking(tx, now.delivery, report)
+                with in_trace_of(now.traceparent):
+                    _cancel_late_booking(tx, now.delivery, report)
             elif report.seq > last + 1:
                 raise Conflict("NOT_YET", f"report {report.seq} comes before {last + 1}")
             elif report.seq == last + 1:

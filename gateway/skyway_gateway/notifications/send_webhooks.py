@@ -20,6 +20,7 @@ from skyway.runtime.loops import MissingParts, Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
+from skyway.runtime.tracing import current_traceparent, tracing
 from skyway_gateway.notifications.fair_slots import FairSlots
 from skyway_gateway.notifications.post_webhook import Reply, WebhookPost
 from skyway_gateway.notifications.secret_vault import SecretVault, UnreadableSecret
@@ -152,6 +153,10 @@ class WebhookSender:
         return attempt
 
     async def _try(self, endpoint: Endpoint, notification: Notification) -> None:
+        with tracing(notification.traceparent):
+            await self._send_and_settle(endpoint, notification)
+
+    async def _send_and_settle(self, endpoint: Endpoint, notification: Notification) -> None:
         sent = await self._send(endpoint, notification)
         attempt = self._attempt(notification, sent, wait_s=self._wait_s(notification, sent.reply))
         _count_attempts(1, attempt.outcome)
@@ -176,6 +181,8 @@ class WebhookSender:
         headers = signed_headers(
             secrets_in_use, webhook_id=notification.event_id, at=at, body=notification.body
         )
+        if (traceparent := current_traceparent()) is not None:
+            headers["traceparent"] = traceparent
         reply = await self.post.send(endpoint.url, headers=headers, body=notification.body)
         self.slots.note_reply(endpoint.webhook_id, is_answer=reply.status is not None)
         return _Sent(at, round((loop.time() - started_s) * 1000), reply)

@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import hmac
+import json
 import random
 import secrets
 from dataclasses import dataclass, field
@@ -162,6 +163,12 @@ class Notification:
     delivery_id: DeliveryId | None
     attempts: int
     body: bytes
+
+    @property
+    def traceparent(self) -> str | None:
+        """The traceparent of the event, as its body has it."""
+        found = json.loads(self.body).get("traceparent")
+        return found if isinstance(found, str) else None
 
 
 class TrialEvent(JsonModel):

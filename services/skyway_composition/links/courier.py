@@ -8,11 +8,12 @@ from typing import Final
 
 from skyway.contracts.instruction import AnyInstruction, ReportInstruction
 from skyway.contracts.topics import INSTRUCTIONS
-from skyway.ids import InstructionId
+from skyway.ids import DroneId, InstructionId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.minting import Mint
 from skyway.runtime.outbox.outbox_store import confirm
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.tracing import in_trace_of
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links import store
 from skyway_composition.links.instruction_store import (
@@ -31,12 +32,21 @@ Draft = Callable[..., AnyInstruction]
 _ASK_AGAIN_MS: Final = 5_000
 
 
+def _no_trace(_drone_id: DroneId) -> None:
+    """The drone's mission is not known here: its instructions are in the present trace."""
+
+
 @dataclass(frozen=True, slots=True)
 class Courier:
-    """Sends instructions within a transaction that has locked the drone's link."""
+    """Sends instructions within a transaction that has locked the drone's link.
+
+    `trace_of` gives the traceparent of the mission that a drone is on: all instructions to the
+    drone are in this trace.
+    """
 
     clock: FleetClock
     mint: Mint
+    trace_of: Callable[[DroneId], str | None] = _no_trace
 
     def expiry(self) -> datetime:
         """The latest moment to begin an instruction that is sent now, in whole milliseconds."""
@@ -62,7 +72,8 @@ class Courier:
         await store.save_links(tx, [link])
         instruction = self._instruction(place, draft, expires_at)
         await add_instruction(tx, place.drone_id, instruction)
-        _hand_over(tx, place, instruction)
+        with in_trace_of(self.trace_of(place.drone_id)):
+            _hand_over(tx, place, instruction)
         return link, instruction.instruction_id
 
     def post_last(

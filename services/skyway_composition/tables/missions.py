@@ -67,6 +67,8 @@ missions = Table(
     # The network's version and conditions with which a QUEUED mission was planned.
     Column("planned_version", Integer),
     Column("planned_conditions", BigInteger),
+    # The trace in which the mission was booked: that of the request of its delivery.
+    Column("traceparent", Text),
     *claim_columns(),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
     # I2: a drone is on at most one mission.

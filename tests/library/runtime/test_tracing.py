@@ -12,6 +12,7 @@ from skyway.runtime.tracing import (
     configure_logs,
     current_trace_id,
     current_traceparent,
+    in_trace_of,
     new_traceparent,
     trace_id_of,
     tracing,
@@ -29,6 +30,22 @@ def test_a_received_trace_goes_on_and_ends_with_its_block() -> None:
 
     assert current_traceparent() is None
     assert current_trace_id() is None
+
+
+def test_a_stored_trace_goes_on_under_another_span() -> None:
+    with tracing(None), in_trace_of(RECEIVED):
+        assert current_trace_id() == TRACE_ID
+        assert current_traceparent() != RECEIVED
+
+
+def test_within_the_stored_trace_the_span_stays() -> None:
+    with tracing(RECEIVED) as traceparent, in_trace_of(RECEIVED):
+        assert current_traceparent() == traceparent
+
+
+def test_without_a_stored_trace_the_present_one_goes_on() -> None:
+    with tracing(RECEIVED) as traceparent, in_trace_of(None):
+        assert current_traceparent() == traceparent
 
 
 def test_a_later_version_with_more_members_is_understood() -> None:

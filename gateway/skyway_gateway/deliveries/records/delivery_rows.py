@@ -108,7 +108,9 @@ def delivery_of(
 
 def stored_of(row: AnyRow, delivery: Delivery) -> StoredDelivery:
     """The delivery in a row, with the row's version."""
-    return StoredDelivery(delivery, row.version, row.last_sequence, row.events_hash)
+    return StoredDelivery(
+        delivery, row.version, row.last_sequence, row.events_hash, row.traceparent
+    )
 
 
 def queued_of(row: AnyRow, stored: StoredDelivery) -> QueuedDelivery:
@@ -117,7 +119,6 @@ def queued_of(row: AnyRow, stored: StoredDelivery) -> QueuedDelivery:
         stored=stored,
         pickup_position=_POSITION.validate_json(row.pickup_position),
         give_up_at=ms_to_moment(row.give_up_ms),
-        traceparent=row.traceparent,
         has_idempotency_key=row.has_idempotency_key,
         network_id=row.network_id,
         is_waiting=row.waits_since_ms is not None,

@@ -27,13 +27,15 @@ class Outdated(Exception):
 class StoredDelivery:
     """A delivery, the version of its row, and the number and the hash of its events so far.
 
-    A cached delivery may hold moments that are more exact than the stored milliseconds.
+    `traceparent` is that of its request: all that is said about the delivery is in its trace. A
+    cached delivery may hold moments that are more exact than the stored milliseconds.
     """
 
     delivery: Delivery
     version: int = 0
     last_sequence: int = 0
     events_hash: str = ""
+    traceparent: str | None = None
 
     def then(self, delivery: Delivery, new_events: Sequence[NumberedEvent]) -> "StoredDelivery":
         """The next version, which holds this delivery and has these events more."""
@@ -43,7 +45,7 @@ class StoredDelivery:
                 events_hash, body=each.body, recorded_wall_ms=each.recorded_wall_ms
             )
         sequence = self.last_sequence + len(new_events)
-        return StoredDelivery(delivery, self.version + 1, sequence, events_hash)
+        return StoredDelivery(delivery, self.version + 1, sequence, events_hash, self.traceparent)
 
 
 class DeliveryCache:
@@ -88,7 +90,6 @@ class QueuedDelivery:
     stored: StoredDelivery
     pickup_position: Position
     give_up_at: datetime
-    traceparent: str | None
     has_idempotency_key: bool = False
     #: The network of its pickup; None when the gateway does not know it.
     network_id: NetworkId | None = None
@@ -96,6 +97,11 @@ class QueuedDelivery:
     is_waiting: bool = False
     #: When something last changed that may help it, wall time in ms since 1970.
     woken_wall_ms: int = 0
+
+    @property
+    def traceparent(self) -> str | None:
+        """The traceparent of its request."""
+        return self.stored.traceparent
 
     @property
     def delivery(self) -> Delivery:

@@ -7,6 +7,7 @@ from datetime import datetime
 from skyway.contracts.mission_reports import MissionReport
 from skyway.ids import DeliveryId
 from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.tracing import in_trace_of
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.records import delivery_store
@@ -70,17 +71,19 @@ class DeliveryWriter:
 
         The write happens when the transaction block ends. If the delivery was not locked and has
         another version than `before`, the block raises Outdated and writes nothing. `give_up_at`
-        replaces the moment at which booking gives up the packages that wait.
+        replaces the moment at which booking gives up the packages that wait. The events are in the
+        trace of the delivery's request.
         """
         delivery, happenings = progress.delivery, progress.happenings
         if report is None and delivery == before.delivery and not happenings:
             return
-        events = self.events.number(
-            happenings, after=before.last_sequence, delivery_id=delivery.delivery_id
-        )
-        after = before.then(delivery, events)
-        delivery_store.save(tx, before, after, report=report, give_up_at=give_up_at)
-        self._record(tx, after, events)
+        with in_trace_of(before.traceparent):
+            events = self.events.number(
+                happenings, after=before.last_sequence, delivery_id=delivery.delivery_id
+            )
+            after = before.then(delivery, events)
+            delivery_store.save(tx, before, after, report=report, give_up_at=give_up_at)
+            self._record(tx, after, events)
 
     def _record(self, tx: Tx, now: StoredDelivery, new: Sequence[NumberedEvent]) -> None:
         self.events.record(tx, new, customer_id=now.delivery.customer_id)

@@ -262,10 +262,9 @@ class Acceptance:
     def _add(self, tx: Tx, delivery: Delivery, pickup: Position, *, has_key: bool) -> None:
         """Add the delivery with its first events, and begin to book it after the commit."""
         accepted = QueuedDelivery(
-            StoredDelivery(delivery),
+            StoredDelivery(delivery, traceparent=current_traceparent()),
             pickup,
             give_up_at(delivery.request, self.clock),
-            traceparent=current_traceparent(),
             has_idempotency_key=has_key,
             network_id=self.checks.networks.network_of(delivery.request.pickup.station_id),
             woken_wall_ms=moment_to_ms(self.clock.wall_now()),

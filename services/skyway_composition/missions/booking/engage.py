@@ -12,6 +12,7 @@ from skyway.ids import DeliveryId, DroneId, HoldId, MissionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.tracing import current_traceparent
 from skyway.scheduling.trip import BookedPad, without
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.courier import Courier
@@ -81,6 +82,7 @@ async def engage(
                 if part.candidate.drone_id in places
                 else PlannedIn(skyway.version, world.conditions_version)
             ),
+            traceparent=current_traceparent(),
         )
         for number, part in enumerate(offer.parts, 1)
     ]

@@ -23,6 +23,7 @@ from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
+from skyway.runtime.tracing import in_trace_of
 from skyway.units import ms_to_moment
 from skyway_composition.links.cached_links import CachedLinks
 from skyway_composition.links.link import DroneLink
@@ -75,7 +76,10 @@ class ReportHandler:
             for drone_id in sorted(writers.keys() - work.links.keys()):
                 work.links[drone_id] = await lock_link(tx, drone_id, writers[drone_id])
             for received in _without_superseded(batch):
-                await self._handle_one(work, received)
+                record = work.missions.get(DroneId(received.ids[1]))
+                said = received.message.traceparent
+                with in_trace_of(said if record is None else record.traceparent or said):
+                    await self._handle_one(work, received)
             await work.save_staged()
             if any(record.needs_plan for record in work.missions.values()):
                 tx.after_commit(self._stuck.set)

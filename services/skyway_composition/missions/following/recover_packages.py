@@ -11,6 +11,7 @@ from skyway.contracts.drone_report import DroneEvent, DroneState
 from skyway.contracts.flight_step import DeliverStep, ReturnStep
 from skyway.contracts.instruction import MissionInstruction
 from skyway.ids import StationId
+from skyway.runtime.tracing import in_trace_of
 from skyway.units import moment_to_ms
 from skyway_composition.alarm_store import is_open
 from skyway_composition.links.instruction_store import last_revision, open_instructions
@@ -175,6 +176,7 @@ async def _leave_all(
         first_step=first_step,
         steps=(step,),
     )
-    work.links[ended.drone_id] = await work.courier.send(
-        work.tx, work.links[ended.drone_id], draft, expires_at=work.courier.expiry()
-    )
+    with in_trace_of(ended.traceparent):
+        work.links[ended.drone_id] = await work.courier.send(
+            work.tx, work.links[ended.drone_id], draft, expires_at=work.courier.expiry()
+        )

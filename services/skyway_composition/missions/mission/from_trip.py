@@ -187,6 +187,7 @@ def new_mission(
     skyway: PreparedNetwork,
     expires_at: datetime,
     planned_in: PlannedIn | None = None,
+    traceparent: str | None = None,
 ) -> MissionRecord:
     """The record of a new mission that flies this trip; QUEUED if `planned_in` is given.
 
@@ -220,6 +221,7 @@ def new_mission(
         candidate=candidate,
         expires_ms=moment_to_ms(expires_at),
         planned_in=planned_in,
+        traceparent=traceparent,
     )
 
 

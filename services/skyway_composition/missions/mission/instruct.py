@@ -15,6 +15,7 @@ from skyway.contracts.instruction import (
 from skyway.contracts.mission import Mission
 from skyway.ids import DroneId, InstructionId, MissionId
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.tracing import in_trace_of
 from skyway.units import moment_to_ms
 from skyway_composition.links.courier import Courier, Draft
 from skyway_composition.links.instruction_store import SentInstruction, open_instructions
@@ -76,14 +77,16 @@ async def send_mission(work: MissionUnitOfWork, record: MissionRecord) -> None:
     all_steps = await steps_of(work.tx.connection, record.mission_id)
     steps = [each.step for each in all_steps if each.status == "PLANNED"]
     expires_at = work.courier.expiry()
-    work.links[record.drone_id] = await send_steps(
-        work.tx,
-        work.courier,
-        work.links[record.drone_id],
-        mission=record.mission,
-        steps=steps,
-        expires_at=expires_at,
-    )
+    # A QUEUED mission is not in the unit of work yet.
+    with in_trace_of(record.traceparent):
+        work.links[record.drone_id] = await send_steps(
+            work.tx,
+            work.courier,
+            work.links[record.drone_id],
+            mission=record.mission,
+            steps=steps,
+            expires_at=expires_at,
+        )
     await work.save(replace(record, expires_ms=moment_to_ms(expires_at)))
 
 

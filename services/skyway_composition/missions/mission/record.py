@@ -134,7 +134,8 @@ class MissionRecord:
     """A mission with its request, the drone as it was booked, and its state of replanning.
 
     `reported_activity` is the drone's activity and station in the last report to the customer.
-    `planned_in` is given while the mission is QUEUED.
+    `planned_in` is given while the mission is QUEUED. `traceparent` is that of the delivery's
+    request; it is None if the mission was booked by an older version.
     """
 
     mission: Mission
@@ -149,6 +150,7 @@ class MissionRecord:
     proposal: Proposal | None = None
     aims: tuple[Aim, ...] = ()
     planned_in: PlannedIn | None = None
+    traceparent: str | None = None
 
     @property
     def mission_id(self) -> MissionId:

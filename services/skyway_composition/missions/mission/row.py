@@ -85,6 +85,7 @@ def new_row(record: MissionRecord) -> dict[str, Any]:  # column values of any ty
         "network_id": record.network_id,
         "request": _REQUESTS.write(record.request),
         "candidate": _CANDIDATES.write(record.candidate),
+        "traceparent": record.traceparent,
         **changing_columns(record),
     }
 
@@ -131,4 +132,5 @@ def read_record(row: Any) -> MissionRecord:  # a row of missions, whose columns 
             if row.planned_version is None
             else PlannedIn(row.planned_version, row.planned_conditions)
         ),
+        traceparent=row.traceparent,
     )

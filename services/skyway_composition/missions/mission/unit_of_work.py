@@ -16,6 +16,7 @@ from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.minting import Mint
 from skyway.runtime.outbox.outbox_store import confirm
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.tracing import in_trace_of
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition import alarm_store
 from skyway_composition.links.courier import Courier
@@ -56,7 +57,11 @@ class MissionUnitOfWork:
     @property
     def courier(self) -> Courier:
         """The sender of instructions to these drones."""
-        return Courier(self.clock, self.mint)
+        return Courier(self.clock, self.mint, self._traceparent)
+
+    def _traceparent(self, drone_id: DroneId) -> str | None:
+        record = self.missions.get(drone_id)
+        return None if record is None else record.traceparent
 
     def stage_link(self, link: DroneLink) -> None:
         """Stage a changed link; `save_staged` saves it."""
@@ -171,9 +176,10 @@ def report_in(
             **fields,
         }
     )
-    tx.report("gateway", MISSION_REPORTS, sent, stream=mission.mission_id)
-    if kind in _OF_THE_DRONE:
-        tx.report("registry", MISSION_REPORTS, sent, stream=mission.mission_id)
+    with in_trace_of(record.traceparent):
+        tx.report("gateway", MISSION_REPORTS, sent, stream=mission.mission_id)
+        if kind in _OF_THE_DRONE:
+            tx.report("registry", MISSION_REPORTS, sent, stream=mission.mission_id)
     return replace(record, report_seq=sent.seq)
 
 
