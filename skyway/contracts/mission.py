@@ -80,14 +80,11 @@ class Margins(WireModel):
     ] = 0.0
 
 
-class Mission(WireModel):
-    """A plan being flown: what a delivery shows of it, and what operators see.
+class DeliveryMission(WireModel):
+    """A plan being flown, up to its last delivery.
 
-    `plan` ends with the last delivery and counts seconds from `start_at`. `home_plan` and
-    `home_recharge` are the drone's standby, at home or elsewhere: the flight of the empty drone to
-    where it stands by, and its recharge there to the top. Both count from the end of `plan`.
-    `released_at` is when the drone is planned to be free again. All of these are
-    of the present revision: after a re-composition `plan` holds only what was left to deliver then.
+    `plan` ends with the last delivery and counts seconds from `start_at`. Both are of the present
+    revision: after a re-composition `plan` holds only what was left to deliver then.
     """
 
     mission_id: MissionId
@@ -104,20 +101,11 @@ class Mission(WireModel):
     state: Annotated[MissionState, Field(description="The state of the mission.")]
     revision: Annotated[int, Field(ge=1, description="The number of the present plan, from 1.")]
     start_at: FleetMoment
-    released_at: FleetMoment
     price: Annotated[Price, Field(description="What the mission costs.")]
     packages: Annotated[
         tuple[PackageEta, ...], Field(description="The packages that it delivers, and when.")
     ]
     plan: Annotated[Plan, Field(description="The present plan, up to the last delivery.")]
-    home_plan: Annotated[
-        Plan | None,
-        Field(description="How the drone flies to where it stands by, after the end of `plan`."),
-    ] = None
-    home_recharge: Annotated[
-        Recharge | None,
-        Field(description="How it is charged there; seconds count from the end of `plan`."),
-    ] = None
     margins: Annotated[
         Margins, Field(description="What the plan was booked with on top of what it needs.")
     ] = Margins()
@@ -134,6 +122,25 @@ class Mission(WireModel):
     doubt: Annotated[
         Doubt | None,
         Field(description="Why the mission waits for its drone or an operator; null if it is not."),
+    ] = None
+
+
+class Mission(DeliveryMission):
+    """A plan being flown, with what its drone does after the last delivery.
+
+    `home_plan` and `home_recharge` are the drone's standby, at home or elsewhere: the flight of the
+    empty drone to where it stands by, and its recharge there to the top. Both count from the end of
+    `plan`. `released_at` is when the drone is planned to be free again.
+    """
+
+    released_at: FleetMoment
+    home_plan: Annotated[
+        Plan | None,
+        Field(description="How the drone flies to where it stands by, after the end of `plan`."),
+    ] = None
+    home_recharge: Annotated[
+        Recharge | None,
+        Field(description="How it is charged there; seconds count from the end of `plan`."),
     ] = None
 
 

@@ -165,7 +165,9 @@ class Plan(JsonModel):
     #: What a strategy counted: `strategy`, `elapsed_s`, and keys of its own.
     stats: dict[str, Any] = Field(
         default_factory=dict,
-        description="What the strategy counted: strategy, elapsed_s, and more.",
+        exclude_if=lambda value: not value,
+        description="What the strategy counted: strategy, elapsed_s, and more; left out of what "
+        "customers see of deliveries.",
     )
     #: In the JSON only when infeasible.
     infeasibility: Annotated[

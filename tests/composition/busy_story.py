@@ -280,5 +280,5 @@ def _comparable(report: MissionReport) -> str:
     content = report.model_dump(mode="json")
     for plan in ("plan", "home_plan"):
         if content["mission"] is not None and content["mission"][plan] is not None:
-            del content["mission"][plan]["stats"]
+            content["mission"][plan].pop("stats", None)
     return json.dumps(content)

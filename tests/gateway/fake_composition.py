@@ -22,7 +22,7 @@ from skyway.contracts.quote import KeepOffer, KeptOffer, OfferTerms, QuoteAnswer
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
 from skyway.delivery.offer import Price
-from skyway.delivery.plan import PackageDelivery, Plan, PlanStatus
+from skyway.delivery.plan import PackageDelivery, Plan, PlanStatus, Recharge
 from skyway.delivery.request import DeliveryRequest
 from skyway.drone.models import PAPER_SCENARIO
 from skyway.geo import Position
@@ -77,6 +77,11 @@ def make_mission(
                 PackageDelivery(package_id=package_id, station_id=station_id, delivered_s=at_s)
                 for package_id, station_id, at_s in deliveries
             ),
+            stats={"strategy": "exact", "labels": 7},
+        ),
+        home_plan=Plan(status=PlanStatus.OPTIMAL, delivery_time_s=last_s, stats={"labels": 3}),
+        home_recharge=Recharge(
+            station_id=deliveries[-1][1], pad=0, start_s=0, end_s=1, soc_start=0.5, soc_end=1
         ),
     )
 

@@ -57,10 +57,11 @@ async def track_of(db: Database, delivery_id: DeliveryId) -> Track:
         records = await store.page(connection, shown, before=None, limit=_MOST_MISSIONS)
         carried = on_board(await held_packages(connection, delivery_id))
         flown = [
-            _Flown(
+            _flown(
                 record,
-                _of_delivery(record, await steps_of(connection, record.mission_id), carried),
-                _state_on(record, await link_to(connection, record.drone_id)),
+                await steps_of(connection, record.mission_id),
+                await link_to(connection, record.drone_id),
+                carried,
             )
             for record in reversed(records)
             if record.mission.state != "REFUSED"
@@ -69,6 +70,19 @@ async def track_of(db: Database, delivery_id: DeliveryId) -> Track:
         stations = await stations_named(connection, named)
     now = {station_id: row.position for station_id, row in stations.items()}
     return Track(missions=tuple(_tracked(each, now) for each in flown))
+
+
+def _flown(
+    record: MissionRecord,
+    steps: Sequence[StepRecord],
+    link: DroneLink | None,
+    carried: AbstractSet[PackageId],
+) -> _Flown:
+    """The mission for its delivery, which ends with the last hand-over."""
+    has_load = any(each.package_id in carried for each in record.request.packages)
+    own = _of_delivery(record, steps, has_load=has_load)
+    goes_on = has_load or any(each.status == "PLANNED" for each in own)
+    return _Flown(record, own, _state_on(record, link) if goes_on else None)
 
 
 def _state_on(record: MissionRecord, link: DroneLink | None) -> DroneState | None:
@@ -111,7 +125,7 @@ def _seen(state: DroneState | None, steps: Sequence[StepRecord]) -> _Seen | None
 
 
 def _of_delivery(
-    record: MissionRecord, steps: Sequence[StepRecord], carried: AbstractSet[PackageId]
+    record: MissionRecord, steps: Sequence[StepRecord], *, has_load: bool
 ) -> Sequence[StepRecord]:
     """The steps up to the last hand-over: the empty drone's way home is not part of a delivery.
 
@@ -119,7 +133,6 @@ def _of_delivery(
     """
     if record.mission.state not in OPEN_MISSION_STATES:
         steps = [each for each in steps if each.status != "PLANNED"]
-    has_load = any(each.package_id in carried for each in record.request.packages)
     last = max(
         (
             number

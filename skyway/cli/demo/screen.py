@@ -160,9 +160,7 @@ class DemoScreen:
 
 
 def _proven(plan: dict[str, Any]) -> str:
-    stats = plan["stats"]
-    how = f"{stats.get('strategy', 'unknown')}, {1000 * stats.get('elapsed_s', 0.0):.1f} ms"
-    return f"{proof_of(plan)} ({_duration(plan['delivery_time_s'])}, {how})"
+    return f"{proof_of(plan)} ({_duration(plan['delivery_time_s'])})"
 
 
 def _plan_table(plan: dict[str, Any]) -> Table:

@@ -73,6 +73,27 @@ async def test_the_step_under_way_and_the_position_come_from_the_drones_state(
     assert (mission["position"], mission["soc"]) == ([0.1, 0.0], 0.9)
 
 
+async def test_the_position_of_a_drone_on_its_way_home_is_hidden(
+    composition: Any, drone: Any
+) -> None:
+    instruction = await booked(composition)
+    flown = drone.flown(instruction)
+    last = max(n for n, step in enumerate(instruction.steps, 1) if step.kind == "DELIVER")
+    assert last < len(instruction.steps)
+    drone.event_seq = last
+    home = {"mission_id": instruction.mission_id, "step_id": last + 1, "activity": "FLYING"}
+    await composition.receive(
+        drone.ack(instruction),
+        *flown[:last],
+        drone.state(**home, station_id=None, position=(0.1, 0.0), soc=0.9),
+    )
+
+    (mission,) = await tracked(composition)
+
+    assert (mission["position"], mission["soc"]) == (None, None)
+    assert mission["steps"][-1]["kind"] == "DELIVER"
+
+
 async def test_the_position_of_a_drone_on_another_mission_is_hidden(
     composition: Any, drone: Any
 ) -> None:

@@ -9,8 +9,9 @@ from pydantic import Field
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.message import FleetMoment, Soc
-from skyway.contracts.mission import LIVE_MISSION_STATES, Mission, OfferLimits
+from skyway.contracts.mission import LIVE_MISSION_STATES, DeliveryMission, OfferLimits
 from skyway.delivery.offer import Price
+from skyway.delivery.plan import Plan, Recharge
 from skyway.delivery.request import DeliveryRequest, Place
 from skyway.geo import Position
 from skyway.ids import (
@@ -185,9 +186,36 @@ class Refusal(JsonModel):
     detail: Annotated[str | None, Field(description="Why the drone refused, in words.")]
 
 
-class FlownMission(Mission):
-    """A mission as its customer sees it."""
+class FlownMission(DeliveryMission):
+    """A mission of a delivery; for customers it ends with the last delivery.
 
+    `home_plan`, `home_recharge` and `released_at` say what the drone does then. Documents for
+    customers leave them out.
+    """
+
+    home_plan: Annotated[
+        Plan | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="How the drone flies to where it stands by, after the end of `plan`; not "
+            "for customers.",
+        ),
+    ] = None
+    home_recharge: Annotated[
+        Recharge | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="How it is charged there; seconds count from the end of `plan`; not for "
+            "customers.",
+        ),
+    ] = None
+    released_at: Annotated[
+        FleetMoment | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="When the drone is planned to be free again; not for customers.",
+        ),
+    ] = None
     is_replanning: Annotated[
         bool, Field(description="Whether its plan no longer holds and there is no new plan yet.")
     ] = False

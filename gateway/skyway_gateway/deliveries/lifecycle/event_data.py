@@ -6,7 +6,7 @@ from typing import Any
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.message import utc_text
-from skyway.contracts.mission import Mission
+from skyway.contracts.mission import DeliveryMission
 from skyway.contracts.mission_reports import MissionReport
 from skyway.delivery.offer import Price
 from skyway.ids import PackageId
@@ -32,7 +32,7 @@ def scheduled(earliest_pickup_at: datetime, *, books_from_at: datetime) -> Data:
     }
 
 
-def planned(delivery: Delivery, missions: Sequence[Mission], *, attempt: int) -> Data:
+def planned(delivery: Delivery, missions: Sequence[DeliveryMission], *, attempt: int) -> Data:
     """Data of `delivery.planned`: drone, price, pickup time, ETAs, and packages that still wait."""
     first, *_ = missions
     return {
@@ -52,7 +52,7 @@ def planned(delivery: Delivery, missions: Sequence[Mission], *, attempt: int) ->
     }
 
 
-def _pickup_at(mission: Mission) -> datetime:
+def _pickup_at(mission: DeliveryMission) -> datetime:
     """When the drone begins to load at the pickup."""
     return mission.start_at + timedelta(seconds=mission.plan.pickup_s)
 
@@ -62,7 +62,7 @@ def rejected(reasons: Sequence[ProviderReason], detail: str) -> Data:
     return {"detail": detail, "reasons": [reason.model_dump(mode="json") for reason in reasons]}
 
 
-def flown_by(mission: Mission) -> Data:
+def flown_by(mission: DeliveryMission) -> Data:
     """The mission, its provider and its drone."""
     return {
         "mission_id": mission.mission_id,
@@ -71,7 +71,9 @@ def flown_by(mission: Mission) -> Data:
     }
 
 
-def loaded(package_ids: Sequence[PackageId], mission: Mission, report: MissionReport) -> Data:
+def loaded(
+    package_ids: Sequence[PackageId], mission: DeliveryMission, report: MissionReport
+) -> Data:
     """Data of `delivery.loaded`: what the drone has on board."""
     return {
         **flown_by(mission),
@@ -81,7 +83,7 @@ def loaded(package_ids: Sequence[PackageId], mission: Mission, report: MissionRe
     }
 
 
-def replanned(delivery: Delivery, mission: Mission, report: MissionReport) -> Data:
+def replanned(delivery: Delivery, mission: DeliveryMission, report: MissionReport) -> Data:
     """Data of `delivery.replanned`: why there is a new plan, and how late each package will be.
 
     A package without an ETA will be left at a station; `given_up` says why.
@@ -113,7 +115,9 @@ def _later_s(promised_at: datetime | None, eta_at: datetime | None) -> float | N
     return (eta_at - promised_at).total_seconds()
 
 
-def package_delivered(package: PackageStatus, mission: Mission, report: MissionReport) -> Data:
+def package_delivered(
+    package: PackageStatus, mission: DeliveryMission, report: MissionReport
+) -> Data:
     """Data of `package.delivered`: where and when, with the drone's evidence."""
     return {
         **flown_by(mission),
@@ -124,7 +128,9 @@ def package_delivered(package: PackageStatus, mission: Mission, report: MissionR
     }
 
 
-def package_returned(package: PackageStatus, mission: Mission, report: MissionReport) -> Data:
+def package_returned(
+    package: PackageStatus, mission: DeliveryMission, report: MissionReport
+) -> Data:
     """Data of `package.returned`: where and why, with the drone's evidence."""
     return {
         **flown_by(mission),
@@ -201,7 +207,7 @@ def ended(delivery: Delivery, code: str | None, detail: str | None) -> Data:
     }
 
 
-def price_of(missions: Sequence[Mission]) -> Price | None:
+def price_of(missions: Sequence[DeliveryMission]) -> Price | None:
     """The price of all missions together, which share one currency; None without missions."""
     if not missions:
         return None

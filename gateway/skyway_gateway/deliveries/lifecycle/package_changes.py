@@ -9,7 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.message import utc_text
-from skyway.contracts.mission import Mission
+from skyway.contracts.mission import DeliveryMission
 from skyway.contracts.mission_reports import MissionReport
 from skyway.geo import Position
 from skyway.ids import PackageId
@@ -29,7 +29,7 @@ _NUMBER: Final = TypeAdapter(float | None)
 _POSITION: Final = TypeAdapter(Position | None)
 
 
-def loaded(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+def loaded(delivery: Delivery, mission: DeliveryMission, report: MissionReport) -> Progress:
     """The delivery with packages on board of a drone; the first loading starts the delivery."""
     drone = Custodian(kind="DRONE", id=mission.drone_id)
 
@@ -55,7 +55,7 @@ def loaded(delivery: Delivery, mission: Mission, report: MissionReport) -> Progr
     return Progress(changed(after, state="IN_PROGRESS", activity=activity), tuple(news))
 
 
-def delivered(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+def delivered(delivery: Delivery, mission: DeliveryMission, report: MissionReport) -> Progress:
     """The delivery with packages handed to their recipients."""
 
     def hand_over(package: PackageStatus) -> dict[str, object]:
@@ -80,7 +80,7 @@ def delivered(delivery: Delivery, mission: Mission, report: MissionReport) -> Pr
     )
 
 
-def returned(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+def returned(delivery: Delivery, mission: DeliveryMission, report: MissionReport) -> Progress:
     """The delivery with packages returned to a station, usually the pickup."""
 
     def give_back(package: PackageStatus) -> dict[str, object]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from skyway.contracts.delivery_event import DeliveryEventType
-from skyway.contracts.mission import Mission
+from skyway.contracts.mission import DeliveryMission
 from skyway.contracts.mission_reports import MissionReport
 from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.delivery import (
@@ -80,19 +80,19 @@ def _mission_after(before: FlownMission, report: MissionReport) -> FlownMission:
     )
 
 
-def _accepted(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+def _accepted(delivery: Delivery, mission: DeliveryMission, report: MissionReport) -> Progress:
     if delivery.state != "PLANNED":
         return Progress(delivery)
     news = Happening(DeliveryEventType.DISPATCHED, report.at, event_data.flown_by(mission))
     return Progress(changed(delivery, state="DISPATCHED"), (news,))
 
 
-def _loading(delivery: Delivery, _mission: Mission, _report: MissionReport) -> Progress:
+def _loading(delivery: Delivery, _mission: DeliveryMission, _report: MissionReport) -> Progress:
     has_begun = delivery.state in ("PLANNED", "DISPATCHED")
     return Progress(changed(delivery, state="LOADING") if has_begun else delivery)
 
 
-def _activity(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+def _activity(delivery: Delivery, mission: DeliveryMission, report: MissionReport) -> Progress:
     if report.activity == "OUT_OF_CONTACT":  # possible in every state
         return Progress(changed(delivery, activity=report.activity))
     if delivery.state != "IN_PROGRESS":
@@ -106,22 +106,22 @@ def _activity(delivery: Delivery, mission: Mission, report: MissionReport) -> Pr
     return Progress(changed(delivery, activity=report.activity or delivery.activity))
 
 
-def _no_change(delivery: Delivery, _mission: Mission, _report: MissionReport) -> Progress:
+def _no_change(delivery: Delivery, _mission: DeliveryMission, _report: MissionReport) -> Progress:
     return Progress(delivery)
 
 
-def _replanned(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+def _replanned(delivery: Delivery, mission: DeliveryMission, report: MissionReport) -> Progress:
     data = event_data.replanned(delivery, mission, report)
     return Progress(delivery, (Happening(DeliveryEventType.REPLANNED, report.at, data),))
 
 
-def _returning(delivery: Delivery, _mission: Mission, report: MissionReport) -> Progress:
+def _returning(delivery: Delivery, _mission: DeliveryMission, report: MissionReport) -> Progress:
     """Causes no event: the new plan and the return of each package cause theirs."""
     after = with_returning(delivery, report.package_ids, code=report.code, detail=report.detail)
     return Progress(after)
 
 
-def _released(delivery: Delivery, _mission: Mission, report: MissionReport) -> Progress:
+def _released(delivery: Delivery, _mission: DeliveryMission, report: MissionReport) -> Progress:
     return with_cancelled(
         delivery,
         where=lambda one: one.package_id in report.package_ids and one.state == "CREATED",
@@ -131,7 +131,7 @@ def _released(delivery: Delivery, _mission: Mission, report: MissionReport) -> P
     )
 
 
-def _ended(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+def _ended(delivery: Delivery, mission: DeliveryMission, report: MissionReport) -> Progress:
     """The mission is over; packages that it has not handed over stay where they are."""
 
     def is_its_own(package: PackageStatus) -> bool:

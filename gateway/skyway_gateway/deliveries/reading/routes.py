@@ -21,6 +21,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition
+from skyway_gateway.deliveries.lifecycle.customer_view import shown_to
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
     DeliveryState,
@@ -86,7 +87,12 @@ def _add_lists(router: ServiceRouter, db: Database, gate: KeyGate) -> None:
         async with db.read() as connection:
             page = await read_store.page_of(connection, caller, query, filters)
             found = await read_store.with_places(connection, page)
-        return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.delivery_id,))
+        return page_of(
+            found,
+            query,
+            item=lambda delivery: shown_to(caller, delivery),
+            sort_key=lambda delivery: (delivery.delivery_id,),
+        )
 
     @router.get("/v1/providers/{provider_id}/deliveries")
     async def list_provider_deliveries(
@@ -123,7 +129,7 @@ def _add_details(
         async with db.read() as connection:
             delivery = await delivery_store.one_of(connection, caller, delivery_id)
             [found] = await read_store.with_places(connection, [delivery])
-        return found
+        return shown_to(caller, found)
 
     @router.get("/v1/deliveries/{delivery_id}/plan")
     async def get_delivery_plan(
@@ -136,9 +142,8 @@ def _add_details(
         caller.must_be("customer", "operator")
         async with db.read() as connection:
             delivery = await delivery_store.one_of(connection, caller, delivery_id)
-        return DeliveryPlan(
-            delivery_id=delivery_id, state=delivery.state, missions=delivery.missions
-        )
+        missions = shown_to(caller, delivery).missions
+        return DeliveryPlan(delivery_id=delivery_id, state=delivery.state, missions=missions)
 
     @router.get("/v1/deliveries/{delivery_id}/proof")
     async def get_delivery_proof(

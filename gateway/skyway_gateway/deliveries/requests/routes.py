@@ -12,6 +12,7 @@ from skyway.runtime.http.answers import NOT_FOUND, IdempotencyKey, conflicts, re
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.deliveries.lifecycle.customer_view import shown_to
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.bodies import OfferChoice, RequestedDelivery
@@ -89,6 +90,7 @@ def cancelling_routes(*, gate: KeyGate, canceller: Canceller) -> ServiceRouter:
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        return await canceller.cancel(caller, delivery_id, wanted or CancelRequest())
+        cancelled = await canceller.cancel(caller, delivery_id, wanted or CancelRequest())
+        return shown_to(caller, cancelled)
 
     return router
