@@ -173,7 +173,7 @@ missions = Table(
     Column("drone_id", Text, nullable=False),
     Column("state", Text, nullable=False),
     Column("report_seq", Integer, nullable=False),  # of the last report that was applied
-    # JSON of deliveries.lifecycle.delivery.FlownMission; the state is in its own column
+    # JSON of deliveries.lifecycle.flown_mission.FlownMission; the state is in its own column
     Column("body", Text, nullable=False),
     Column("price_amount", BigInteger),  # in minor units of the currency
     Column("currency", Text),

@@ -15,10 +15,10 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     ON_BOARD_STATES,
     TERMINAL_STATES,
     Delivery,
-    FlownMission,
     PackageState,
     PackageStatus,
 )
+from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
 
 Stage = Literal[
     "REQUESTED", "PLANNED", "LOADING", "ON_THE_WAY", "DELIVERED", "PARTLY_DELIVERED", "ENDED"

@@ -14,9 +14,9 @@ from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
     Flags,
-    FlownMission,
     PackageStatus,
 )
+from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
 from skyway_gateway.deliveries.lifecycle.progress import (
     CANCELLED_CODE,
     Progress,

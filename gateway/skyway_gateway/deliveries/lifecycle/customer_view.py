@@ -1,7 +1,8 @@
 """A delivery as its customer sees it: it ends with the last package."""
 
 from skyway.runtime.http.identity import Caller
-from skyway_gateway.deliveries.lifecycle.delivery import Delivery, FlownMission
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
 
 
 def shown_to(caller: Caller, delivery: Delivery) -> Delivery:

@@ -1,7 +1,6 @@
 """A delivery as its customer sees it: the life of one request, and its states in order."""
 
 from collections.abc import Mapping
-from datetime import datetime
 from typing import Annotated, Final, Literal
 
 from pydantic import Field
@@ -9,9 +8,8 @@ from pydantic import Field
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.message import FleetMoment, Soc
-from skyway.contracts.mission import LIVE_MISSION_STATES, DeliveryMission, OfferLimits
+from skyway.contracts.mission import OfferLimits
 from skyway.delivery.offer import Price
-from skyway.delivery.plan import Plan, Recharge
 from skyway.delivery.request import DeliveryRequest, Place
 from skyway.geo import Position
 from skyway.ids import (
@@ -24,6 +22,7 @@ from skyway.ids import (
     SubjectId,
 )
 from skyway.json_model import JsonModel, WireModel
+from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
 from skyway_gateway.deliveries.lifecycle.waiting import Waiting
 
 DeliveryState = Literal[
@@ -184,55 +183,6 @@ class Refusal(JsonModel):
     drone_id: Annotated[DroneId, Field(description="The drone, which is not asked again.")]
     code: Annotated[str | None, Field(description="Why the drone refused, for programs.")]
     detail: Annotated[str | None, Field(description="Why the drone refused, in words.")]
-
-
-class FlownMission(DeliveryMission):
-    """A mission of a delivery; for customers it ends with the last delivery.
-
-    `home_plan`, `home_recharge` and `released_at` say what the drone does then. Documents for
-    customers leave them out.
-    """
-
-    home_plan: Annotated[
-        Plan | None,
-        Field(
-            exclude_if=lambda value: value is None,
-            description="How the drone flies to where it stands by, after the end of `plan`; not "
-            "for customers.",
-        ),
-    ] = None
-    home_recharge: Annotated[
-        Recharge | None,
-        Field(
-            exclude_if=lambda value: value is None,
-            description="How it is charged there; seconds count from the end of `plan`; not for "
-            "customers.",
-        ),
-    ] = None
-    released_at: Annotated[
-        FleetMoment | None,
-        Field(
-            exclude_if=lambda value: value is None,
-            description="When the drone is planned to be free again; not for customers.",
-        ),
-    ] = None
-    is_replanning: Annotated[
-        bool, Field(description="Whether its plan no longer holds and there is no new plan yet.")
-    ] = False
-    booked_start_at: Annotated[
-        FleetMoment | None,
-        Field(description="The start as it was first booked; later plans start later."),
-    ] = None
-
-    @property
-    def begins_at(self) -> datetime:
-        """The start as it was first booked; promised times count from there."""
-        return self.booked_start_at or self.start_at
-
-    @property
-    def is_live(self) -> bool:
-        """Whether its drone still flies the mission."""
-        return self.state in LIVE_MISSION_STATES
 
 
 class Delivery(JsonModel):

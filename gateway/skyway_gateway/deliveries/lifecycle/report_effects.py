@@ -14,10 +14,10 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     ON_BOARD_STATES,
     Delivery,
     DeliveryState,
-    FlownMission,
     PackageStatus,
     Refusal,
 )
+from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
 from skyway_gateway.deliveries.lifecycle.package_changes import (
     delivered,
     loaded,

@@ -16,10 +16,10 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     Activity,
     Delivery,
     DeliveryState,
-    FlownMission,
     PackageState,
     PackageStatus,
 )
+from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
 
 
 class DeliveryPlan(JsonModel):

@@ -18,11 +18,11 @@ from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
     Flags,
-    FlownMission,
     PackageStatus,
     Proof,
     Refusal,
 )
+from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery, StoredDelivery
 
 #: The values of a row by the names of their columns.

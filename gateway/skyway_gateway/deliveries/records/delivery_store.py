@@ -40,10 +40,10 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     UNDER_WAY_STATES,
     Delivery,
     DeliveryState,
-    FlownMission,
     PackageStatus,
     may_follow,
 )
+from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
 from skyway_gateway.deliveries.records.delivery_rows import (
     changing,
     delivery_of,
