@@ -1,18 +1,16 @@
 """The options that say what a customer requests, and the JSON of the delivery request they make."""
 
 import json
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
-from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import typer
 
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.gateway import call_gateway, fail
+from skyway.cli.gateway import fail
+from skyway.cli.moments import ReadMoment, moment_reader
 
 CUSTOMER_KEY: Final = "SKYWAY_CUSTOMER_KEY"
 
@@ -87,14 +85,6 @@ _FIELDS: Final = {
     "--latest": "latest_at",
 }
 
-#: A time from now: days, hours, minutes and seconds, each optional.
-_FROM_NOW: Final = re.compile(
-    r"\+(?=\d)(?:(\d{1,4})d)?(?:(\d{1,4})h)?(?:(\d{1,6})m)?(?:(\d{1,8})s)?"
-)
-
-#: Reads the moment of an option; the second text is the option.
-_ReadMoment = Callable[[str, str], str]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RequestOptions:
@@ -140,7 +130,7 @@ class RequestOptions:
             "packages": [_package(number, text) for number, text in enumerate(self.packages, 1)],
             "qos": {"objective": self.objective, "priority": self.priority},
         }
-        read_moment = partial(_moment, now=cache(partial(_fleet_now, folder)))
+        read_moment = moment_reader(folder, key_name=CUSTOMER_KEY)
         for option, texts in self._windows.items():
             for text in texts:
                 _set_window(request, option, text, read_moment)
@@ -170,7 +160,7 @@ def _package(number: int, text: str) -> dict[str, Any]:
     return {"package_id": f"p{number}", "mass_kg": mass_kg, "destination": place}
 
 
-def _set_window(request: dict[str, Any], option: str, text: str, read_moment: _ReadMoment) -> None:
+def _set_window(request: dict[str, Any], option: str, text: str, read_moment: ReadMoment) -> None:
     """Write one end of a window into the request, or into its packages."""
     field = _FIELDS[option]
     if option in ("--earliest-pickup", "--latest-pickup"):
@@ -186,23 +176,3 @@ def _set_window(request: dict[str, Any], option: str, text: str, read_moment: _R
         fail(f"{option} {text}: no --package goes to {station!r}")
     for package in chosen:
         package[field] = read_moment(moment, option)
-
-
-def _moment(text: str, option: str, *, now: Callable[[], datetime]) -> str:
-    """The moment in RFC 3339."""
-    if (span := _FROM_NOW.fullmatch(text)) is not None:
-        days, hours, minutes, seconds = (int(each or 0) for each in span.groups())
-        later = timedelta(days=days, hours=hours, minutes=minutes, seconds=seconds)
-        return (now() + later).isoformat()
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        fail(f"{option} {text}: not a moment; write 2026-03-02T14:00:00Z, or +2h30m from now")
-    if moment.tzinfo is None:
-        fail(f"{option} {text}: the time zone is missing; write {moment.isoformat()}Z for UTC")
-    return moment.isoformat()
-
-
-def _fleet_now(folder: DataFolder) -> datetime:
-    clock = call_gateway("GET", "/v1/clock", key_name=CUSTOMER_KEY, folder=folder)
-    return datetime.fromisoformat(clock["now"])

@@ -23,6 +23,8 @@ class Gateway(ThreadingHTTPServer):
         super().__init__(("127.0.0.1", 0), _Handler)
         self.answers: dict[tuple[str, str], tuple[int, Any]] = {}
         self.calls: list[tuple[str, str, Any]] = []
+        #: The queries of the calls that have one.
+        self.queries: list[str] = []
         #: The key of each call.
         self.keys: list[str] = []
 
@@ -37,7 +39,9 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         raw = self.rfile.read(int(self.headers.get("Content-Length", 0)))
-        path = self.path.partition("?")[0]
+        path, _, query = self.path.partition("?")
+        if query:
+            self.server.queries.append(query)
         self.server.calls.append((self.command, path, json.loads(raw) if raw else None))
         self.server.keys.append(self.headers.get("Authorization", "").removeprefix("Bearer "))
         status, body = self.server.answers.get((self.command, path), (404, {"detail": "no route"}))

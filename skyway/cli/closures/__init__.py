@@ -1,0 +1,1 @@
+"""`skyway close`, `skyway open` and `skyway closures`: what operators close, and open again."""

@@ -1,0 +1,124 @@
+"""`skyway mission`: an operator's commands to a mission."""
+
+import json
+from typing import Annotated, Any, Final
+from urllib.parse import quote
+
+import typer
+
+from skyway.cli.data_folder import DataOption, data_folder
+from skyway.cli.gateway import call_gateway
+
+mission_app: Final = typer.Typer(
+    help="Command a mission: hold, resume, divert, return home, cancel, give up.",
+    no_args_is_help=True,
+)
+
+_OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
+
+MissionArgument = Annotated[str, typer.Argument(help="The id of the mission.")]
+WhyOption = Annotated[str, typer.Option("--reason", help="Why, for reports and the drone's log.")]
+OverrideOption = Annotated[
+    bool, typer.Option("--override-failsafe", help="Also while a failsafe of the drone acts.")
+]
+AnswerOption = Annotated[bool, typer.Option("--json", help="Print the gateway's answer as JSON.")]
+
+
+@mission_app.command("hold")
+def hold(
+    mission: MissionArgument,
+    reason: WhyOption,
+    as_json: AnswerOption = False,
+    data: DataOption = None,
+) -> None:
+    """Have the drone stand at its next landing until it is resumed."""
+    _command(mission, {"command": "HOLD", "reason": reason}, as_json=as_json, data=data)
+
+
+@mission_app.command("resume")
+def resume(
+    mission: MissionArgument,
+    reason: WhyOption,
+    as_json: AnswerOption = False,
+    data: DataOption = None,
+) -> None:
+    """Let a held drone go on."""
+    _command(mission, {"command": "RESUME", "reason": reason}, as_json=as_json, data=data)
+
+
+@mission_app.command("divert")
+def divert(
+    mission: MissionArgument,
+    station: Annotated[str, typer.Argument(help="The station to land at.")],
+    reason: WhyOption,
+    override_failsafe: OverrideOption = False,
+    as_json: AnswerOption = False,
+    data: DataOption = None,
+) -> None:
+    """Have the drone land at a station and wait there."""
+    body = {
+        "command": "DIVERT",
+        "station_id": station,
+        "reason": reason,
+        "overrides_failsafe": override_failsafe,
+    }
+    _command(mission, body, as_json=as_json, data=data)
+
+
+@mission_app.command("return-home")
+def return_home(
+    mission: MissionArgument,
+    reason: WhyOption,
+    override_failsafe: OverrideOption = False,
+    as_json: AnswerOption = False,
+    data: DataOption = None,
+) -> None:
+    """Call the drone home with its packages."""
+    body = {
+        "command": "RETURN_HOME",
+        "reason": reason,
+        "overrides_failsafe": override_failsafe,
+    }
+    _command(mission, body, as_json=as_json, data=data)
+
+
+@mission_app.command("cancel")
+def cancel(
+    mission: MissionArgument,
+    reason: WhyOption,
+    as_json: AnswerOption = False,
+    data: DataOption = None,
+) -> None:
+    """Cancel the mission; packages on board are brought back."""
+    _command(mission, {"command": "CANCEL", "reason": reason}, as_json=as_json, data=data)
+
+
+@mission_app.command("give-up")
+def give_up(
+    mission: MissionArgument,
+    reason: WhyOption,
+    as_json: AnswerOption = False,
+    data: DataOption = None,
+) -> None:
+    """End a mission in doubt, when people know that its drone will not report."""
+    _command(mission, {"command": "GIVE_UP", "reason": reason}, as_json=as_json, data=data)
+
+
+def _command(mission: str, body: dict[str, Any], *, as_json: bool, data: DataOption) -> None:
+    answer = call_gateway(
+        "POST",
+        f"/v1/missions/{quote(mission, safe='')}/commands",
+        key_name=_OPERATOR_KEY,
+        folder=data_folder(data),
+        body=json.dumps(body).encode(),
+    )
+    typer.echo(json.dumps(answer, indent=2) if as_json else _line(answer))
+
+
+def _line(answer: dict[str, Any]) -> str:
+    said = f"{answer['mission_id']}: {answer['command']} is accepted"
+    if (waits := answer["waits_for"]) is not None:
+        return f"{said}; it waits until the failsafe {waits['failsafe']} ({waits['fault']}) ends"
+    if answer["instruction_id"] is None:
+        return f"{said}; the drone gets it with its next plan"
+    return f"{said}; the drone is told by {answer['instruction_id']}"
