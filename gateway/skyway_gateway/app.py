@@ -39,6 +39,7 @@ from skyway_gateway.access.session_link_routes import session_link_routes
 from skyway_gateway.access.session_routes import session_routes
 from skyway_gateway.build_parts import running_parts
 from skyway_gateway.console.page_routes import console_routes
+from skyway_gateway.console.system_routes import system_routes
 from skyway_gateway.deliveries.booking.queue_store import free_claims
 from skyway_gateway.deliveries.reading.routes import (
     earnings_routes,
@@ -164,6 +165,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             ),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
             console_routes(base_map=parts.base_map),
+            system_routes(gate=gate, clients=parts.clients, gauges=parts.gauges),
         ],
         lifespan=lifespan,
         readiness=readiness,

@@ -19,6 +19,7 @@ from skyway.runtime.http.app import (
 )
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import ServiceEntrance
+from skyway.runtime.http.figures_routes import figures_routes
 from skyway.runtime.http.identity import ServiceIdentity, read_secret
 from skyway.runtime.http.metrics_routes import metrics_routes
 from skyway.runtime.http.readiness_gauges import readiness_gauges
@@ -114,6 +115,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 db=db, gate=gate, replays=Replays(db, clock, parts.handler, parts.keys)
             ),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
+            figures_routes(gate=gate, gauges=parts.gauges),
         ],
         entrance=ServiceEntrance(gate),
         lifespan=lifespan,

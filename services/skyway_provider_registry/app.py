@@ -20,6 +20,7 @@ from skyway.runtime.http.app import (
     nothing_to_wait_for,
 )
 from skyway.runtime.http.entrance import ServiceEntrance
+from skyway.runtime.http.figures_routes import figures_routes
 from skyway.runtime.http.identity import read_secret
 from skyway.runtime.http.metrics_routes import metrics_routes
 from skyway.runtime.http.readiness_gauges import readiness_gauges
@@ -109,6 +110,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             live_routes(db=db, gate=gate, clock=clock),
             telemetry_routes(db=db, gate=gate),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
+            figures_routes(gate=gate, gauges=parts.gauges),
         ],
         entrance=ServiceEntrance(gate),
         lifespan=lifespan,

@@ -378,3 +378,17 @@ def test_every_view_is_accessible(browser: Browser, system: Any, theme: Any) -> 
 
     assert problems == []
     assert console.sound()
+
+
+def test_an_operator_sees_how_the_services_are(console: ConsolePage, system: Any) -> None:
+    page = console.show("health").page
+    for service in ("Gateway", "Registry", "Composition"):
+        card = page.locator(".card", has_text=service)
+        expect(card).to_contain_text("all ready")
+        expect(card).to_contain_text("% of a core")
+        expect(card).to_contain_text("MB")
+    expect(page.get_by_label("Queues")).to_contain_text("Queue: booking")
+    system.kill("skyway_composition")
+
+    expect(page.locator(".card", has_text="Composition")).to_contain_text("It does not answer")
+    expect(page.locator(".card", has_text="Composition")).to_contain_text("all ready")

@@ -15,6 +15,7 @@ import {AccountView} from "./views/account.js";
 import {AlarmsView} from "./views/alarms.js";
 import {CustomerView} from "./views/customer.js";
 import {DeliveriesView} from "./views/deliveries.js";
+import {HealthView} from "./views/health.js";
 import {MapView} from "./views/map.js";
 import {ProviderView} from "./views/provider.js";
 import {ScheduleView} from "./views/schedule.js";
@@ -27,6 +28,7 @@ const VIEWS = {
   deliveries: {view: DeliveriesView, name: "Deliveries", roles: ["operator", "customer"]},
   fleet: {view: ProviderView, name: "Fleet", roles: ["operator", "provider"]},
   alarms: {view: AlarmsView, name: "Alarms", roles: ["operator", "provider"]},
+  health: {view: HealthView, name: "Health", roles: ["operator"]},
   account: {view: AccountView, name: "Keys", roles: ["operator", "provider", "customer"]},
 };
 

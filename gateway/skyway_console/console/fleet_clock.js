@@ -21,8 +21,12 @@ async function readClock() {
   anchor = {fleetMs: Date.parse(now), readMs: Date.now(), rate};
 }
 
+let isRunning = false;
+
 export async function startClock() {
-  await readClock();
+  if (isRunning) return;
+  isRunning = true;
   setInterval(() => ticks.value += 1, EVERY_MS);
   setInterval(() => readClock().catch(() => null), READ_EVERY_MS);
+  await readClock();
 }

@@ -127,7 +127,7 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         *(f"POST {path}" for path in _CLOSURES),
         *(f"DELETE {path}/{{closure_id}}" for path in _CLOSURES),
     ),
-    "operations:read": ("GET /v1/alarms", "GET /v1/quarantine"),
+    "operations:read": ("GET /v1/alarms", "GET /v1/quarantine", "GET /v1/system"),
     "operations:write": (
         "POST /v1/alarms/{alarm_id}/acknowledgements",
         "POST /v1/quarantine/{quarantine_id}/replay",

@@ -38,7 +38,12 @@ def console_routes(*, base_map: BaseMap) -> ServiceRouter:
 
     @router.get(f"{BASE_MAP_PATH}/{{path:path}}")
     def show_base_map(path: str) -> Response:
-        """A file of the operator's base map; a part of it for `Range`, as PMTiles need."""
+        """A file of the operator's base map; a part of it for `Range`, as PMTiles need.
+
+        204 without such a map.
+        """
+        if base_map.folder is None:
+            return Response(status_code=204)
         return FileResponse(base_map.file_at(path), headers={"Cache-Control": _CACHE})
 
     return router

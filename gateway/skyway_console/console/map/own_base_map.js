@@ -27,7 +27,7 @@ function withAbsoluteAddresses(style) {
 // The style, or null without one.
 export async function readOwnStyle() {
   const answer = await fetch(`${FOLDER}style.json`).catch(() => null);
-  if (!answer?.ok) return null;
+  if (answer?.status !== 200) return null;
   addProtocol("pmtiles", new Protocol().tile);
   return withAbsoluteAddresses(await answer.json());
 }

@@ -1,0 +1,117 @@
+// How the services are: processor, memory, rates, queues, lags, and what has failed.
+
+import {useEffect, useState} from "preact/hooks";
+
+import {get} from "../api.js";
+import {html} from "../html.js";
+import {durationText, inWords} from "../words.js";
+import {Facts} from "../parts/facts.js";
+import {failures, queues, rateBetween, sumOf} from "../parts/figures.js";
+
+const EVERY_MS = 2_000;
+
+function useSystem() {
+  const [looks, setLooks] = useState([]);
+  const [problem, setProblem] = useState("");
+  useEffect(() => {
+    const look = () => get("/v1/system").then(
+      ({services}) => {
+        const at = performance.now();
+        setLooks((before) => [{at, services}, ...before].slice(0, 2));
+        setProblem("");
+      },
+      (refusal) => setProblem(refusal.message));
+    look();
+    const timer = setInterval(look, EVERY_MS);
+    return () => clearInterval(timer);
+  }, []);
+  return {looks, problem};
+}
+
+const megabytes = (bytes) => bytes === null ? null : `${Math.round(bytes / 1e6)} MB`;
+const perSecond = (rate) => rate === null ? null : `${rate.toFixed(rate < 10 ? 1 : 0)} / s`;
+const seconds = (value) => value === null ? null : `${value.toFixed(1)} s`;
+
+function partsText(figures) {
+  const missing = figures
+    .filter(({name, value}) => name === "skyway_part_ready" && value === 0)
+    .map(({labels}) => labels.part);
+  return missing.length ? `not ready: ${missing.join(", ")}` : "all ready";
+}
+
+function Service({service, before, elapsedS}) {
+  const {figures} = service;
+  if (!service.is_answering) {
+    return html`
+      <article class="card"><h2>${inWords(service.service)}</h2>
+        <p class="refused">It does not answer.</p></article>`;
+  }
+  const rate = (name) => rateBetween(before?.figures, figures, name, elapsedS);
+  const cpu = rate("process_cpu_seconds_total");
+  const started = sumOf(figures, "process_start_time_seconds");
+  return html`
+    <article class="card">
+      <h2>${inWords(service.service)}</h2>
+      <${Facts} of=${[
+        ["Parts", partsText(figures)],
+        ["Processor", cpu === null ? null : `${Math.round(cpu * 100)} % of a core`],
+        ["Memory", megabytes(sumOf(figures, "process_resident_memory_bytes"))],
+        ["Requests", perSecond(rate("skyway_http_requests_total"))],
+        ["Samples", perSecond(rate("skyway_telemetry_written_total"))],
+        ["Drones' messages", seconds(sumOf(figures, "skyway_drone_lag_max_seconds"))],
+        ["Live picture", seconds(sumOf(figures, "skyway_live_age_seconds"))],
+        ["Viewers", sumOf(figures, "skyway_live_viewers")],
+        ["Runs for", started === null ? null : durationText(Date.now() / 1000 - started)],
+      ]} />
+    </article>`;
+}
+
+const Queues = ({services}) => html`
+  <h2>Queues</h2>
+  <div class="table"><table aria-label="Queues">
+    <thead><tr><th>Service</th><th>What waits</th><th>How much</th><th>For how long</th></tr></thead>
+    <tbody>
+      ${queues(services).map(({service, name, depth, ageS}) => html`
+        <tr key=${`${service} ${name}`}>
+          <td>${inWords(service)}</td><td>${name}</td><td class="number">${depth}</td>
+          <td class="number">${ageS === null ? "" : durationText(ageS)}</td>
+        </tr>`)}
+    </tbody>
+  </table></div>`;
+
+function Failures({services}) {
+  const found = failures(services);
+  return html`
+    <h2>What has failed since the start</h2>
+    ${found.length === 0 ? html`<p>Nothing.</p>` : html`
+      <div class="table"><table aria-label="Failures">
+        <thead><tr><th>Service</th><th>What</th><th>How often</th></tr></thead>
+        <tbody>
+          ${found.map(({service, name, count}) => html`
+            <tr key=${`${service} ${name}`}>
+              <td>${inWords(service)}</td><td>${name}</td><td class="number">${count}</td>
+            </tr>`)}
+        </tbody>
+      </table></div>`}
+    <p class="hint">The services' logs say why. Prometheus reads the same numbers at /metrics.</p>`;
+}
+
+export function HealthView() {
+  const {looks: [now, last], problem} = useSystem();
+  if (!now) return html`<div class="page"><p>${problem || "Reading…"}</p></div>`;
+  const elapsedS = last ? (now.at - last.at) / 1000 : null;
+  return html`
+    <div class="page">
+      <h1>Health</h1>
+      ${problem && html`<p class="refused">${problem}</p>`}
+      <div class="columns">
+        ${now.services.map((service) => html`
+          <${Service} key=${service.service} service=${service} elapsedS=${elapsedS}
+            before=${last?.services.find((each) => each.service === service.service)} />`)}
+      </div>
+      <div class="columns">
+        <section><${Queues} services=${now.services} /></section>
+        <section><${Failures} services=${now.services} /></section>
+      </div>
+    </div>`;
+}

@@ -1,0 +1,51 @@
+"""GET /internal/figures: what a service counts and measures, for the gateway."""
+
+from collections.abc import Iterable
+from typing import Annotated, Final
+
+from fastapi import Depends
+
+from skyway.contracts.figures import FIGURES, Figure, Figures
+from skyway.runtime.durations import DURATIONS
+from skyway.runtime.gauges import Gauge, Gauges, gauge_families
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.metrics import COUNTERS
+
+#: Parts of histograms and moments of creation, which nobody reads on a page.
+_LEFT_OUT: Final = ("_bucket", "_created")
+
+
+def figures_of(readings: Iterable[Gauge]) -> Figures:
+    """The counters, sums of histograms, process metrics and these gauges of this process."""
+    from prometheus_client import CollectorRegistry, ProcessCollector
+
+    registry = CollectorRegistry()
+    ProcessCollector(registry=registry)
+    families = [
+        *COUNTERS.collect(),
+        *DURATIONS.collect(),
+        *gauge_families(readings),
+        *registry.collect(),
+    ]
+    return Figures(
+        figures=tuple(
+            Figure(name=sample.name, labels=dict(sample.labels), value=sample.value)
+            for family in families
+            for sample in family.samples
+            if not sample.name.endswith(_LEFT_OUT)
+        )
+    )
+
+
+def figures_routes(*, gate: ServiceGate, gauges: Gauges) -> ServiceRouter:
+    """GET /internal/figures."""
+    router = ServiceRouter(tags=("internal",))
+
+    @router.get(FIGURES)
+    async def get_figures(caller: Annotated[Caller, Depends(gate)]) -> Figures:
+        """What this process counts and measures."""
+        caller.must_be_service("gateway")
+        return figures_of(await gauges.read())
+
+    return router

@@ -1,0 +1,44 @@
+"""GET /v1/system: operators see how each service is, and a silent service is named."""
+
+from skyway.contracts.figures import FIGURES, Figure, Figures
+from skyway.runtime.gauges import Gauge
+from skyway.runtime.http.figures_routes import figures_of
+from skyway.runtime.metrics import count
+from tests.gateway.whole_gateway import Gateway
+
+
+async def test_only_operators_see_the_system(gateway: Gateway) -> None:
+    for key, status in ((gateway.operator, 200), (gateway.customer, 403)):
+        answer = await gateway.http.get("/v1/system", headers=key)
+
+        assert answer.status_code == status, answer.text
+
+
+async def test_services_that_say_something_else_are_not_answering(gateway: Gateway) -> None:
+    """The fake peers answer this call with an empty object."""
+    answer = await gateway.http.get("/v1/system", headers=gateway.operator)
+
+    services = {each["service"]: each for each in answer.json()["services"]}
+    assert {name: each["is_answering"] for name, each in services.items()} == {
+        "gateway": True,
+        "registry": False,
+        "composition": False,
+    }
+    names = {figure["name"] for figure in services["gateway"]["figures"]}
+    assert {"process_cpu_seconds_total", "process_resident_memory_bytes"} <= names
+    assert FIGURES in {forwarded.path for forwarded in gateway.forwarded}
+
+
+def test_figures_are_counters_sums_and_gauges_without_buckets() -> None:
+    count("skyway_tests", "counted in a test", 3, what="figures")
+    gauge = Gauge("skyway_queue_depth", "what waits", 7.0, {"queue": "booking"})
+
+    figures = figures_of([gauge])
+
+    assert isinstance(figures, Figures)
+    assert Figure(name="skyway_queue_depth", labels={"queue": "booking"}, value=7.0) in (
+        figures.figures
+    )
+    counted = [each for each in figures.figures if each.name == "skyway_tests_total"]
+    assert [(each.labels, each.value) for each in counted] == [({"what": "figures"}, 3.0)]
+    assert not [each for each in figures.figures if each.name.endswith(("_bucket", "_created"))]
