@@ -58,8 +58,13 @@ class ServiceProcess(Generic[S]):
             return exit_code_of(error)
 
     def _serve(self) -> int:
+        # Serving ends with the process, and so does the export of its spans.
         settings = self.settings.load()
         configure_logs(self.name, settings.log_level)
+        if settings.otlp_endpoint is not None:
+            from skyway.runtime.otlp import export_spans
+
+            export_spans(self.name, settings.otlp_endpoint)
         load_without_collecting()
         return self.serve(settings)
 

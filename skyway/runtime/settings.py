@@ -105,6 +105,11 @@ class ServiceSettings(DatabaseSettings):
         "more for each 64 KiB of it.",
     )
     log_level: str = Field(default="INFO", description="DEBUG, INFO, WARNING or ERROR.")
+    otlp_endpoint: str | None = Field(
+        default=None,
+        description="Where spans go, such as `http://collector:4318/v1/traces` (OTLP over HTTP). "
+        "Needs `pip install 'skyway[otlp]'`. Without it no spans are recorded.",
+    )
     gateway_url: str = Field(
         default="http://127.0.0.1:8000", description="Where the other services find the gateway."
     )

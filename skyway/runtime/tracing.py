@@ -8,15 +8,47 @@ import logging
 import re
 import secrets
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Final
 
 _TRACEPARENT = re.compile(r"([0-9a-f]{2})-([0-9a-f]{32})-([0-9a-f]{16})-([0-9a-f]{2})(-.*)?")
 _NO_TRACE = "0" * 32
 _NO_SPAN = "0" * 16
 _SAMPLED = "01"
+
+#: What is done in a span, or what says so when it has ended.
+SpanName = str | Callable[[], str]
+
+
+@dataclass(frozen=True, slots=True)
+class FinishedSpan:
+    """Something that was done in a trace: from when to when, ns since 1970.
+
+    `parent_id` is the span that caused it; None if it has begun the trace.
+    """
+
+    name: str
+    trace_id: str
+    span_id: str
+    parent_id: str | None
+    began_ns: int
+    ended_ns: int
+    has_failed: bool
+
+
+class SpanLog:
+    """Where the spans of this process go when they end; usually nowhere."""
+
+    recorder: Callable[[FinishedSpan], None] | None = None
+
+
+#: The spans of this process.
+SPANS: Final = SpanLog()
 
 _current: ContextVar[str | None] = ContextVar("skyway_traceparent", default=None)
 
@@ -55,10 +87,11 @@ def new_traceparent() -> str:
 
 
 @contextmanager
-def tracing(received: str | None) -> Iterator[str]:
+def tracing(received: str | None, name: SpanName = "work") -> Iterator[str]:
     """Continue the trace of a received traceparent, under a span of our own; or begin one.
 
-    Within the block, `current_traceparent` is what outgoing calls, messages and logs carry.
+    Within the block, `current_traceparent` is what outgoing calls, messages and logs carry. `name`
+    says what is done there.
     """
     trace_id = trace_id_of(received)
     traceparent = (
@@ -66,15 +99,29 @@ def tracing(received: str | None) -> Iterator[str]:
         if received is None or trace_id is None
         else f"00-{trace_id}-{secrets.token_hex(8)}-{received[53:55]}"
     )
-    token = _current.set(traceparent)
+    token, began_ns, has_failed = _current.set(traceparent), time.time_ns(), True
     try:
         yield traceparent
+        has_failed = False
     finally:
         _current.reset(token)
+        if SPANS.recorder is not None and int(traceparent[53:55], 16) & 1:
+            parent_id = None if received is None or trace_id is None else received[36:52]
+            SPANS.recorder(
+                FinishedSpan(
+                    name if isinstance(name, str) else name(),
+                    traceparent[3:35],
+                    traceparent[36:52],
+                    parent_id,
+                    began_ns,
+                    time.time_ns(),
+                    has_failed,
+                )
+            )
 
 
 @contextmanager
-def in_trace_of(stored: str | None) -> Iterator[None]:
+def in_trace_of(stored: str | None, name: SpanName = "work") -> Iterator[None]:
     """Do the block in the trace of a stored traceparent, under a span of our own.
 
     What is stored with a delivery names the trace of its request. Without a stored one, and within
@@ -83,7 +130,7 @@ def in_trace_of(stored: str | None) -> Iterator[None]:
     if stored is None or trace_id_of(stored) == current_trace_id():
         yield
         return
-    with tracing(stored):
+    with tracing(stored, name):
         yield
 
 

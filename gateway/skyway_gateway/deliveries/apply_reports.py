@@ -70,7 +70,7 @@ class ReportApplier:
             As for `apply`; the reports before the refused one are applied.
         """
         for each in reports:
-            with tracing(each.traceparent):
+            with tracing(each.traceparent, "apply report"):
                 await self.apply(each.report)
 
     async def _apply_to_cached(self, report: MissionReport) -> bool:

@@ -153,7 +153,7 @@ class WebhookSender:
         return attempt
 
     async def _try(self, endpoint: Endpoint, notification: Notification) -> None:
-        with tracing(notification.traceparent):
+        with tracing(notification.traceparent, "notify webhook"):
             await self._send_and_settle(endpoint, notification)
 
     async def _send_and_settle(self, endpoint: Endpoint, notification: Notification) -> None:

@@ -116,7 +116,7 @@ class RequestBoundary:
             return
         request = Request(scope)
         started_at = time.monotonic()
-        with tracing(request.headers.get("traceparent")):
+        with tracing(request.headers.get("traceparent"), lambda: _span_name(request)):
             exchange = _Exchange(BODY_LIMIT_BYTES, scope, receive, send)
             await self._serve(request, exchange)
         _count_request(request, exchange, started_at)
@@ -235,6 +235,12 @@ def _encoded(headers: Mapping[str, str]) -> list[tuple[bytes, bytes]]:
 def _announced_bytes(request: Request) -> int:
     announced = request.headers.get("content-length", "0")
     return int(announced) if announced.isdecimal() else 0
+
+
+def _span_name(request: Request) -> str:
+    route = getattr(request.scope.get("route"), "path", "")
+    method = request.method if request.method in _METHODS else "OTHER"
+    return f"{method} {route}".rstrip()
 
 
 def _count_request(request: Request, exchange: _Exchange, started_at: float) -> None:

@@ -223,7 +223,7 @@ class StreamSender:
     async def _deliver(self, row: Row[Any]) -> None:
         """Send one row and remember the outcome. After any error its claim runs out."""
         try:
-            with tracing(row.traceparent):
+            with tracing(row.traceparent, f"send to {self._channel}"):
                 retry = await self._send(row)
         except Exception:
             self._count_failures(1)

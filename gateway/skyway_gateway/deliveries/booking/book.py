@@ -101,7 +101,7 @@ class Booker:
     async def book_or_retry(self, queued: QueuedDelivery) -> None:
         """One round; if a service is away, the next round comes later."""
         round_time = timed("skyway_booking_round_duration_seconds", "time of a round of booking")
-        with tracing(queued.traceparent), round_time:
+        with tracing(queued.traceparent, "book"), round_time:
             try:
                 await self.book(queued)
                 self.missing.are_back()

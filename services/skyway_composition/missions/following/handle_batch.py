@@ -78,7 +78,8 @@ class ReportHandler:
             for received in _without_superseded(batch):
                 record = work.missions.get(DroneId(received.ids[1]))
                 said = received.message.traceparent
-                with in_trace_of(said if record is None else record.traceparent or said):
+                trace = said if record is None else record.traceparent or said
+                with in_trace_of(trace, "handle drone message"):
                     await self._handle_one(work, received)
             await work.save_staged()
             if any(record.needs_plan for record in work.missions.values()):
