@@ -392,3 +392,17 @@ def test_an_operator_sees_how_the_services_are(console: ConsolePage, system: Any
 
     expect(page.locator(".card", has_text="Composition")).to_contain_text("It does not answer")
     expect(page.locator(".card", has_text="Composition")).to_contain_text("all ready")
+
+
+def test_a_past_hour_is_played_again(console: ConsolePage, system: Any) -> None:
+    drone = fleet(system, "played")["drones"][0]["drone_id"]
+    delivery_id = system.request_delivery(["played-s5"], pickup="played-s1")
+    system.until_state(delivery_id, "COMPLETED")
+    page = console.show("replay").page
+    expect(page.locator(".player")).to_contain_text("measured something")
+    page.get_by_label("Speed").select_option("600")
+    page.get_by_role("button", name="Play", exact=True).click()
+    longitude = f"{DRAWN}.get('{drone}')?.drone.position[0]"
+    page.wait_for_function(f"() => {longitude} > -97.7")
+
+    expect(page.get_by_role("button", name="Pause")).to_be_visible()

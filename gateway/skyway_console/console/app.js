@@ -18,6 +18,7 @@ import {DeliveriesView} from "./views/deliveries.js";
 import {HealthView} from "./views/health.js";
 import {MapView} from "./views/map.js";
 import {ProviderView} from "./views/provider.js";
+import {ReplayView} from "./views/replay.js";
 import {ScheduleView} from "./views/schedule.js";
 
 // By the first part of the address: the view, its name, and the roles that have it.
@@ -28,6 +29,7 @@ const VIEWS = {
   deliveries: {view: DeliveriesView, name: "Deliveries", roles: ["operator", "customer"]},
   fleet: {view: ProviderView, name: "Fleet", roles: ["operator", "provider"]},
   alarms: {view: AlarmsView, name: "Alarms", roles: ["operator", "provider"]},
+  replay: {view: ReplayView, name: "Replay", roles: ["operator", "provider"]},
   health: {view: HealthView, name: "Health", roles: ["operator"]},
   account: {view: AccountView, name: "Keys", roles: ["operator", "provider", "customer"]},
 };

@@ -32,7 +32,7 @@ async function readCharges(providerId, droneId, missionId) {
     get(`${path}?${span}`),
     missionId ? get(`/v1/missions/${part(missionId)}`) : null,
   ]);
-  const measured = [items.map(({at}) => seconds(at)), items.map(({soc, soc_last}) => soc ?? soc_last)];
+  const measured = [items.map(({at}) => seconds(at)), items.map(({soc}) => soc)];
   const plan = progress ? planned(progress.mission) : [[], []];
   return uPlot.join([measured, plan]);
 }
