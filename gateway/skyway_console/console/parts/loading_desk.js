@@ -35,11 +35,12 @@ function pickupOf({plan: {steps}}) {
   return {stationId: steps[number]?.station_id, loadKg: flight?.load_kg};
 }
 
+// Whether the drone stands at the pickup and takes packages. Loading can be confirmed then only.
+const isReady = (drone, stationId) => drone?.activity === "LOADING" && drone.station_id === stationId;
+
 function whereText(drone, stationId) {
-  if (!drone) return "";
-  return drone.station_id === stationId && drone.activity !== "FLYING"
-    ? "The drone stands there."
-    : `The drone is not there yet: ${inWords(drone.activity ?? drone.state).toLowerCase()}.`;
+  if (isReady(drone, stationId)) return "The drone waits there.";
+  return `The drone does not wait there yet${drone?.activity ? `: ${inWords(drone.activity).toLowerCase()}` : ""}.`;
 }
 
 async function confirmLoading(missionId, packages) {
@@ -81,7 +82,7 @@ function Waiting({mission, onDone}) {
         <p class="hint">Mission ${shortId(missionId)}, since ${momentText(start)}. ${whereText(drone, stationId)}
           ${loadKg === undefined ? "" : ` By the request ${Number(loadKg.toFixed(3))} kg in all.`}</p>
         ${packageIds.map((each) => html`<${Mass} key=${each} packageId=${each} />`)}
-        <div class="commands"><button class="main">Confirm loading</button></div>
+        <div class="commands"><button class="main" disabled=${!isReady(drone, stationId)}>Confirm loading</button></div>
       </form>
     </li>`;
 }

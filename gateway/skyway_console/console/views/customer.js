@@ -5,26 +5,26 @@ import {useEffect, useState} from "preact/hooks";
 import {all, post} from "../api.js";
 import {html} from "../html.js";
 import {stationsOf} from "../map/features.js";
-import {listNetworks, networkContent, networks} from "../networks.js";
+import {listNetworks, networkContent, networks, showNetwork, shownNetwork} from "../networks.js";
 import {stationName} from "../words.js";
 import {OfferTable} from "../parts/offer_table.js";
 import {beginAgain, quoteRequest} from "../parts/request_draft.js";
 import {RequestForm} from "../parts/request_form.js";
 import {RequestMap} from "../parts/request_map.js";
 
-// The networks, and the content of the one in which somebody asks.
+// The content of the network that is shown, here and on the map of the fleet.
 function useNetwork() {
-  const [networkId, choose] = useState(null);
   const [network, setNetwork] = useState(null);
   const [problem, setProblem] = useState("");
+  const networkId = shownNetwork.value;
   const fail = (refusal) => setProblem(refusal.message);
   useEffect(() => {
-    listNetworks().then(([first]) => first && choose(first.network_id), fail);
+    listNetworks().catch(fail);
   }, []);
   useEffect(() => {
     if (networkId) networkContent(networkId).then(setNetwork, fail);
   }, [networkId]);
-  return {network, networkId, choose, problem};
+  return {network, problem};
 }
 
 // Names of providers by their ids; customers see each provider's card.
@@ -41,16 +41,18 @@ const named = (network) => stationsOf(network)
   .map(({properties}) => properties)
   .sort((one, other) => one.station_id.localeCompare(other.station_id));
 
-const NetworkChoice = ({networkId, onChoose}) => html`
-  <div class="fields"><label>Network<select value=${networkId} onChange=${({target}) => {
-    beginAgain();
-    onChoose(target.value);
-  }}>
+function choose({target}) {
+  beginAgain();
+  showNetwork(target.value);
+}
+
+const NetworkChoice = () => html`
+  <div class="fields"><label>Network<select value=${shownNetwork.value} onChange=${choose}>
     ${networks.value.map(({network_id: id}) => html`<option value=${id}>${stationName(id)}</option>`)}
   </select></label></div>`;
 
 export function CustomerView() {
-  const {network, networkId, choose, problem} = useNetwork();
+  const {network, problem} = useNetwork();
   const names = useNames();
   const [quote, setQuote] = useState(null);
   const [refused, setRefused] = useState("");
@@ -77,8 +79,7 @@ export function CustomerView() {
         <div>
           <p class="hint">Click stations on the map: the pickup first, then each destination. Or choose
             them here.</p>
-          ${networks.value.length > 1 && html`
-            <${NetworkChoice} networkId=${networkId} onChoose=${choose} />`}
+          ${networks.value?.length > 0 && html`<${NetworkChoice} />`}
           <${RequestForm} stations=${named(network)} isBusy=${isBusy} onAsk=${ask} />
         </div>
         <div class="map-frame"><${RequestMap} network=${network} /></div>

@@ -1,0 +1,204 @@
+"""Customers use the console in a browser: they ask, take an offer, follow it, and have keys."""
+
+import re
+from collections.abc import Iterator
+from typing import Any, Literal
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.end_to_end.browser import needs_browser, opened_browser
+from tests.end_to_end.console_page import ConsolePage
+from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
+
+pytestmark = [
+    pytest.mark.end_to_end,
+    pytest.mark.integration,
+    pytest.mark.storage_pair("embedded"),
+    pytest.mark.fleet_rate(60.0),
+    needs_browser,
+]
+
+MARKUP = "<img src=x onerror=alert(1)><b>bold</b>"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with opened_browser() as opened:
+        yield opened
+
+
+def opened_console(browser: Browser, system: Any, key: str) -> Iterator[ConsolePage]:
+    opened = ConsolePage(browser, system).open_with(key)
+    yield opened
+    assert opened.sound(), (opened.foreign, opened.errors)
+    opened.page.context.close()
+
+
+@pytest.fixture
+def customer(browser: Browser, system: Any) -> Iterator[ConsolePage]:
+    yield from opened_console(browser, system, system.keys["SKYWAY_CUSTOMER_KEY"])
+
+
+@pytest.fixture
+def operator(browser: Browser, system: Any) -> Iterator[ConsolePage]:
+    yield from opened_console(browser, system, system.keys["SKYWAY_OPERATOR_KEY"])
+
+
+def fleet(system: Any, name: str) -> Any:
+    """A provider with a drone at the first station of a new network of this name."""
+    system.operate("PUT", f"/v1/networks/{name}", ladders(name))
+    system.operate("PUT", "/v1/drone-models/quick-charge", QUICK_CHARGE)
+    return system.start_fleet([f"{name}-s1"], model_id="quick-charge")
+
+
+def new_delivery(console: ConsolePage, network: str) -> Page:
+    """The view with the form of a request in this network."""
+    page = console.show("new").page
+    page.get_by_label("Network").select_option(network)
+    expect(page.locator(f"option[value={network}-s1]").first).to_be_attached()
+    return page
+
+
+def click_station(page: Page, station_id: str) -> None:
+    """Click where the map shows a station."""
+    place = page.wait_for_function(
+        """id => {
+          const {map, network} = document.querySelector(".map").fleetMap ?? {};
+          const isDrawn = map?.queryRenderedFeatures({layers: ["stations"]})
+            .some(({properties}) => properties.station_id === id);
+          if (!isDrawn) return null;
+          const {geometry} = network.features.find(({properties}) => properties.station_id === id);
+          const {x, y} = map.project(geometry.coordinates);
+          return {x, y};
+        }""",
+        arg=station_id,
+    ).json_value()
+    page.locator(".map").click(position=place)
+
+
+def test_a_customer_takes_an_offer_and_follows_its_delivery(
+    customer: ConsolePage, system: Any
+) -> None:
+    fleet(system, "offered")
+    page = new_delivery(customer, "offered")
+    click_station(page, "offered-s1")
+    click_station(page, "offered-s3")
+    expect(page.get_by_role("combobox", name="Pickup")).to_have_value("offered-s1")
+    expect(page.get_by_role("combobox", name="To", exact=True)).to_have_value("offered-s3")
+
+    page.get_by_role("button", name="Ask for offers").click()
+    offers = page.get_by_role("table", name="Offers")
+    expect(offers).to_contain_text("Test Air")
+    page.get_by_role("button", name="Take the offer of Test Air").first.click()
+
+    expect(page.get_by_role("heading", name="Delivery …")).to_be_visible()
+    expect(page.get_by_label("What happened")).to_contain_text("Delivery requested")
+    link = page.get_by_role("link", name="this link")
+    earlier = link.get_attribute("href")
+    expect(page.get_by_role("img", name="The link as a QR code")).to_be_visible()
+    page.get_by_role("button", name="Another link").click()
+    expect(link).not_to_have_attribute("href", str(earlier))
+    page.get_by_role("button", name="Withdraw the link").click()
+    page.get_by_role("button", name="Yes, withdraw").click()
+    expect(page.get_by_label("Tracking link")).to_contain_text("There is no link")
+    expect(page.get_by_label("What happened")).to_contain_text("Delivery completed", timeout=60_000)
+
+
+def test_a_customer_asks_by_keyboard_and_learns_why_nobody_can_fly(
+    customer: ConsolePage, system: Any
+) -> None:
+    system.operate("PUT", "/v1/networks/unserved", ladders("unserved"))
+    page = new_delivery(customer, "unserved")
+    page.get_by_role("combobox", name="Pickup").focus()
+    page.keyboard.press("ArrowDown")
+    page.get_by_role("combobox", name="To", exact=True).focus()
+    page.keyboard.press("End")
+    page.get_by_label("Mass in kg").press("Enter")
+
+    answer = page.get_by_role("region", name="Answer")
+    expect(answer).to_contain_text("Nobody can fly this")
+    expect(answer.get_by_role("listitem").first).to_be_visible()
+
+
+def test_markup_in_a_reference_stays_text(customer: ConsolePage, system: Any) -> None:
+    fleet(system, "quoted")
+    page = new_delivery(customer, "quoted")
+    page.get_by_role("combobox", name="Pickup").select_option("quoted-s1")
+    page.get_by_role("combobox", name="To", exact=True).select_option("quoted-s2")
+    page.get_by_label("Reference").fill(MARKUP)
+    page.get_by_role("button", name="Ask for offers").click()
+    page.get_by_role("button", name="Take the offer of").first.click()
+
+    expect(page.get_by_text(MARKUP)).to_be_visible()
+    customer.show("deliveries")
+    expect(page.get_by_role("cell", name=MARKUP)).to_be_visible()
+    assert page.locator("main img, main b").count() == 0
+
+
+def test_a_key_is_made_shown_once_and_deleted(operator: ConsolePage, system: Any) -> None:
+    page = operator.show("account").page
+    page.get_by_label("For: a customer").fill("river-books")
+    page.get_by_label("Name (optional)").fill("laptop of River Books")
+    page.get_by_text("Allow only some calls").click()
+    page.get_by_label("account:read").check()
+    page.get_by_role("button", name="Make the key").click()
+    made = page.get_by_role("textbox", name="Key", exact=True).input_value()
+    assert system.call("GET", "/v1/clock", key=made).status_code == 200
+    assert system.call("GET", "/v1/deliveries", key=made).status_code == 403
+
+    page.get_by_role("button", name="I have kept it").click()
+    row = page.get_by_role("row", name="laptop of River Books")
+    expect(row).to_contain_text("account:read")
+    assert made not in page.content()
+    row.get_by_role("button", name="Delete key").click()
+    row.get_by_role("button", name="Yes, delete").click()
+    expect(row).to_have_count(0)
+    assert system.call("GET", "/v1/clock", key=made).status_code == 401
+
+
+def test_a_customer_tests_a_webhook_and_sees_the_attempt(
+    customer: ConsolePage, system: Any
+) -> None:
+    page = customer.show("account").page
+    page.get_by_label("URL", exact=True).fill("http://127.0.0.1:9/nobody-listens")
+    page.get_by_role("button", name="Add the webhook").click()
+    expect(page.get_by_role("textbox", name="Secret")).to_have_value(re.compile("whsec_.+"))
+    row = page.get_by_role("row", name="nobody-listens").first
+    row.get_by_role("button", name="Test").click()
+    row.get_by_role("button", name="Attempts").click()
+    expect(page.get_by_role("table", name="Attempts")).to_contain_text("webhook.test")
+    row.get_by_role("button", name="Delete the webhook").click()
+    row.get_by_role("button", name="Yes, delete").click()
+    expect(page.get_by_role("table", name="Webhooks")).to_contain_text("No webhook.")
+
+
+def test_a_customer_sees_no_view_of_others(customer: ConsolePage) -> None:
+    page = customer.page
+    views = page.get_by_role("navigation", name="Views").get_by_role("link")
+    expect(views).to_have_text(["Map", "New delivery", "Deliveries", "Keys"])
+    for view in ("fleet", "schedule", "alarms"):
+        customer.show(view)
+        expect(page.get_by_role("application", name="Map of the fleet")).to_be_visible()
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_the_views_of_customers_are_open_to_everybody(
+    browser: Browser, system: Any, theme: Literal["dark", "light"]
+) -> None:
+    fleet(system, f"{theme}-offers")
+    console = ConsolePage(browser, system, theme=theme)
+    page = new_delivery(console.open_with(system.keys["SKYWAY_CUSTOMER_KEY"]), f"{theme}-offers")
+    page.get_by_role("combobox", name="Pickup").select_option(index=1)
+    page.get_by_role("combobox", name="To", exact=True).select_option(index=2)
+    page.get_by_role("button", name="Ask for offers").click()
+    expect(page.get_by_role("table", name="Offers")).to_be_visible()
+    problems = console.serious_problems()
+    console.show("account")
+    expect(page.get_by_role("heading", name="Key and webhooks")).to_be_visible()
+    page.get_by_text("Only some events").click()
+    problems += console.serious_problems()
+
+    assert problems == []
+    assert console.sound()
+    console.page.context.close()
