@@ -20,7 +20,7 @@ function PackageRow({each, number, stations, isOnly}) {
       <label>Mass in kg<input required type="number" min="0.001" max="1000" step="any"
         value=${each.mass_kg} onInput=${set("mass_kg")} /></label>
       <label>To<select required value=${each.station_id} onChange=${set("station_id")}>
-        ${stationOptions(stations, "Choose a station")}
+        ${stationOptions(stations, "Station…")}
       </select></label>
       <button type="button" class="quiet small" disabled=${isOnly} aria-label=${`Remove package ${number + 1}`}
         onClick=${() => removePackage(number)}>✕</button>
