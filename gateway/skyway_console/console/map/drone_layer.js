@@ -6,6 +6,7 @@ import {colours} from "./colours.js";
 const GLIDE_MS = 1_000;
 const LOW_CHARGE = 0.2;
 const NEAR_PX = 14;
+const BESIDE_PX = 8;
 
 export class DroneLayer {
   constructor(map) {
@@ -44,25 +45,21 @@ export class DroneLayer {
     this.tracks = tracks;
   }
 
-  // The drone at this place of the screen, or null.
-  droneAt(point) {
+  // What is nearest to this place of the screen: {droneId}, {stationId}, or {} if nothing is near.
+  whatIsAt(point) {
     const now = performance.now();
-    return this.nearest(point, [...this.tracks].map(([id, track]) => [id, placeOf(track, now)]));
+    const drones = [...this.tracks].map(
+      ([droneId, track]) => [{droneId}, this.pointOf(track, now)]);
+    const stations = this.stations.map(
+      ({stationId, position}) => [{stationId}, this.map.project(position)]);
+    return nearest(point, [...drones, ...stations]);
   }
 
-  // The station at this place of the screen, or null.
-  stationAt(point) {
-    return this.nearest(point, this.stations.map(({stationId, position}) => [stationId, position]));
-  }
-
-  nearest({x, y}, places) {
-    let [nearest, least] = [null, NEAR_PX];
-    for (const [id, position] of places) {
-      const point = this.map.project(position);
-      const distance = Math.hypot(point.x - x, point.y - y);
-      if (distance <= least) [nearest, least] = [id, distance];
-    }
-    return nearest;
+  // Where a drone is drawn: one that stands is beside its station, whose colour is seen then.
+  pointOf(track, now) {
+    const {x, y} = this.map.project(placeOf(track, now));
+    const aside = track.drone.activity === "FLYING" ? 0 : BESIDE_PX;
+    return {x: x + aside, y: y - aside};
   }
 
   draw(now) {
@@ -72,7 +69,7 @@ export class DroneLayer {
     const {width, height} = this.map.getContainer().getBoundingClientRect();
     this.drawNames(context, paint);
     for (const [droneId, track] of this.tracks) {
-      const {x, y} = this.map.project(placeOf(track, now));
+      const {x, y} = this.pointOf(track, now);
       if (x < -20 || y < -20 || x > width + 20 || y > height + 20) continue;
       if (droneId === this.selected) drawRing(context, x, y, paint.selected);
       if (track.drone.faults?.length) drawRing(context, x, y, paint.full);
@@ -108,6 +105,16 @@ export class DroneLayer {
       context.fillText(name, x, y - 10);
     }
   }
+}
+
+// The nearest of some things at their points, [thing, {x, y}]; {} if none is near.
+function nearest({x, y}, things) {
+  let [found, least] = [{}, NEAR_PX];
+  for (const [thing, point] of things) {
+    const distance = Math.hypot(point.x - x, point.y - y);
+    if (distance <= least) [found, least] = [thing, distance];
+  }
+  return found;
 }
 
 function placeOf({drone, from, since}, now) {

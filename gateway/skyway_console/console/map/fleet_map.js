@@ -38,11 +38,7 @@ export class FleetMap {
   }
 
   whatIsAt({point, lngLat}) {
-    return {
-      droneId: this.drones.droneAt(point),
-      stationId: this.drones.stationAt(point),
-      position: [lngLat.lng, lngLat.lat],
-    };
+    return {...this.drones.whatIsAt(point), position: [lngLat.lng, lngLat.lat]};
   }
 
   showNetwork(network) {

@@ -4,6 +4,8 @@ import {all, get, part} from "../api.js";
 import {isOperator, session} from "../session.js";
 
 const MOST_DRONES = 300;
+// Samples of so long before the span say where drones were when it began.
+const BEFORE_MS = 1_800_000;
 const AT_ONCE = 6;
 // A drone that has moved less than this between two samples stands, in degrees: about 10 m.
 const STILL_DEG = 1e-4;
@@ -16,7 +18,7 @@ async function readDrones() {
 }
 
 async function readSamples({drone_id: drone, provider_id: provider}, {from, until}) {
-  const span = `from=${new Date(from).toISOString()}&until=${new Date(until).toISOString()}`;
+  const span = `from=${new Date(from - BEFORE_MS).toISOString()}&until=${new Date(until).toISOString()}`;
   const path = `/v1/providers/${part(provider)}/drones/${part(drone)}/telemetry`;
   const {items} = await get(`${path}?${span}&resolution=auto&limit=2000`);
   return items.filter(({position}) => position)
