@@ -406,3 +406,27 @@ def test_a_past_hour_is_played_again(console: ConsolePage, system: Any) -> None:
     page.wait_for_function(f"() => {longitude} > -97.7")
 
     expect(page.get_by_role("button", name="Pause")).to_be_visible()
+
+
+def test_a_station_is_drawn_where_the_map_has_it(console: ConsolePage, system: Any) -> None:
+    """The layer of the drones places points by itself, for speed: as the map does."""
+    publish(system, "placed")
+    console.page.reload()
+    shown_network(console.page, "placed")
+    console.page.wait_for_function(
+        f"() => {MAP}.drones.stations[0]?.stationId.startsWith('placed')"
+    )
+    apart = console.page.evaluate(
+        f"""async () => {{
+          const {{mercator, screenOf}} = await import("/console/map/mercator.js");
+          const {{map, drones}} = {MAP};
+          const toScreen = screenOf(map);
+          return Math.max(...drones.stations.map(({{position}}) => {{
+            const [x, y] = toScreen(mercator(position));
+            const right = map.project(position);
+            return Math.hypot(x - right.x, y - right.y);
+          }}));
+        }}"""
+    )
+
+    assert apart < 0.5

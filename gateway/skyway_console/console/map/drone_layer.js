@@ -1,12 +1,15 @@
 // Draws the drones on a canvas above the map, so that they move without drawing the map again.
 
 import {colours} from "./colours.js";
+import {HALF_PX, dronePicture} from "./drone_pictures.js";
+import {mercator, screenOf} from "./mercator.js";
 
 // A reading is shown this much later, so that drones glide between two readings.
 const GLIDE_MS = 1_000;
-const LOW_CHARGE = 0.2;
 const NEAR_PX = 14;
 const BESIDE_PX = 8;
+const RING_PX = 13;
+const OUTSIDE_PX = 20;
 
 export class DroneLayer {
   constructor(map) {
@@ -38,9 +41,12 @@ export class DroneLayer {
     const tracks = new Map();
     for (const [droneId, drone] of Object.entries(drones)) {
       const before = this.tracks.get(droneId);
-      const hasMoved = before?.drone.position !== drone.position;
-      const from = before ? placeOf(before, now) : drone.position;
-      tracks.set(droneId, hasMoved ? {drone, from, since: now} : {...before, drone});
+      if (before?.drone.position === drone.position) {
+        tracks.set(droneId, {...before, drone});
+      } else {
+        const to = mercator(drone.position);
+        tracks.set(droneId, {drone, from: before ? placeOf(before, now) : to, to, since: now});
+      }
     }
     this.tracks = tracks;
   }
@@ -48,32 +54,30 @@ export class DroneLayer {
   // What is nearest to this place of the screen: {droneId}, {stationId}, or {} if nothing is near.
   whatIsAt(point) {
     const now = performance.now();
+    const toScreen = screenOf(this.map);
     const drones = [...this.tracks].map(
-      ([droneId, track]) => [{droneId}, this.pointOf(track, now)]);
+      ([droneId, track]) => [{droneId}, pointOf(track, toScreen, now)]);
     const stations = this.stations.map(
-      ({stationId, position}) => [{stationId}, this.map.project(position)]);
+      ({stationId, position}) => [{stationId}, toScreen(mercator(position))]);
     return nearest(point, [...drones, ...stations]);
-  }
-
-  // Where a drone is drawn: one that stands is beside its station, whose colour is seen then.
-  pointOf(track, now) {
-    const {x, y} = this.map.project(placeOf(track, now));
-    const aside = track.drone.activity === "FLYING" ? 0 : BESIDE_PX;
-    return {x: x + aside, y: y - aside};
   }
 
   draw(now) {
     this.frames += 1;
     const context = this.fit();
     const paint = colours();
-    const {width, height} = this.map.getContainer().getBoundingClientRect();
-    this.drawNames(context, paint);
+    const toScreen = screenOf(this.map);
+    this.drawNames(context, paint, toScreen);
+    const {clientWidth: width, clientHeight: height} = this.map.getContainer();
     for (const [droneId, track] of this.tracks) {
-      const {x, y} = this.pointOf(track, now);
-      if (x < -20 || y < -20 || x > width + 20 || y > height + 20) continue;
+      const [x, y] = pointOf(track, toScreen, now);
+      const isOutside = x < -OUTSIDE_PX || y < -OUTSIDE_PX
+        || x > width + OUTSIDE_PX || y > height + OUTSIDE_PX;
+      if (isOutside) continue;
       if (droneId === this.selected) drawRing(context, x, y, paint.selected);
       if (track.drone.faults?.length) drawRing(context, x, y, paint.full);
-      drawDrone(context, x, y, track.drone, paint);
+      const [left, top] = [x - HALF_PX, y - HALF_PX];
+      context.drawImage(dronePicture(track.drone, paint), left, top, 2 * HALF_PX, 2 * HALF_PX);
     }
   }
 
@@ -91,67 +95,49 @@ export class DroneLayer {
     return context;
   }
 
-  drawNames(context, paint) {
+  drawNames(context, paint, toScreen) {
     const zoom = this.map.getZoom();
     context.font = "12px system-ui, sans-serif";
     context.textAlign = "center";
+    context.lineWidth = 3;
+    context.strokeStyle = paint.halo;
+    context.fillStyle = paint.text;
     for (const {name, position, isFirst} of this.stations) {
       if (zoom < 9 && !isFirst) continue;
-      const {x, y} = this.map.project(position);
-      context.strokeStyle = paint.halo;
-      context.lineWidth = 3;
+      const [x, y] = toScreen(mercator(position));
       context.strokeText(name, x, y - 10);
-      context.fillStyle = paint.text;
       context.fillText(name, x, y - 10);
     }
   }
 }
 
-// The nearest of some things at their points, [thing, {x, y}]; {} if none is near.
+// The nearest of some things at their points, [thing, [x, y]]; {} if none is near.
 function nearest({x, y}, things) {
   let [found, least] = [{}, NEAR_PX];
-  for (const [thing, point] of things) {
-    const distance = Math.hypot(point.x - x, point.y - y);
+  for (const [thing, [left, top]] of things) {
+    const distance = Math.hypot(left - x, top - y);
     if (distance <= least) [found, least] = [thing, distance];
   }
   return found;
 }
 
-function placeOf({drone, from, since}, now) {
+// Where a drone is between its last two places, in Mercator's coordinates.
+function placeOf({from, to, since}, now) {
   const share = Math.min(1, (now - since) / GLIDE_MS);
-  const [longitude, latitude] = drone.position;
-  return [from[0] + (longitude - from[0]) * share, from[1] + (latitude - from[1]) * share];
+  return [from[0] + (to[0] - from[0]) * share, from[1] + (to[1] - from[1]) * share];
+}
+
+// Where a drone is drawn: one that stands is beside its station, whose colour is seen then.
+function pointOf(track, toScreen, now) {
+  const [x, y] = toScreen(placeOf(track, now));
+  const aside = track.drone.activity === "FLYING" ? 0 : BESIDE_PX;
+  return [x + aside, y - aside];
 }
 
 function drawRing(context, x, y, colour) {
   context.beginPath();
-  context.arc(x, y, 13, 0, 2 * Math.PI);
+  context.arc(x, y, RING_PX, 0, 2 * Math.PI);
   context.strokeStyle = colour;
   context.lineWidth = 3;
   context.stroke();
-}
-
-// An arrow in the drone's heading while it flies, a square while it stands.
-function drawDrone(context, x, y, drone, paint) {
-  const isFlying = drone.activity === "FLYING";
-  context.save();
-  context.translate(x, y);
-  context.beginPath();
-  if (isFlying) {
-    context.rotate(((drone.heading_deg ?? 0) * Math.PI) / 180);
-    context.moveTo(0, -10);
-    context.lineTo(7, 8);
-    context.lineTo(0, 4);
-    context.lineTo(-7, 8);
-  } else {
-    context.rect(-4, -4, 8, 8);
-  }
-  context.closePath();
-  const isLow = drone.soc < LOW_CHARGE && isFlying;
-  context.fillStyle = isLow ? paint.low : drone.mission_id ? paint.drone : paint.idle;
-  context.fill();
-  context.strokeStyle = paint.halo;
-  context.lineWidth = 1.5;
-  context.stroke();
-  context.restore();
 }
