@@ -82,14 +82,14 @@ def _log_in(browser: Browser, keys: dict[str, str], *, role: str, theme: Any) ->
     return page
 
 
-def _take(page: Page, file: Path) -> None:
+def _save_picture(page: Page, file: Path) -> None:
     """A picture with a palette, which is a third of the size."""
     page.screenshot(path=str(file))
     with Image.open(file) as picture:
         picture.quantize(_COLOURS, dither=Image.Dither.NONE).save(file, optimize=True)
 
 
-def take_pictures() -> None:
+def save_pictures() -> None:
     """Replace all pictures."""
     shutil.rmtree(PICTURES, ignore_errors=True)
     PICTURES.mkdir(parents=True)
@@ -108,10 +108,10 @@ def take_pictures() -> None:
                 target = json.dumps(f"#/{address.format(**ids)}")
                 page.evaluate(f"() => {{ location.hash = {target} }}")
                 page.wait_for_timeout(4_000)
-                _take(page, PICTURES / f"{name}-{theme}.png")
+                _save_picture(page, PICTURES / f"{name}-{theme}.png")
                 page.context.close()
         browser.close()
 
 
 if __name__ == "__main__":
-    take_pictures()
+    save_pictures()
