@@ -195,6 +195,9 @@ def test_an_area_is_drawn_and_closed(console: ConsolePage, system: Any) -> None:
     for x, y in ((300, 300), (500, 300), (500, 420)):
         page.mouse.click(x, y)
     expect(console.panel("Close an area")).to_contain_text("3 corners")
+    page.get_by_role("button", name="Forbid take-offs").click()
+    expect(page.get_by_role("dialog")).to_contain_text("mission")
+    page.get_by_role("button", name="Do nothing").click()
     page.get_by_role("button", name="Close to flights").click()
     console.confirm("air show", after="mission")
 

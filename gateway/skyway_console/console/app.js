@@ -6,7 +6,7 @@ import {effect} from "@preact/signals";
 import {refusedCalls} from "./api.js";
 import {startClock} from "./fleet_clock.js";
 import {html} from "./html.js";
-import {followPicture, leavePicture} from "./live.js";
+import {followPicture, forgetPicture} from "./live.js";
 import {route} from "./routes.js";
 import {recogniseSession, session} from "./session.js";
 import {Frame} from "./parts/frame.js";
@@ -51,7 +51,7 @@ effect(() => {
     startClock().catch(() => null);
     followPicture();
   } else {
-    leavePicture();
+    forgetPicture();
   }
 });
 

@@ -45,9 +45,16 @@ async function askAgain() {
   if (refusal?.status !== 401) followPicture();
 }
 
-export function leavePicture() {
+function leavePicture() {
   clearTimeout(again);
   stream?.close();
+}
+
+// Nothing of one session is seen in the next.
+export function forgetPicture() {
+  leavePicture();
+  showWhole({});
+  connection.value = "opening";
 }
 
 function showWhole(document) {

@@ -17,12 +17,15 @@ export function affectedText({affected_missions: missions}) {
     </ul>`;
 }
 
+// A ground stop needs a reason in its dry run too.
+const DRY_RUN = {reason: "dry run"};
+
 // Asks before something is closed: `path` makes the closure, `order` is what is sent.
 export function askToClose(title, path, order = {}) {
   confirm({
     title,
     verb: "Close it",
-    preview: async () => affectedText(await post(`${path}?dry_run=true`, order)),
+    preview: async () => affectedText(await post(`${path}?dry_run=true`, {...order, ...DRY_RUN})),
     action: (reason) => post(path, {...order, reason}),
     done: "It is closed. Missions that need it get another plan.",
   });

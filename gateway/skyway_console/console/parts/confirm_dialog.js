@@ -1,4 +1,5 @@
 // Asks before something happens: shows what it would do, and does it only when that is confirmed.
+// What cannot be shown cannot be confirmed.
 
 import {signal} from "@preact/signals";
 import {useEffect, useRef, useState} from "preact/hooks";
@@ -19,10 +20,12 @@ export function ConfirmDialog() {
 function Dialog({title, preview, action, verb, done}) {
   const element = useRef(null);
   const [consequences, setConsequences] = useState(null);
+  const [isRefused, setRefused] = useState(false);
   const [isBusy, setBusy] = useState(false);
   useEffect(() => {
     element.current.showModal();
     preview().then(setConsequences, (refusal) => {
+      setRefused(true);
       setConsequences(html`<p class="refused">${refusal.message}</p>`);
     });
   }, []);
@@ -48,7 +51,7 @@ function Dialog({title, preview, action, verb, done}) {
           <button type="button" class="quiet" onClick=${() => element.current.close()}>
             Do nothing
           </button>
-          <button class="danger" disabled=${isBusy || consequences === null}>${verb}</button>
+          <button class="danger" disabled=${isBusy || isRefused || consequences === null}>${verb}</button>
         </menu>
       </form>
     </dialog>`;

@@ -60,7 +60,7 @@ function Closures() {
         </li>`)}
     </ul>
     ${isOperator() && html`
-      <button class="danger" onClick=${() => askToClose("Stop all take-offs", "/v1/ground-stops", {reason: "dry run"})}>
+      <button class="danger" onClick=${() => askToClose("Stop all take-offs", "/v1/ground-stops")}>
         Stop all take-offs…
       </button>`}`;
 }
