@@ -7,6 +7,7 @@ import ssl
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -214,6 +215,16 @@ class LocalSystem:
             fleet.poll()  # reaps the process if an agent was killed
         eventually(lambda: package not in _arguments(killed), f"{package} gone")
         return killed
+
+    @contextmanager
+    def silent(self, package: str) -> Iterator[None]:
+        """The process of this package stands still while the block lasts."""
+        process = self.pid_of(package)
+        os.kill(process, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            os.kill(process, signal.SIGCONT)
 
     def pid_of(self, package: str) -> int:
         """The process that runs this package: a child of `skyway up` or of a fleet."""

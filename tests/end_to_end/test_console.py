@@ -1,10 +1,7 @@
 """Operators use the console in a browser: they watch, look into, close, command and acknowledge."""
 
-import os
 import re
-import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import pytest
@@ -38,13 +35,20 @@ def browser() -> Iterator[Browser]:
         yield opened
 
 
+@pytest.fixture(autouse=True)
+def closed_afterwards(browser: Browser) -> Iterator[None]:
+    """An open console would go on drawing beside the next story."""
+    yield
+    for context in browser.contexts:
+        context.close()
+
+
 @pytest.fixture
 def console(browser: Browser, system: Any) -> Iterator[ConsolePage]:
     """An operator's console; nothing in it may go wrong, and nothing may come from elsewhere."""
     opened = ConsolePage(browser, system).open_with(system.keys["SKYWAY_OPERATOR_KEY"])
     yield opened
     assert opened.sound(), (opened.foreign, opened.errors)
-    opened.page.context.close()
 
 
 def publish(system: Any, name: str) -> None:
@@ -316,31 +320,20 @@ def test_the_calendar_shows_missions_and_pads_and_moves_by_keys(
 def test_the_console_goes_on_after_the_gateway_was_killed(
     console: ConsolePage, system: Any
 ) -> None:
-    drone = fleet(system, "killed")["drones"][0]["drone_id"]
+    drone = fleet(system, "goes-on")["drones"][0]["drone_id"]
     status = console.page.locator(".connection")
     system.kill("skyway_gateway")
     expect(status).to_contain_text("No connection")
     expect(status).to_have_text("Live")
-    in_the_air(system, "killed")
+    in_the_air(system, "goes-on")
 
     console.show("map", "drone", drone)
     expect(console.panel("Drone")).to_contain_text("Flying")
 
 
-@contextmanager
-def silent(system: Any, package: str) -> Iterator[None]:
-    """The process of this package stands still while the block lasts."""
-    process = system.pid_of(package)
-    os.kill(process, signal.SIGSTOP)
-    try:
-        yield
-    finally:
-        os.kill(process, signal.SIGCONT)
-
-
 def test_a_silent_service_is_named(console: ConsolePage, system: Any) -> None:
     status = console.page.locator(".connection")
-    with silent(system, "skyway_provider_registry"):
+    with system.silent("skyway_provider_registry"):
         expect(status).to_contain_text("No answer from registry")
 
     expect(status).to_have_text("Live")
@@ -401,7 +394,7 @@ def test_an_operator_sees_how_the_services_are(console: ConsolePage, system: Any
         expect(card).to_contain_text("% of a core")
         expect(card).to_contain_text("MB")
     expect(page.get_by_label("Queues")).to_contain_text("Queue: booking")
-    with silent(system, "skyway_composition"):
+    with system.silent("skyway_composition"):
         expect(page.locator(".card", has_text="Composition")).to_contain_text("It does not answer")
 
     expect(page.locator(".card", has_text="Composition")).to_contain_text("all ready")
@@ -409,14 +402,14 @@ def test_an_operator_sees_how_the_services_are(console: ConsolePage, system: Any
 
 def test_a_past_hour_is_played_again(console: ConsolePage, system: Any) -> None:
     drone = fleet(system, "played")["drones"][0]["drone_id"]
-    delivery_id = system.request_delivery(["played-s5"], pickup="played-s1")
+    delivery_id = system.request_delivery(["played-s2"], pickup="played-s1")
     system.until_state(delivery_id, "COMPLETED")
     page = console.show("replay").page
     expect(page.locator(".player")).to_contain_text("measured something")
     page.get_by_label("Speed").select_option("600")
     page.get_by_role("button", name="Play", exact=True).click()
     longitude = f"{DRAWN}.get('{drone}')?.drone.position[0]"
-    page.wait_for_function(f"() => {longitude} > -97.7")
+    page.wait_for_function(f"() => {longitude} > -97.8")
 
     expect(page.get_by_role("button", name="Pause")).to_be_visible()
 

@@ -100,6 +100,19 @@ class Mosquitto:
             str(self._folder / "mosquitto.conf"),
             stderr=asyncio.subprocess.DEVNULL,
         )
+        # Before it listens, a signal to read its accounts again would end it.
+        async with asyncio.timeout(60):
+            while not await self._listens():
+                assert self._process.returncode is None
+
+    async def _listens(self) -> bool:
+        try:
+            _, writer = await asyncio.open_connection("127.0.0.1", self.service_port)
+        except OSError:
+            return False
+        writer.close()
+        await writer.wait_closed()
+        return True
 
     @property
     def memory_bytes(self) -> int:

@@ -1,6 +1,6 @@
 // Draws the drones on a canvas above the map, so that they move without drawing the map again.
 
-import {colours} from "./colours.js";
+import {colours, onThemeChange} from "./colours.js";
 import {HALF_PX, dronePicture} from "./drone_pictures.js";
 import {mercator, screenOf} from "./mercator.js";
 
@@ -18,21 +18,33 @@ export class DroneLayer {
     this.canvas.className = "drone-layer";
     map.getCanvasContainer().append(this.canvas);
     this.tracks = new Map();
+    this.isGone = false;
     this.selected = null;
     this.stations = [];
     this.frames = 0;
-    this.isGone = false;
-    const draw = (at) => {
-      if (this.isGone) return;
-      this.draw(at);
-      requestAnimationFrame(draw);
-    };
-    requestAnimationFrame(draw);
+    this.movesUntil = 0;
+    this.asked = null;
+    map.on("move", () => this.ask());
+    map.on("resize", () => this.ask());
+    onThemeChange(() => this.ask());
+    this.ask();
   }
 
   remove() {
+    cancelAnimationFrame(this.asked);
+    this.asked = null;
     this.isGone = true;
     this.canvas.remove();
+  }
+
+  // Draw soon, and again as long as a drone glides. While nothing moves, nothing is drawn.
+  ask() {
+    if (this.isGone || this.asked !== null) return;
+    this.asked = requestAnimationFrame((now) => {
+      this.asked = null;
+      this.draw(now);
+      if (now < this.movesUntil) this.ask();
+    });
   }
 
   // The drones of the live picture; each glides from where it is drawn to its new place.
@@ -46,9 +58,21 @@ export class DroneLayer {
       } else {
         const to = mercator(drone.position);
         tracks.set(droneId, {drone, from: before ? placeOf(before, now) : to, to, since: now});
+        this.movesUntil = now + GLIDE_MS;
       }
     }
     this.tracks = tracks;
+    this.ask();
+  }
+
+  select(droneId) {
+    this.selected = droneId;
+    this.ask();
+  }
+
+  showNames(stations) {
+    this.stations = stations;
+    this.ask();
   }
 
   // What is nearest to this place of the screen: {droneId}, {stationId}, or {} if nothing is near.

@@ -44,12 +44,12 @@ export class FleetMap {
   showNetwork(network) {
     this.network = network;
     const stations = stationsOf(network);
-    this.drones.stations = stations.map(({geometry, properties}, number) => ({
+    this.drones.showNames(stations.map(({geometry, properties}, number) => ({
       stationId: properties.station_id,
       name: properties.name ?? stationName(properties.station_id),
       position: geometry.coordinates,
       isFirst: number % Math.ceil(stations.length / 12) === 0,
-    }));
+    })));
     this.put("segments", segmentLines(network));
     const places = stations.map(({geometry}) => geometry.coordinates);
     if (places.length) this.map.fitBounds(around(places), {padding: 60, duration: 0});

@@ -43,7 +43,7 @@ function useFleetMap(container, opened) {
     };
   }, []);
   useEffect(() => {
-    map.current.drones.selected = opened;
+    map.current.drones.select(opened);
     return effect(() => {
       const drone = picture.drones.value[opened];
       map.current.showPlan(picture.missions.value[drone?.mission_id], drone);
