@@ -15,7 +15,7 @@ needs_browser = pytest.mark.skipif(
 )
 
 #: Milliseconds: longer than anything that a page waits for.
-LONGEST_WAIT_MS = 15_000
+LONGEST_WAIT_MS = 60_000
 
 
 @contextmanager
