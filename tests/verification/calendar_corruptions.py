@@ -9,6 +9,11 @@ _FOLLOWS: Final = "I16 a QUEUED mission begins where the one before it leaves th
 _PLANNED: Final = "I16 a QUEUED mission has a plan of its network, and only a QUEUED one waits"
 _TRIGGERS: Final = "every index and trigger of the newest migration exists"
 
+#: On a slow machine the mission may wait to be planned again, and is not compared meanwhile.
+_UP_TO_DATE = (
+    "UPDATE missions SET planned_conditions = 1 WHERE mission_id = :queued_behind_mission;"
+)
+
 CALENDAR_CORRUPTIONS: Final = (
     Corruption(
         "a held drone that is given to others too early",
@@ -56,19 +61,22 @@ CALENDAR_CORRUPTIONS: Final = (
     Corruption(
         "a QUEUED mission that begins elsewhere than the one before ends",
         _FOLLOWS,
-        composition="UPDATE missions SET candidate = json_set(candidate, '$.station_id', 'line-s3')"
+        composition=_UP_TO_DATE
+        + "UPDATE missions SET candidate = json_set(candidate, '$.station_id', 'line-s3')"
         " WHERE mission_id = :queued_behind_mission",
     ),
     Corruption(
         "a QUEUED mission that begins with more charge than the one before leaves",
         _FOLLOWS,
-        composition="UPDATE missions SET candidate = json_set(candidate, '$.soc', 1.0)"
+        composition=_UP_TO_DATE
+        + "UPDATE missions SET candidate = json_set(candidate, '$.soc', 1.0)"
         " WHERE mission_id = :queued_behind_mission",
     ),
     Corruption(
         "a QUEUED mission that ends elsewhere than the next one begins",
         _FOLLOWS,
-        composition="UPDATE missions SET stays = replace(stays, 'line-near', 'line-s3')"
+        composition=_UP_TO_DATE
+        + "UPDATE missions SET stays = replace(stays, 'line-near', 'line-s3')"
         " WHERE mission_id = :queued_mission",
     ),
     Corruption(
