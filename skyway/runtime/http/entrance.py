@@ -18,7 +18,7 @@ from fastapi.security.utils import get_authorization_scheme_param
 from skyway.runtime.errors import BudgetSpent, Unauthenticated
 from skyway.runtime.http.brake import Brake
 from skyway.runtime.http.identity import KeyHolder, RefusedKey, ServiceGate
-from skyway.runtime.http.session_cookie import session_in
+from skyway.runtime.http.session_cookie import SESSION_PREFIX, session_in
 from skyway.runtime.http.wrong_keys import WrongKeys
 from skyway.runtime.meter import Meter
 from skyway.runtime.network_address import network_of
@@ -233,7 +233,10 @@ def _shown_by(request: Request) -> str | None:
     if (header := request.headers.get("Authorization")) is None:
         return session_in(request)
     scheme, key = get_authorization_scheme_param(header)
-    return key if scheme.lower() == "bearer" and key else None
+    # The secret of a session is no key: a stolen cookie must not begin another session.
+    if scheme.lower() != "bearer" or key.startswith(SESSION_PREFIX):
+        return None
+    return key or None
 
 
 def address_of(request: Request) -> str:

@@ -117,6 +117,15 @@ async def test_a_session_cannot_be_prolonged_without_the_key(gateway: Gateway) -
     assert await status(gateway, "POST", "/v1/sessions", cookie | OWN) == 401
 
 
+@pytest.mark.parametrize("path", ["/v1/sessions", "/v1/session-links", "/v1/keys/rotations"])
+async def test_the_secret_of_a_session_is_no_key(gateway: Gateway, path: str) -> None:
+    cookie = await opened(gateway, gateway.operator)
+    shown = {"Authorization": f"Bearer {cookie['Cookie'].partition('=')[2]}"}
+
+    assert await status(gateway, "GET", CURRENT, shown) == 401
+    assert await status(gateway, "POST", path, shown) == 401
+
+
 async def test_a_session_allows_what_its_key_allows(gateway: Gateway) -> None:
     body = {"role": "customer", "subject_id": "erin", "scopes": ["account:write", "live:read"]}
     issued = (await gateway.http.post("/v1/keys", json=body, headers=gateway.operator)).json()
