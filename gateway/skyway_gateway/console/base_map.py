@@ -1,5 +1,6 @@
 """The operator's own base map: a folder with a MapLibre style and what the style names."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,7 +26,9 @@ class BaseMap:
         """
         if self.folder is not None and "\0" not in path:
             folder = self.folder.resolve()
-            file = (folder / path).resolve()
-            if file.is_relative_to(folder) and file.is_file():
-                return file
+            # A path may be longer than the file system allows.
+            with suppress(OSError):
+                file = (folder / path).resolve()
+                if file.is_relative_to(folder) and file.is_file():
+                    return file
         raise NotFound("file of the base map", path)
