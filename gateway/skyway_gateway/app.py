@@ -37,6 +37,7 @@ from skyway_gateway.access.limit_routes import limit_routes
 from skyway_gateway.access.routes import audit_routes, key_routes
 from skyway_gateway.access.session_link_routes import session_link_routes
 from skyway_gateway.access.session_routes import session_routes
+from skyway_gateway.access.usage import ViewUsage
 from skyway_gateway.build_parts import running_parts
 from skyway_gateway.console.page_routes import console_routes
 from skyway_gateway.console.system_routes import system_routes
@@ -110,7 +111,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 slots=parts.streams,
             ),
             earnings_routes(db=db, gate=gate),
-            live_routes(gate=gate, feed=parts.live, slots=parts.streams),
+            live_routes(gate=gate, feed=parts.live, slots=parts.streams, meters=parts.meters),
             link_routes(db=db, gate=gate, links=parts.links),
             page_routes(
                 pages=parts.pages,
@@ -153,6 +154,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                     parts.webhook_quota,
                     parts.keys,
                     parts.stream_usage,
+                    ViewUsage(parts.live),
                     parts.drone_usage,
                 ),
             ),

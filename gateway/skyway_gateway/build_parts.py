@@ -170,7 +170,8 @@ def build_parts(
                 Deliveries(db),
                 World(clients["composition"], db),
                 Drones(clients["registry"]),
-            )
+            ),
+            most_views=settings.live_views_per_tenant,
         ),
     )
 

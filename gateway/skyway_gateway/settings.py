@@ -156,6 +156,13 @@ class GatewaySettings(ServiceSettings):
         le=100_000,
         description="Event streams that a tenant may have open at each replica of the gateway.",
     )
+    live_views_per_tenant: int = Field(
+        default=16,
+        ge=1,
+        le=10_000,
+        description="Different parts of the live picture (`kinds` and `bbox`) that a customer or "
+        "provider may follow together at each replica of the gateway.",
+    )
 
     @field_validator("webhook_allow_networks", mode="before")
     @classmethod

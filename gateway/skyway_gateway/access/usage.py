@@ -86,6 +86,33 @@ class DroneUsage:
         return (UsageQuota(code="TOO_MANY_DRONES", most=quota.most, used=quota.used),)
 
 
+class LiveViews(Protocol):
+    """The live picture, which limits the parts of it that a customer or provider follows."""
+
+    @property
+    def most_views(self) -> int:
+        """How many different parts each may follow together."""
+        ...
+
+    def views_of(self, role: str, subject_id: str) -> Sequence[object]:
+        """The parts that this viewer follows."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ViewUsage:
+    """Counts the parts of the live picture that a caller follows at this replica."""
+
+    live: LiveViews
+
+    async def usage(self, caller: Caller) -> Sequence[UsageQuota]:
+        """The parts that a customer or provider follows; operators have no limit."""
+        if caller.role not in ("customer", "provider"):
+            return ()
+        used = len(self.live.views_of(caller.role, caller.subject_id))
+        return (UsageQuota(code="LIVE_VIEWS", most=self.live.most_views, used=used),)
+
+
 @dataclass(frozen=True, slots=True)
 class StreamUsage:
     """Counts the event streams that a caller has open at this replica."""
@@ -93,8 +120,8 @@ class StreamUsage:
     slots: Slots
 
     async def usage(self, caller: Caller) -> Sequence[UsageQuota]:
-        """The open streams of the caller."""
-        if caller.role not in ("customer", "operator"):
+        """The open streams of the caller; drones have none."""
+        if caller.role == "drone":
             return ()
         used = self.slots.used(str(caller))
         return (UsageQuota(code=self.slots.code, most=self.slots.most, used=used),)

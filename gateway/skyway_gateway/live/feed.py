@@ -4,12 +4,12 @@ import asyncio
 import logging
 import secrets
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Final
 
-from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.errors import BudgetSpent, ServiceUnavailable
 from skyway.runtime.loops import Wake
 from skyway_gateway.live.documents import service_item
 from skyway_gateway.live.picture import Picture
@@ -26,6 +26,14 @@ _KEPT_LOOKS: Final = 120
 #: Views that are kept without viewers, for those who come back.
 _MOST_LEFT_VIEWS: Final = 50
 
+#: How many requests a view costs that is made for this viewer.
+VIEW_COST: Final = 10.0
+#: When to try again: nobody knows when a viewer leaves.
+_RETRY_AFTER_S: Final = 1.0
+
+#: Takes so many requests from the viewer's budget, or raises BudgetSpent.
+Pay = Callable[[float], object]
+
 
 @dataclass(slots=True)
 class LiveFeed:
@@ -36,6 +44,9 @@ class LiveFeed:
     """
 
     sources: Sequence[Source]
+    #: The parts of the picture that one customer or provider may look at together: each look costs
+    #: time for each of them.
+    most_views: int = 16
     #: How long a viewer waits for the first picture, wall seconds.
     first_look_within_s: float = 15.0
     wake: Wake = field(default_factory=Wake)
@@ -64,17 +75,25 @@ class LiveFeed:
         """The picture as it is now."""
         return self._picture
 
+    def views_of(self, role: str, subject_id: str) -> list[Scope]:
+        """The parts of the picture that this viewer looks at, or has left a moment ago."""
+        return [each for each in self._views if (each.role, each.subject_id) == (role, subject_id)]
+
     @asynccontextmanager
-    async def viewing(self, scope: Scope) -> AsyncIterator[View]:
+    async def viewing(self, scope: Scope, pay: Pay = lambda _cost: None) -> AsyncIterator[View]:
         """The view of this scope, up to date while the block lasts.
 
         Raises
         ------
         ServiceUnavailable
             Registry or composition have not answered yet.
+        BudgetSpent
+            The viewer looks at too many parts of the picture, or has asked for too many.
         """
         view = self._views.get(scope)
         if view is None:
+            pay(VIEW_COST)
+            self._make_room(scope)
             view = self._views[scope] = View(scope, self.epoch)
             view.begin(self._picture)
         view.viewers += 1
@@ -87,6 +106,17 @@ class LiveFeed:
             view.viewers -= 1
             if view.viewers == 0:
                 self._left_at[scope] = self._looks
+
+    def _make_room(self, scope: Scope) -> None:
+        """Forget a part that this customer or provider has left, if it has as many as it may."""
+        own = self.views_of(scope.role, scope.subject_id)
+        if scope.role not in ("customer", "provider") or len(own) < self.most_views:
+            return
+        left = [each for each in own if each in self._left_at]
+        if not left:
+            raise BudgetSpent("LIVE_VIEWS", _RETRY_AFTER_S)
+        oldest = min(left, key=self._left_at.__getitem__)
+        del self._left_at[oldest], self._views[oldest]
 
     async def step(self) -> bool:
         """Step of a loop: look once, if anybody does."""

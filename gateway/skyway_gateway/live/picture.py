@@ -2,10 +2,9 @@
 
 import json
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from operator import attrgetter
 from typing import Any, Final, Literal, NamedTuple
 
 from skyway_gateway.live.merge_patch import JsonObject, patch_between
@@ -14,6 +13,13 @@ Kind = Literal["drones", "missions", "stations", "closures", "alarms", "deliveri
 
 #: West, south, east and north, in degrees.
 Bounds = tuple[float, float, float, float]
+
+
+#: Who sees the same items: a role, and the subject in it.
+Group = tuple[str, str]
+
+#: What every provider sees.
+ALL_PROVIDERS: Final[Group] = ("provider", "")
 
 
 class Key(NamedTuple):
@@ -37,6 +43,20 @@ class Readers:
     provider_id: str | None = None
     customer_id: str | None = None
     linked_delivery_id: str | None = None
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """Those beside the operators, so that each finds what it may see without a search."""
+        return tuple(
+            group
+            for group, is_reader in (
+                (ALL_PROVIDERS, self.all_providers),
+                (("provider", self.provider_id or ""), self.provider_id is not None),
+                (("customer", self.customer_id or ""), self.customer_id is not None),
+                (("link", self.linked_delivery_id or ""), self.linked_delivery_id is not None),
+            )
+            if is_reader
+        )
 
 
 #: Items that only operators see.
@@ -95,24 +115,18 @@ class Tick:
     number: int
     changes: tuple[Change, ...]
 
-    @cached_property
-    def by_customer(self) -> Mapping[str | None, Sequence[Change]]:
-        """The changes that each customer may see."""
-        return self._grouped(attrgetter("customer_id"))
+    def of_groups(self, groups: Iterable[Group]) -> Sequence[Change]:
+        """The changes that these groups may see, each once."""
+        found = [change for group in groups for change in self._by_group.get(group, ())]
+        return [*{change.key: change for change in found}.values()]
 
     @cached_property
-    def by_linked_delivery(self) -> Mapping[str | None, Sequence[Change]]:
-        """The changes that the tracking page of each delivery may see."""
-        return self._grouped(attrgetter("linked_delivery_id"))
-
-    def _grouped(
-        self, group_of: Callable[[Readers], str | None]
-    ) -> Mapping[str | None, Sequence[Change]]:
-        groups: dict[str | None, list[Change]] = defaultdict(list)
+    def _by_group(self) -> Mapping[Group, Sequence[Change]]:
+        found: dict[Group, list[Change]] = defaultdict(list)
         for change in self.changes:
-            for group in {group_of(item.readers) for item in change.items}:
-                groups[group].append(change)
-        return groups
+            for group in {group for item in change.items for group in item.readers.groups}:
+                found[group].append(change)
+        return found
 
 
 @dataclass(slots=True)
@@ -121,6 +135,7 @@ class Picture:
 
     number: int = 0
     _items: dict[Kind, dict[Key, Item]] = field(default_factory=lambda: defaultdict(dict))
+    _by_group: dict[Group, dict[Key, Item]] = field(default_factory=lambda: defaultdict(dict))
     _changed: dict[Key, Item | None] = field(default_factory=dict)
 
     def of_kind(self, kind: Kind) -> Mapping[Key, Item]:
@@ -136,6 +151,11 @@ class Picture:
         for items in self._items.values():
             yield from items.items()
 
+    def of_groups(self, groups: Iterable[Group]) -> Iterator[tuple[Key, Item]]:
+        """The items that these groups may see; what several may see comes several times."""
+        for group in groups:
+            yield from self._by_group.get(group, {}).items()
+
     def put(self, items: Iterable[tuple[Key, Item]]) -> None:
         """Add or replace these items."""
         for key, item in items:
@@ -143,6 +163,7 @@ class Picture:
             if before != item:
                 self._changed.setdefault(key, before)
                 self._items[key.kind][key] = item
+                self._show(key, before, item)
 
     def remove(self, keys: Iterable[Key]) -> None:
         """Remove these items, if they are there."""
@@ -150,6 +171,19 @@ class Picture:
             before = self._items[key.kind].pop(key, None)
             if before is not None:
                 self._changed.setdefault(key, before)
+                self._show(key, before, None)
+
+    def _show(self, key: Key, before: Item | None, after: Item | None) -> None:
+        """Show the item to the groups that may see it now, and to no others."""
+        groups = () if after is None else after.readers.groups
+        for group in () if before is None else before.readers.groups:
+            if group not in groups:
+                del self._by_group[group][key]
+                if not self._by_group[group]:
+                    del self._by_group[group]
+        for group in groups:
+            if after is not None:
+                self._by_group[group][key] = after
 
     def tick(self) -> Tick | None:
         """The changes since the last tick; None when nothing has changed."""

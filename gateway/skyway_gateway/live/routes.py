@@ -1,5 +1,6 @@
 """GET /v1/live: the live picture as server-sent events."""
 
+from functools import partial
 from typing import Annotated
 
 from fastapi import Depends, Header, Query, Request, Response
@@ -7,6 +8,7 @@ from fastapi.responses import StreamingResponse
 from pydantic import Field
 
 from skyway.json_model import JsonModel
+from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
@@ -40,7 +42,7 @@ class LiveQuery(JsonModel):
     ] = None
 
 
-def live_routes(*, gate: KeyGate, feed: LiveFeed, slots: Slots) -> ServiceRouter:
+def live_routes(*, gate: KeyGate, feed: LiveFeed, slots: Slots, meters: Meters) -> ServiceRouter:
     """GET /v1/live."""
     router = ServiceRouter(tags=("live",))
 
@@ -67,7 +69,12 @@ def live_routes(*, gate: KeyGate, feed: LiveFeed, slots: Slots) -> ServiceRouter
         """
         caller.must_be("customer", "provider", "operator")
         scope = Scope.of(caller, kinds=query.kinds, bbox=query.bbox)
-        frames = ViewerFrames(feed, event_seen(last_event_id), request.state.is_still_known)
+        frames = ViewerFrames(
+            feed,
+            event_seen(last_event_id),
+            request.state.is_still_known,
+            pay=partial(meters.tenants.take, str(caller)),
+        )
         return EventStreamAnswer(frames.opened(scope), slots=slots, who=str(caller))
 
     return router

@@ -7,7 +7,17 @@ from typing import Self, get_args
 from skyway.errors import InvalidInput
 from skyway.ids import DeliveryId
 from skyway.runtime.http.identity import Caller
-from skyway_gateway.live.picture import Bounds, Change, Item, Key, Kind, Picture, Tick
+from skyway_gateway.live.picture import (
+    ALL_PROVIDERS,
+    Bounds,
+    Change,
+    Group,
+    Item,
+    Key,
+    Kind,
+    Picture,
+    Tick,
+)
 
 _NUMBERS_OF_BOUNDS = 4
 _MOST_LONGITUDE_DEG, _MOST_LATITUDE_DEG = 180.0, 90.0
@@ -44,13 +54,7 @@ class Scope:
 
     def changes_in(self, tick: Tick) -> Sequence[Change]:
         """The changes that may concern this scope; others need not be looked at."""
-        match self.role:
-            case "customer":
-                return tick.by_customer.get(self.subject_id, ())
-            case "link":
-                return tick.by_linked_delivery.get(self.subject_id, ())
-            case _:
-                return tick.changes
+        return tick.changes if self.role == "operator" else tick.of_groups(self._groups)
 
     def sees(self, key: Key, item: Item) -> bool:
         """Whether the item is in this scope."""
@@ -58,7 +62,14 @@ class Scope:
 
     def part_of(self, picture: Picture) -> dict[Key, Item]:
         """The items of the picture that are in this scope."""
-        return {key: item for key, item in picture.every_item() if self.sees(key, item)}
+        is_operators = self.role == "operator"
+        items = picture.every_item() if is_operators else picture.of_groups(self._groups)
+        return {key: item for key, item in items if self.sees(key, item)}
+
+    @property
+    def _groups(self) -> tuple[Group, ...]:
+        own = self.role, self.subject_id
+        return (own, ALL_PROVIDERS) if self.role == "provider" else (own,)
 
     def _may_see(self, item: Item) -> bool:
         readers = item.readers

@@ -63,6 +63,10 @@ class View:
         earlier, self.changed = self.changed, asyncio.Event()
         earlier.set()
 
+    def has_snapshot(self, picture: Picture) -> bool:
+        """Whether the snapshot of the present picture is made already."""
+        return self._snapshot is not None and self._snapshot.number == picture.number
+
     def snapshot(self, picture: Picture) -> Frame:
         """The whole view as one event, made once for all who come between two ticks."""
         if self._snapshot is None or self._snapshot.number != picture.number:

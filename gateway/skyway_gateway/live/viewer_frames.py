@@ -7,9 +7,12 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from typing import Final
 
-from skyway_gateway.live.feed import LiveFeed
+from skyway_gateway.live.feed import LiveFeed, Pay
 from skyway_gateway.live.scope import Scope
-from skyway_gateway.live.view import TooSlow, View
+from skyway_gateway.live.view import Frame, TooSlow, View
+
+#: How many requests a snapshot costs that is made for this viewer.
+SNAPSHOT_COST: Final = 10.0
 
 _HEARTBEAT: Final = b": still here\n\n"
 _EVENT_ID: Final = re.compile(r"([0-9a-f]{8})-([0-9]{1,15})")
@@ -32,6 +35,7 @@ class ViewerFrames:
     #: How often that is asked while nothing changes.
     check_s: float = 0.4
     heartbeat_s: float = 15.0
+    pay: Pay = lambda _cost: None
 
     @asynccontextmanager
     async def opened(self, scope: Scope) -> AsyncIterator[AsyncGenerator[bytes]]:
@@ -41,19 +45,34 @@ class ViewerFrames:
         ------
         ServiceUnavailable
             Registry or composition have not answered yet.
+        BudgetSpent
+            The viewer looks at too many parts of the picture, or has asked for too many.
         """
-        async with self.feed.viewing(scope) as view:
+        async with self.feed.viewing(scope, self.pay) as view:
             yield self.of(view)
 
-    async def of(self, view: View) -> AsyncGenerator[bytes]:
-        """The events; they end for a viewer who is too slow or may read no more."""
-        picture, loop = self.feed.picture, asyncio.get_running_loop()
+    def of(self, view: View) -> AsyncGenerator[bytes]:
+        """The events; they end for a viewer who is too slow or may read no more.
+
+        Raises
+        ------
+        BudgetSpent
+            The viewer needs a snapshot, and has asked for too many.
+        """
+        picture = self.feed.picture
         if self.last_seen and view.can_resume(*self.last_seen, latest=picture.number):
-            number = self.last_seen[1]
-        else:
-            snapshot = view.snapshot(picture)
-            number = snapshot.number
+            return self._events(view, self.last_seen[1])
+        if not view.has_snapshot(picture):
+            self.pay(SNAPSHOT_COST)
+        snapshot = view.snapshot(picture)
+        return self._events(view, snapshot.number, snapshot)
+
+    async def _events(
+        self, view: View, number: int, snapshot: Frame | None = None
+    ) -> AsyncGenerator[bytes]:
+        if snapshot is not None:
             yield snapshot.content
+        loop = asyncio.get_running_loop()
         sent_at = loop.time()
         while await self.may_read():
             changed = view.changed
