@@ -43,8 +43,12 @@ class WatchedPage:
         viewport: ViewportSize | None = None,
         theme: Literal["dark", "light"] = "light",
     ) -> None:
+        # Drones that glide would be drawn up to sixty times a second, by the processor.
         context = browser.new_context(
-            viewport=viewport or {"width": 390, "height": 844}, color_scheme=theme, locale="en-GB"
+            viewport=viewport or {"width": 390, "height": 844},
+            color_scheme=theme,
+            reduced_motion="reduce",
+            locale="en-GB",
         )
         context.set_default_timeout(LONGEST_WAIT_MS)
         self.page: Page = context.new_page()

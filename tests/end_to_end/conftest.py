@@ -14,8 +14,10 @@ from collections.abc import Iterator
 
 import asyncpg
 import pytest
+from playwright.sync_api import Browser
 
 from skyway.cli.data_folder import DataFolder
+from tests.end_to_end.browser import opened_browser
 from tests.end_to_end.local_system import LocalSystem
 
 #: Databases with their brokers.
@@ -102,6 +104,21 @@ def system(running_system: LocalSystem) -> Iterator[LocalSystem]:
     """A running system. Earlier tests have left networks and drones in it."""
     yield running_system
     running_system.stop_fleets()
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    """The browser of one file: while it is open, no test can run an event loop of its own."""
+    with opened_browser() as opened:
+        yield opened
+
+
+@pytest.fixture
+def browser(chromium: Browser) -> Iterator[Browser]:
+    """A browser that closes its pages after the story: they would go on drawing beside the next."""
+    yield chromium
+    for context in chromium.contexts:
+        context.close()
 
 
 async def _drop_databases(server: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.end_to_end.browser import needs_browser, opened_browser
+from tests.end_to_end.browser import needs_browser
 from tests.end_to_end.console_page import ConsolePage
 from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
 
@@ -27,20 +27,6 @@ DRAWN = f"{MAP}.drones.tracks"
 
 #: Drones whose batteries are cold raise an alarm.
 COLD = "[battery]\ntemperature_c = -8\n"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with opened_browser() as opened:
-        yield opened
-
-
-@pytest.fixture(autouse=True)
-def closed_afterwards(browser: Browser) -> Iterator[None]:
-    """An open console would go on drawing beside the next story."""
-    yield
-    for context in browser.contexts:
-        context.close()
 
 
 @pytest.fixture
@@ -78,39 +64,6 @@ def in_the_air(system: Any, name: str) -> str:
 
 def shown_network(page: Page, name: str) -> None:
     page.get_by_label("Network").select_option(name)
-
-
-def test_a_key_opens_the_console_and_a_wrong_key_does_not(browser: Browser, system: Any) -> None:
-    console = ConsolePage(browser, system)
-    page = console.page
-    page.goto(f"{console.gateway_url}/console")
-    page.get_by_label("API key").fill("sk_wrong")
-    page.get_by_role("button", name="Log in").click()
-    expect(page.get_by_role("alert")).to_be_visible()
-
-    page.get_by_label("API key").fill(system.keys["SKYWAY_OPERATOR_KEY"])
-    page.get_by_role("button", name="Log in").click()
-    expect(page.locator(".who")).to_have_text("operator (operator)")
-    stored = page.evaluate("JSON.stringify([localStorage, sessionStorage, document.cookie])")
-    assert (stored, page.url) == ('[{},{},""]', f"{console.gateway_url}/console")
-
-    page.get_by_role("button", name="Log out").click()
-    expect(page.get_by_label("API key")).to_be_visible()
-    page.reload()
-    expect(page.get_by_label("API key")).to_be_visible()
-
-
-def test_a_login_link_opens_the_console_once(browser: Browser, system: Any) -> None:
-    key = system.keys["SKYWAY_OPERATOR_KEY"]
-    url = system.call("POST", "/v1/session-links", key=key).json()["url"]
-    first, second = ConsolePage(browser, system), ConsolePage(browser, system)
-
-    first.page.goto(url)
-    expect(first.page.locator(".who")).to_have_text("operator (operator)")
-    assert "login" not in first.page.url
-    second.page.goto(url)
-    expect(second.page.get_by_role("alert")).to_be_visible()
-    expect(second.page.get_by_label("API key")).to_be_visible()
 
 
 def test_an_operator_sees_a_drone_move_and_opens_its_plan(
@@ -337,14 +290,6 @@ def test_a_silent_service_is_named(console: ConsolePage, system: Any) -> None:
         expect(status).to_contain_text("No answer from registry")
 
     expect(status).to_have_text("Live")
-
-
-def test_a_deleted_key_ends_its_console(browser: Browser, system: Any) -> None:
-    made = system.operate("POST", "/v1/keys", {"role": "operator", "subject_id": "night-shift"})
-    console = ConsolePage(browser, system).open_with(made["key"])
-    system.operate("DELETE", f"/v1/keys/{made['key_id']}")
-
-    expect(console.page.get_by_label("API key")).to_be_visible()
 
 
 def test_a_provider_sees_its_own_drones_and_no_command(browser: Browser, system: Any) -> None:

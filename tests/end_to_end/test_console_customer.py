@@ -7,7 +7,7 @@ from typing import Any, Literal
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.end_to_end.browser import needs_browser, opened_browser
+from tests.end_to_end.browser import needs_browser
 from tests.end_to_end.console_page import ConsolePage
 from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
 
@@ -22,17 +22,10 @@ pytestmark = [
 MARKUP = "<img src=x onerror=alert(1)><b>bold</b>"
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with opened_browser() as opened:
-        yield opened
-
-
 def opened_console(browser: Browser, system: Any, key: str) -> Iterator[ConsolePage]:
     opened = ConsolePage(browser, system).open_with(key)
     yield opened
     assert opened.sound(), (opened.foreign, opened.errors)
-    opened.page.context.close()
 
 
 @pytest.fixture
@@ -83,8 +76,8 @@ def test_a_customer_takes_an_offer_and_follows_its_delivery(
     fleet(system, "offered")
     page = new_delivery(customer, "offered")
     click_station(page, "offered-s1")
-    click_station(page, "offered-s3")
     expect(page.get_by_role("combobox", name="Pickup")).to_have_value("offered-s1")
+    click_station(page, "offered-s3")
     expect(page.get_by_role("combobox", name="To", exact=True)).to_have_value("offered-s3")
 
     page.get_by_role("button", name="Ask for offers").click()

@@ -6,7 +6,7 @@ from typing import Any, Literal
 import pytest
 from playwright.sync_api import Browser, expect
 
-from tests.end_to_end.browser import needs_browser, opened_browser
+from tests.end_to_end.browser import needs_browser
 from tests.end_to_end.console_page import ConsolePage
 from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
 
@@ -24,12 +24,6 @@ OpenConsole = Callable[..., ConsolePage]
 MARKUP = "<img src=x onerror=alert(1)><b>bold</b>"
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with opened_browser() as opened:
-        yield opened
-
-
 @pytest.fixture
 def opened(browser: Browser, system: Any) -> Iterator[OpenConsole]:
     """Opens consoles; nothing in them may go wrong, and nothing may come from elsewhere."""
@@ -42,7 +36,6 @@ def opened(browser: Browser, system: Any) -> Iterator[OpenConsole]:
     yield with_key
     for console in consoles:
         assert console.sound(), (console.foreign, console.errors)
-        console.page.context.close()
 
 
 def fleet(system: Any, network: str, **provider: Any) -> Any:

@@ -2,6 +2,8 @@
 
 import {signal} from "@preact/signals";
 
+export const LOGIN = "/v1/sessions";
+
 // Counts the calls that were refused because there is no session any more.
 export const refusedCalls = signal(0);
 
@@ -27,7 +29,8 @@ export async function call(method, path, body, headers = {}) {
     throw new Refusal(0, {title: "The gateway does not answer. Try again."});
   }
   if (answer.ok) return answer.status === 204 ? null : answer.json();
-  if (answer.status === 401) refusedCalls.value += 1;
+  // A login that is refused says nothing of the session that this browser has.
+  if (answer.status === 401 && path !== LOGIN) refusedCalls.value += 1;
   throw new Refusal(answer.status, await answer.json().catch(() => ({})));
 }
 

@@ -8,9 +8,10 @@ import {startClock} from "./fleet_clock.js";
 import {html} from "./html.js";
 import {followPicture, forgetPicture} from "./live.js";
 import {route} from "./routes.js";
-import {recogniseSession, session} from "./session.js";
+import {loginProblem, offeredLogin, recogniseSession, session} from "./session.js";
 import {Frame} from "./parts/frame.js";
 import {LoginForm} from "./parts/login_form.js";
+import {LoginQuestion} from "./parts/login_question.js";
 import {AccountView} from "./views/account.js";
 import {AlarmsView} from "./views/alarms.js";
 import {CustomerView} from "./views/customer.js";
@@ -34,11 +35,10 @@ const VIEWS = {
   account: {view: AccountView, name: "Keys", roles: ["operator", "provider", "customer"]},
 };
 
-let loginProblem = "";
-
 function Console() {
   if (session.value === undefined) return html`<p class="opening">Opening the console…</p>`;
-  if (session.value === null) return html`<${LoginForm} problem=${loginProblem} />`;
+  if (session.value === null) return html`<${LoginForm} problem=${loginProblem.value} />`;
+  if (offeredLogin.value) return html`<${LoginQuestion} code=${offeredLogin.value} />`;
   const views = Object.entries(VIEWS).filter(([, {roles}]) => roles.includes(session.value.role));
   const [name, ...parts] = route.value;
   const [open, {view}] = views.find(([each]) => each === name) ?? views[0];
@@ -60,5 +60,5 @@ effect(() => {
   if (refusedCalls.value > 0 && session.peek()) session.value = null;
 });
 
-await recogniseSession().catch((refusal) => (loginProblem = refusal.message));
+await recogniseSession();
 render(html`<${Console} />`, document.body);

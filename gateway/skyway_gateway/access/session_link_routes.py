@@ -22,8 +22,8 @@ class SessionLink(JsonModel):
     url: Annotated[
         str,
         Field(
-            description="Link to the console with a code behind `#login=`. Who opens it first gets "
-            "a session of the key."
+            description="Link to the console with a code behind `#login=`. The first browser that "
+            "opens it gets a session of the key."
         ),
     ]
     expires_at: Annotated[

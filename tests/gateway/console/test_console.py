@@ -95,7 +95,7 @@ async def test_a_file_that_a_browser_has_is_not_sent_again(gateway: Gateway) -> 
     assert (second.status_code, second.content) == (304, b"")
 
 
-async def test_a_file_is_sent_whole_to_who_cannot_unpack_it(gateway: Gateway) -> None:
+async def test_a_browser_without_gzip_gets_the_file_unpacked(gateway: Gateway) -> None:
     plain = await gateway.http.get("/console/app.js", headers={"Accept-Encoding": "identity"})
     packed = await gateway.http.get("/console/app.js", headers={"Accept-Encoding": "gzip"})
 

@@ -112,7 +112,7 @@ async def test_concurrent_callers_share_one_answer(
     assert world.asked == ["two"]
 
 
-async def test_who_is_cancelled_leaves_the_answer_to_the_others(
+async def test_a_cancelled_caller_leaves_the_answer_to_the_others(
     cache: AnswerCache[str, int | None], world: World
 ) -> None:
     world.is_answering.clear()

@@ -11,6 +11,9 @@ const BESIDE_PX = 8;
 const RING_PX = 13;
 const OUTSIDE_PX = 20;
 
+// People who ask their system for less motion see drones go from reading to reading.
+const lessMotion = matchMedia("(prefers-reduced-motion: reduce)");
+
 export class DroneLayer {
   constructor(map) {
     this.map = map;
@@ -57,8 +60,9 @@ export class DroneLayer {
         tracks.set(droneId, {...before, drone});
       } else {
         const to = mercator(drone.position);
-        tracks.set(droneId, {drone, from: before ? placeOf(before, now) : to, to, since: now});
-        this.movesUntil = now + GLIDE_MS;
+        const glides = before && !lessMotion.matches;
+        tracks.set(droneId, {drone, from: glides ? placeOf(before, now) : to, to, since: now});
+        if (glides) this.movesUntil = now + GLIDE_MS;
       }
     }
     this.tracks = tracks;

@@ -173,7 +173,9 @@ async def _asked(composition: Any, make: Any, name: str, minute: int) -> Any:
     return await composition.parts.bookings.book(DeliveryId(name), body)
 
 
-async def test_who_asked_first_gets_the_only_drone_first(composition: Any, make: Any) -> None:
+async def test_the_customer_that_asked_first_gets_the_only_drone(
+    composition: Any, make: Any
+) -> None:
     row = NetworkId("row")
     with composition.parts.turns.line_up(row, order(0)):
         late = asyncio.create_task(_asked(composition, make, "dlv_late", 9))

@@ -152,7 +152,7 @@ def test_a_full_system_is_written_to_later_and_holds_the_sender_back(stream):
     assert stream.near.send(b"again") == 5
 
 
-def test_writing_to_one_who_has_left_is_read_as_the_end(stream):
+def test_a_write_to_a_client_that_has_left_is_read_as_the_end(stream):
     stream.far.close()
     stream.near.send(b"to nobody")
 

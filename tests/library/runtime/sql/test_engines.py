@@ -44,7 +44,7 @@ async def test_a_statement_does_not_let_others_run_before_it_is_over(tmp_path: P
     await connection.close()
 
 
-async def test_who_waits_for_the_writing_lock_lets_its_holder_go_on(tmp_path: Path) -> None:
+async def test_a_waiter_for_the_writing_lock_lets_its_holder_go_on(tmp_path: Path) -> None:
     path = str(tmp_path / "service.db")
     holder = await connect(path, isolation_level=None, timeout=30)
     waiter = await connect(path, isolation_level=None, timeout=30)

@@ -1,0 +1,86 @@
+"""People log in to the console in a browser: with a key, or with a link that works once."""
+
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, expect
+
+from tests.end_to_end.browser import needs_browser
+from tests.end_to_end.console_page import ConsolePage
+
+pytestmark = [
+    pytest.mark.end_to_end,
+    pytest.mark.integration,
+    pytest.mark.storage_pair("embedded"),
+    pytest.mark.fleet_rate(60.0),
+    needs_browser,
+]
+
+
+def login_link(system: Any, key: str) -> str:
+    """A link as `skyway console` prints it."""
+    url: str = system.call("POST", "/v1/session-links", key=system.keys[key]).json()["url"]
+    return url
+
+
+def test_a_key_opens_the_console_and_a_wrong_key_does_not(browser: Browser, system: Any) -> None:
+    console = ConsolePage(browser, system)
+    page = console.page
+    page.goto(f"{console.gateway_url}/console")
+    page.get_by_label("API key").fill("sk_wrong")
+    page.get_by_role("button", name="Log in").click()
+    expect(page.get_by_role("alert")).to_be_visible()
+
+    page.get_by_label("API key").fill(system.keys["SKYWAY_OPERATOR_KEY"])
+    page.get_by_role("button", name="Log in").click()
+    expect(page.locator(".who")).to_have_text("operator (operator)")
+    stored = page.evaluate("JSON.stringify([localStorage, sessionStorage, document.cookie])")
+    assert (stored, page.url) == ('[{},{},""]', f"{console.gateway_url}/console")
+
+    page.get_by_role("button", name="Log out").click()
+    expect(page.get_by_label("API key")).to_be_visible()
+    page.reload()
+    expect(page.get_by_label("API key")).to_be_visible()
+
+
+def test_a_login_link_opens_the_console_once(browser: Browser, system: Any) -> None:
+    url = login_link(system, "SKYWAY_OPERATOR_KEY")
+    first, second = ConsolePage(browser, system), ConsolePage(browser, system)
+
+    first.page.goto(url)
+    expect(first.page.locator(".who")).to_have_text("operator (operator)")
+    assert "login" not in first.page.url
+    second.page.goto(url)
+    expect(second.page.get_by_role("alert")).to_be_visible()
+    expect(second.page.get_by_label("API key")).to_be_visible()
+
+
+def test_a_link_asks_before_it_replaces_a_session(browser: Browser, system: Any) -> None:
+    console = ConsolePage(browser, system).open_with(system.keys["SKYWAY_OPERATOR_KEY"])
+    page, name = console.page, console.page.locator(".who")
+    link = login_link(system, "SKYWAY_CUSTOMER_KEY")
+
+    page.goto(link)
+    expect(page.get_by_text("You are logged in as operator (operator)")).to_be_visible()
+    assert console.serious_problems() == []
+    page.get_by_role("button", name="Stay logged in").click()
+    expect(name).to_have_text("operator (operator)")
+
+    page.evaluate("link => { location.hash = new URL(link).hash }", link)
+    page.get_by_role("button", name="Use the link").click()
+    expect(name).to_have_text("newcomer (customer)")
+    assert "login" not in page.url
+
+    page.evaluate("link => { location.hash = new URL(link).hash }", link)
+    page.get_by_role("button", name="Use the link").click()
+    expect(page.get_by_text("this login link was used")).to_be_visible()
+    expect(name).to_have_text("newcomer (customer)")
+    assert console.sound()
+
+
+def test_a_deleted_key_ends_its_console(browser: Browser, system: Any) -> None:
+    made = system.operate("POST", "/v1/keys", {"role": "operator", "subject_id": "night-shift"})
+    console = ConsolePage(browser, system).open_with(made["key"])
+    system.operate("DELETE", f"/v1/keys/{made['key_id']}")
+
+    expect(console.page.get_by_label("API key")).to_be_visible()
