@@ -25,6 +25,7 @@ export class FleetMap {
     this.map.touchZoomRotate.disableRotation();
     this.drones = new DroneLayer(this.map);
     this.data = {};
+    this.drawn = {};
     this.map.on("click", (event) => onClick(this.whatIsAt(event)));
     this.isReady = new Promise((resolve) => this.map.once("load", resolve));
     this.isReady.then(() => this.showGround());
@@ -84,8 +85,12 @@ export class FleetMap {
     this.put("counties", await outlines("us-counties"));
   }
 
-  // Data is kept, because a change of the theme begins with empty sources.
+  // Data is kept, because a change of the theme begins with empty sources. What is drawn already
+  // is not drawn again: the whole map would be.
   put(source, data) {
+    const text = JSON.stringify(data);
+    if (this.drawn[source] === text) return;
+    this.drawn[source] = text;
     this.data[source] = data;
     this.map.getSource(source)?.setData(data);
   }
