@@ -5,7 +5,7 @@ a segment is closed at a given time.
 """
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from math import inf
@@ -24,6 +24,7 @@ from skyway.planner.problem_parts import SegmentClosure, StationClosure
 from skyway.runtime.sql.database import Database, Tx
 from skyway.scheduling.trip import BookedPad
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.conditions import Conditions
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
 from skyway_composition.networks.store import Present, share_current
@@ -101,13 +102,17 @@ class World:
         after_ms: int,
         without: Collection[MissionId] = (),
         pad_gap_s: float | None = None,
+        supposed: Sequence[Closure] = (),
     ) -> Self:
         """The network with the closures and reservations that end after a moment.
 
         The reservations of the missions `without` are left out. All others begin `pad_gap_s`
-        early; None means the network's own gap.
+        early; None means the network's own gap. The `supposed` closures were not made: a dry run
+        plans as if they were.
         """
         number, conditions = await skyway.conditions.read(db, after_ms=after_ms)
+        if supposed:
+            conditions = Conditions(conditions.network, (*conditions.closures, *supposed))
         pads = _pads(
             skyway,
             db,

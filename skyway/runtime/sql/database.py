@@ -1,13 +1,18 @@
 """A service's own database, used in the same way on SQLite and PostgreSQL.
 
 `read` gives a connection that cannot write, `survey` a connection for long reads. `write` gives a
-transaction, which is committed only by leaving its block. SQLite has one writer whose
-commits are grouped (`sqlite_writer`); on PostgreSQL each block has a connection from a pool.
-`write_alone` is for a write of one statement.
+transaction, which is committed only by leaving its block, and `rehearse` one that is rolled back.
+SQLite has one writer whose commits are grouped (`sqlite_writer`); on PostgreSQL each block has a
+connection from a pool. `write_alone` is for a write of one statement.
 """
 
 from collections.abc import AsyncIterator, Sequence
-from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
+from contextlib import (
+    AbstractAsyncContextManager,
+    AsyncExitStack,
+    asynccontextmanager,
+    suppress,
+)
 from typing import Self
 
 from sqlalchemy import Executable, Table, text
@@ -22,6 +27,10 @@ from skyway.runtime.sql.transaction import Tx
 from skyway.runtime.sql.trouble import count_trouble
 
 __all__ = ["Database", "Tx"]
+
+
+class _RehearsalOver(Exception):
+    """Rolls a rehearsed transaction back."""
 
 
 class Database:
@@ -84,6 +93,22 @@ class Database:
             for wake in self._wakes.get(channel, ()):
                 wake.set()
         tx.committed()
+
+    @asynccontextmanager
+    async def rehearse(self) -> AsyncIterator[Tx]:
+        """A transaction that is rolled back when its block is left: nothing is stored or sent.
+
+        It finds out what a change would do, with the code that makes the change.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The database could not be reached.
+        """
+        with suppress(_RehearsalOver):
+            async with self._open().write() as connection:
+                yield Tx(connection, dialect=self.dialect, outbox=self.outbox)
+                raise _RehearsalOver
 
     async def write_alone(
         self, statement: Executable, parameters: Values | Sequence[Values]

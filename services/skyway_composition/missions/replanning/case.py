@@ -3,9 +3,10 @@
 from dataclasses import dataclass, replace
 from typing import Final
 
-from skyway.ids import StationId
+from skyway.ids import ClosureId, StationId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.units import moment_to_ms
+from skyway_composition.closures.closure import Closure
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.remainder.anchor import (
@@ -114,6 +115,24 @@ def may_be_planned(situation: Situation, trouble: Trouble) -> bool:
     return state is not None and (state.mission_id, state.activity) == (
         record.mission_id,
         "FLYING",
+    )
+
+
+def outage_of(record: MissionRecord, *, now_ms: int) -> Closure | None:
+    """The outage, not made yet, of the pad that this mission's drone found occupied."""
+    occupied = None if record.stuck is None else record.stuck.occupied
+    if occupied is None or occupied.until_ms <= now_ms:
+        return None
+    return Closure(
+        closure_id=ClosureId(""),
+        kind="PAD",
+        network_id=record.network_id,
+        station_id=occupied.station_id,
+        pad=occupied.pad,
+        reason=f"drone {record.drone_id} found it occupied",
+        from_ms=now_ms,
+        until_ms=occupied.until_ms,
+        made_ms=now_ms,
     )
 
 

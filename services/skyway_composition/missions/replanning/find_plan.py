@@ -1,0 +1,192 @@
+"""Finds out what becomes of a mission that needs another plan; changes nothing.
+
+The new plan begins at the anchor: where the drone stands, or the first place where its plan can be
+changed. `Replanner` does what was found. A dry run only shows it.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.sql.database import Database
+from skyway.scheduling.stays import Slot
+from skyway.scheduling.trip import NoTrip
+from skyway.units import moment_to_ms
+from skyway_composition.closures.closure import Closure
+from skyway_composition.missions.mission.record import MissionRecord, Trouble
+from skyway_composition.missions.replanning.apply_outcome import MOST_REVISIONS, refusal_code
+from skyway_composition.missions.replanning.case import Case, may_be_planned, trouble_of
+from skyway_composition.missions.replanning.remainder.anchor import Anchor
+from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
+from skyway_composition.missions.replanning.situation import Situation
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.availability import hand_over_time_ms
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.world import ClosedAhead, World
+
+
+@dataclass(frozen=True, slots=True)
+class NewPlan:
+    """The remainder of the mission from this anchor on, to be sent to its drone."""
+
+    case: Case
+    anchor: Anchor
+    remainder: Remainder
+
+
+@dataclass(frozen=True, slots=True)
+class NoPlanYet:
+    """No plan can be made now; planning is tried again a little later."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grounded:
+    """A ground stop, in words, keeps the drone at the anchor."""
+
+    case: Case
+    anchor: Anchor
+    ready: Slot | None
+    stop: str
+
+
+@dataclass(frozen=True, slots=True)
+class NoDiversion:
+    """The drone cannot get to the station to which an operator diverts it."""
+
+    case: Case
+    reason: NoTrip
+
+
+@dataclass(frozen=True, slots=True)
+class NoMorePlans:
+    """The mission has had the most revisions that a mission may have."""
+
+    trouble: Trouble
+
+
+@dataclass(frozen=True, slots=True)
+class NoPlan:
+    """There is no plan, so the mission ends."""
+
+    code: str
+    detail: str
+
+
+Found = NewPlan | NoPlanYet | Grounded | NoDiversion | NoMorePlans | NoPlan
+
+
+@dataclass(frozen=True, slots=True)
+class PlanFinder:
+    """Finds new plans; `solver` is where they are composed."""
+
+    db: Database
+    networks: PreparedNetworks
+    solver: SolverPool
+    clock: FleetClock
+
+    async def find(
+        self,
+        situation: Situation,
+        *,
+        sent_revisions: int,
+        queued: Sequence[MissionRecord],
+        supposed: Sequence[Closure] = (),
+    ) -> Found:
+        """What becomes of this mission; `queued` are the drone's next missions.
+
+        The `supposed` closures were not made: a dry run plans as if they were.
+        """
+        record, trouble = situation.record, trouble_of(situation.record)
+        if trouble is None or not may_be_planned(situation, trouble):
+            return NoPlanYet()
+        if sent_revisions >= MOST_REVISIONS:
+            return NoMorePlans(trouble)
+        world = await self._world(record, queued, supposed)
+        closed = ClosedAhead.of(world, now_ms=self._now_ms())
+        case = Case(situation, trouble, world, closed, sent_revisions)
+        anchor = self._anchor(case, closed=closed)
+        if anchor is None:
+            return NoPlanYet()
+        ready = None if not queued else self._ready_for(queued[0])
+        if case.waits_for_operator:
+            if not anchor.is_divert:
+                return NoPlanYet()
+            case = case.landing_at(anchor.station_id)
+        elif (stop := case.ground_stop(anchor)) is not None:
+            return Grounded(case, anchor, ready, stop)
+        return await self.find_from(anchor, case, ready)
+
+    async def find_from(self, landing: Anchor, case: Case, ready: Slot | None) -> Found:
+        """What becomes of the mission from this anchor on.
+
+        `ready` is where, when and with what charge the drone begins its next mission, if it has
+        one.
+        """
+        planner = RemainderPlanner(self.solver, case.world, case.situation, case.closed, ready)
+        anchor, remainder = await self._rest(case, planner, landing=landing)
+        if isinstance(remainder, Remainder):
+            return NewPlan(case, anchor, remainder)
+        if remainder.is_temporary:
+            return NoPlanYet()
+        return self._without_plan(case, anchor, planner, remainder)
+
+    async def _rest(
+        self, case: Case, planner: RemainderPlanner, *, landing: Anchor
+    ) -> tuple[Anchor, Remainder | NoTrip]:
+        """The remainder from the next landing, else from a station that the drone flies over."""
+        found = await planner.plan(landing, case.trouble)
+        if isinstance(found, Remainder):
+            return landing, found
+        for over in self._flown_over(case, landing):
+            sooner = await planner.plan(over, case.trouble)
+            if isinstance(sooner, Remainder):
+                return over, sooner
+        return landing, found
+
+    def _flown_over(self, case: Case, landing: Anchor) -> Iterator[Anchor]:
+        """The stations before the landing where the drone may turn, the latest first."""
+        over: Anchor | None = landing
+        while over is not None:
+            over = self._anchor(case, closed=case.closed, before_step=over.last_valid_step)
+            if over is not None and case.ground_stop(over) is None:
+                yield over
+
+    def _without_plan(
+        self, case: Case, anchor: Anchor, planner: RemainderPlanner, reason: NoTrip
+    ) -> Found:
+        """No plan was found: the drone stays where it is, or lands where it flies to."""
+        if anchor.is_in_the_air:
+            # No open station is in reach: it lands where it flies to, closed or not.
+            landing = self._anchor(case, closed=ClosedAhead(case.world.skyway.network))
+            if landing is None:
+                return NoPlanYet()
+            return NewPlan(case, landing, planner.leave_here(landing, code=reason.code))
+        if case.trouble.land_at is not None:
+            return NoDiversion(case, reason)
+        if case.record.stuck is None and (anchor.carried or anchor.has_loaded):
+            return NewPlan(case, anchor, planner.leave_here(anchor, code=reason.code))
+        code = refusal_code(case.situation, case.trouble, code=reason.code)
+        return NoPlan(code, reason.detail)
+
+    async def _world(
+        self, record: MissionRecord, queued: Sequence[MissionRecord], supposed: Sequence[Closure]
+    ) -> World:
+        """The present world, in which the pads of this drone's missions count as free."""
+        skyway = await self.networks.current(record.network_id)
+        own = [record.mission_id, *(each.mission_id for each in queued)]
+        return await World.of(
+            skyway, self.db, after_ms=self._now_ms(), without=own, supposed=supposed
+        )
+
+    def _ready_for(self, following: MissionRecord) -> Slot:
+        """Where, when and with what charge the drone must be ready for its next mission."""
+        start = following.start
+        return Slot(start.station_id, start.at_ms - hand_over_time_ms(self.clock), start.soc)
+
+    def _anchor(
+        self, case: Case, *, closed: ClosedAhead, before_step: int | None = None
+    ) -> Anchor | None:
+        return case.anchor(closed=closed, clock=self.clock, before_step=before_step)
+
+    def _now_ms(self) -> int:
+        return moment_to_ms(self.clock.now())
