@@ -39,6 +39,7 @@ from skyway_composition.missions.following.replay import Replays
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Commands
+from skyway_composition.missions.interventions.preview_command import CommandPreviews
 from skyway_composition.missions.interventions.routes import intervention_routes
 from skyway_composition.missions.schedule.routes import schedule_routes
 from skyway_composition.missions.tracking_routes import tracking_routes
@@ -104,6 +105,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 gate=gate,
                 loadings=Loadings(*intervention_parts),
                 commands=Commands(*intervention_parts),
+                previews=CommandPreviews(db, clock, parts.mint, parts.foresight),
                 cancellations=Cancellations(*intervention_parts),
             ),
             place_routes(gate=gate, closings=parts.closings),

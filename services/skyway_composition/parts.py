@@ -22,6 +22,8 @@ from skyway_composition.missions.booking.keep_offer import OfferKeeper
 from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.missions.following.handle_batch import ReportHandler
+from skyway_composition.missions.replanning.find_plan import PlanFinder
+from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.no_shows import NoShows
 from skyway_composition.planning.plan_offers import Quotes
@@ -52,7 +54,7 @@ class Parts:
     solver: SolverPool
     #: Composes quotes, so that no booking waits behind them.
     inquiries: SolverPool
-    #: Composes the problems of POST /v1/compositions, so that no quote waits behind them.
+    #: Composes the problems of POST /v1/compositions and of dry runs: no quote waits behind them.
     problems: SolverPool
     rights: StrategyRights
     published: Wake
@@ -107,7 +109,12 @@ class Parts:
     @property
     def impact(self) -> MissionImpact:
         """Marks missions for replanning that use what is closed or removed."""
-        return MissionImpact(self.clock, self.mint, self.stuck)
+        return MissionImpact(self.clock, self.mint, self.stuck, self.foresight)
+
+    @property
+    def foresight(self) -> Foresight:
+        """Plans for dry runs, behind no booking and no quote."""
+        return Foresight(PlanFinder(self.db, self.networks, self.problems, self.clock))
 
     @property
     def closings(self) -> Closings:

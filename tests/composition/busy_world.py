@@ -24,6 +24,8 @@ from skyway_composition.missions.mission.custody_store import (
 )
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.store import MissionFilter, page
+from skyway_composition.missions.replanning.find_plan import PlanFinder
+from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
 from skyway_composition.missions.timeouts import (
     LateMissions,
@@ -127,7 +129,9 @@ class BusyWorld:
         db, clock, mint, stuck = self.db, self.clock, self.mint, Wake()
         networks, parts = PreparedNetworks(db), (db, clock, mint, stuck)
         self.bookings = Bookings(db, networks, self.solver, clock, mint, Wake(), pause=self._pause)
-        self.closings = Closings(db, networks, MissionImpact(clock, mint, stuck), clock, mint)
+        foresight = Foresight(PlanFinder(db, networks, self.solver, clock))
+        impact = MissionImpact(clock, mint, stuck, foresight)
+        self.closings = Closings(db, networks, impact, clock, mint)
         self.cancellations, self.commands = Cancellations(*parts), Commands(*parts)
         self.loadings = Loadings(*parts)
         listening = Listening(clock)

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Awaitable, Callable, Mapping
 from http import HTTPStatus
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any, Final, Protocol
 
 from fastapi import Depends, Request, Response
 from fastapi.responses import StreamingResponse
@@ -26,6 +26,9 @@ from skyway_gateway.access.routes import KeyGate, holder_of
 from skyway_gateway.forward.table import FORWARDED, Forwarded
 
 _PROVIDERS = "/v1/providers"
+
+#: Values of `dry_run` that composition reads as false.
+_FALSE: Final = ("false", "False", "0", "no", "off", "n", "f")
 
 
 class Changes(Protocol):
@@ -74,14 +77,15 @@ def _handler(
         answer = await cancel_on_disconnect(
             request, lambda read: client.forward(read, path, caller, timeout_s=row.timeout_s)
         )
-        if row.method != "GET" and answer.status_code < HTTPStatus.BAD_REQUEST:
+        is_change = row.method != "GET" and not _is_dry_run(row, request)
+        if is_change and answer.status_code < HTTPStatus.BAD_REQUEST:
             changes.note_change()
         return answer
 
     async def for_caller(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Response:
         caller.must_be(*row.roles)
         _refuse_foreign(caller, request)
-        if not row.is_planning:
+        if not row.is_planning and not _is_dry_run(row, request):
             return await pass_on(request, caller)
         async with planning.turn(str(caller)):
             refuse_gone(request)
@@ -138,6 +142,11 @@ def provider_routes(
         return response_of(answer)
 
     return router
+
+
+def _is_dry_run(row: Forwarded, request: Request) -> bool:
+    """Whether the call only asks what it would do, which takes a plan to answer."""
+    return row.has_dry_run and request.query_params.get("dry_run", "false") not in _FALSE
 
 
 def _refuse_foreign(caller: Caller, request: Request) -> None:

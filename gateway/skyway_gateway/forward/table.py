@@ -41,12 +41,14 @@ class Forwarded:
     timeout_s: float = 30.0
     #: Whether it keeps composition busy, so that tenants take turns.
     is_planning: bool = False
+    #: Whether it has a `dry_run`, which changes nothing and is planning.
+    has_dry_run: bool = False
 
 
 def _world_rows(path: str) -> tuple[Forwarded, ...]:
     """What operators make and lift in the world, and everybody may see."""
     return (
-        Forwarded("POST", path, "composition", _OPERATOR),
+        Forwarded("POST", path, "composition", _OPERATOR, has_dry_run=True),
         Forwarded("GET", path, "composition", _ANY),
         Forwarded("DELETE", f"{path}/{{closure_id}}", "composition", _OPERATOR),
     )
@@ -123,7 +125,13 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded("GET", "/v1/stations/{station_id}/schedule", "composition", _ANY),
     Forwarded("GET", "/v1/providers/{provider_id}/schedule", "composition", _FLEETS),
     Forwarded("POST", "/v1/missions/{mission_id}/loading", "composition", _FLEETS),
-    Forwarded("POST", "/v1/missions/{mission_id}/commands", "composition", _OPERATOR),
+    Forwarded(
+        "POST",
+        "/v1/missions/{mission_id}/commands",
+        "composition",
+        _OPERATOR,
+        has_dry_run=True,
+    ),
     *_world_rows("/v1/stations/{station_id}/closures"),
     *_world_rows("/v1/stations/{station_id}/pads/{pad}/outages"),
     *_world_rows("/v1/segments/{from_id}/{to_id}/closures"),

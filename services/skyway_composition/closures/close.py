@@ -89,8 +89,8 @@ class Closings:
         return found
 
     async def preview(self, closure: Closure) -> tuple[AffectedMission, ...]:
-        """The missions that the closure would affect."""
-        return await self.impact.preview(self.db, await self.reach(closure))
+        """The missions that the closure would affect, the first ones with their delays."""
+        return await self.impact.foresee(self.db, await self.reach(closure))
 
     async def make(self, closure: Closure) -> tuple[Closure, tuple[AffectedMission, ...]]:
         """Make a closure; return it with the missions that it affects."""

@@ -109,6 +109,33 @@ class Closure:
         )
 
 
+#: How the planning of a dry run ended.
+ForeseenPlan = Literal["NEW_PLAN", "NO_PLAN", "NO_PLAN_YET", "NOT_NEEDED", "TIME_UP"]
+
+
+class ForeseenDelay(JsonModel):
+    """How much later the packages of a mission come, as planned for a dry run."""
+
+    plan: Annotated[
+        ForeseenPlan,
+        Field(
+            description="NEW_PLAN was found; NO_PLAN exists; NO_PLAN_YET can be made now; "
+            "NOT_NEEDED; or TIME_UP before a plan was found."
+        ),
+    ]
+    later_by_s: Annotated[
+        float | None,
+        Field(
+            description="How much later the last package is delivered, seconds, negative if it is "
+            "earlier; null if a package is not delivered."
+        ),
+    ]
+    code: Annotated[
+        str | None, Field(description="Why there is no plan, as a code; null if there is one.")
+    ]
+    detail: Annotated[str | None, Field(description="The same as a sentence.")]
+
+
 class AffectedMission(JsonModel):
     """A mission that plans to land, charge, fly or take off where this is closed."""
 
@@ -123,6 +150,13 @@ class AffectedMission(JsonModel):
         datetime, Field(description="When the mission first meets the closure, fleet time.")
     ]
     is_flying: Annotated[bool, Field(description="Whether the drone is in the air now.")]
+    delay: Annotated[
+        ForeseenDelay | None,
+        Field(
+            description="What a dry run has planned for each of the first 20 missions; null for "
+            "the others, and for a closure that is made."
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +180,10 @@ class Impact(Protocol):
 
     async def preview(self, db: Database, reach: Reach) -> tuple[AffectedMission, ...]:
         """The missions that the closure would affect, the earliest first."""
+        ...
+
+    async def foresee(self, db: Database, reach: Reach) -> tuple[AffectedMission, ...]:
+        """As `preview`, with the delays of the first missions."""
         ...
 
     async def apply(self, tx: Tx, reach: Reach) -> tuple[AffectedMission, ...]:

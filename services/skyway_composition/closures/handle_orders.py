@@ -95,7 +95,10 @@ class DryRun(JsonModel):
 
     dry_run: Annotated[
         bool,
-        Field(description="Make nothing; the answer names the missions that would be affected."),
+        Field(
+            description="Make nothing; the answer names the missions that would be affected, and "
+            "how much later the first 20 would deliver."
+        ),
     ] = False
 
 
@@ -155,6 +158,10 @@ class ClosureMade(_Closed):
     affected_missions: Annotated[
         tuple[AffectedMission, ...],
         Field(description="Missions that need a new plan because of it, the earliest first."),
+    ]
+    missions_without_delay: Annotated[
+        int,
+        Field(description="Affected missions for which no delay was planned: a dry run plans 20."),
     ]
 
 
@@ -266,7 +273,10 @@ def _shown(closure: Closure) -> ClosureInfo:
 def _made(closure: Closure, affected: tuple[AffectedMission, ...]) -> ClosureMade:
     """A closure as the answer to an order shows it."""
     return ClosureMade(
-        closure_id=closure.closure_id or None, affected_missions=affected, **_members(closure)
+        closure_id=closure.closure_id or None,
+        affected_missions=affected,
+        missions_without_delay=sum(each.delay is None for each in affected),
+        **_members(closure),
     )
 
 

@@ -17,6 +17,12 @@ from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import AffectedMission, Closure, ClosureKind, Reach
 from skyway_composition.closures.store import ground_stops
 from skyway_composition.missions.closure_impact import store
+from skyway_composition.missions.closure_impact.delays import (
+    MOST_PLANNED,
+    delays_of,
+    situations_of,
+    with_delays,
+)
 from skyway_composition.missions.closure_impact.hits import (
     DroneActivity,
     Hit,
@@ -31,6 +37,7 @@ from skyway_composition.missions.closure_impact.hits import (
 from skyway_composition.missions.closure_impact.store import Reader
 from skyway_composition.missions.mission.record import Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.foresee import Foresight, rehearsed
 from skyway_composition.missions.replanning.request_plan import request_plans
 
 _CODES: Final[Mapping[ClosureKind, str]] = {
@@ -53,6 +60,10 @@ class _HitMissions:
     def drone_ids(self) -> list[DroneId]:
         """The drones of the missions that are hit."""
         return [hit.owner.drone_id for hit in self.hits]
+
+    def first(self, limit: int) -> "_HitMissions":
+        """The first of these missions."""
+        return _HitMissions(self.hits[:limit], self.doing)
 
     def shown(self) -> tuple[AffectedMission, ...]:
         """The missions as operators see them."""
@@ -78,12 +89,30 @@ class MissionImpact:
     clock: FleetClock
     mint: Mint
     stuck: Wake
+    foresight: Foresight
 
     async def preview(self, db: Database, reach: Reach) -> tuple[AffectedMission, ...]:
         """The missions that a closure would hit, in the order of their hits."""
         async with db.read() as reader:
             found = await _find_hits(reader, reach, now_ms=self._now_ms)
         return found.shown()
+
+    async def foresee(self, db: Database, reach: Reach) -> tuple[AffectedMission, ...]:
+        """As `preview`, with the delays of the first `MOST_PLANNED` missions."""
+        async with db.read() as reader:
+            found = await _find_hits(reader, reach, now_ms=self._now_ms)
+        first = found.first(MOST_PLANNED)
+        if not first.hits:
+            return ()
+        async with db.rehearse() as tx:
+            work = await MissionUnitOfWork.lock(
+                first.drone_ids, tx=tx, clock=self.clock, mint=self.mint
+            )
+            before = await situations_of(work, {hit.owner.mission_id for hit in first.hits})
+            await _trouble_all(work, reach, first)
+            seen = [await rehearsed(work, each) for each in before]
+        delays = await delays_of(self.foresight, seen, reach.closure)
+        return with_delays(found.shown(), delays)
 
     async def apply(self, tx: Tx, reach: Reach) -> tuple[AffectedMission, ...]:
         """Request other plans for the missions that a closure hits, and return these missions."""

@@ -124,17 +124,17 @@ class Commands:
             work, record = await lock_mission(
                 tx, mission_id, provider_id=None, clock=self.clock, mint=self.mint
             )
-            instruction_id = await _carry_out(work, record, command)
+            instruction_id = await carry_out(work, record, command)
             tx.after_commit(self.stuck.set)
         return CommandAnswer(
             mission_id=mission_id,
             command=command.command,
             instruction_id=instruction_id,
-            waits_for=_obstacle(command, record, work.links[record.drone_id]),
+            waits_for=obstacle(command, record, work.links[record.drone_id]),
         )
 
 
-def _obstacle(command: Command, record: MissionRecord, link: DroneLink) -> ActiveFailsafe | None:
+def obstacle(command: Command, record: MissionRecord, link: DroneLink) -> ActiveFailsafe | None:
     """The active failsafe that delays this command; None when nothing delays it."""
     brings_steps = command.command in ("DIVERT", "RETURN_HOME", "CANCEL")
     if command.overrides_failsafe or not brings_steps:
@@ -142,9 +142,16 @@ def _obstacle(command: Command, record: MissionRecord, link: DroneLink) -> Activ
     return steering_failsafe(record, link.state)
 
 
-async def _carry_out(
+async def carry_out(
     work: MissionUnitOfWork, record: MissionRecord, command: Command
 ) -> InstructionId | None:
+    """Do in this transaction what a command orders; returns the instruction sent immediately.
+
+    Raises
+    ------
+    Conflict, InvalidInput
+        As `Commands.give`.
+    """
     reason = command.reason
     match command.command:
         case "HOLD":

@@ -2,7 +2,8 @@
 
 from typing import Annotated
 
-from fastapi import Depends
+from fastapi import Depends, Query
+from fastapi.responses import JSONResponse
 from pydantic import Field
 
 from skyway.contracts.flight_step import PackageOnBoard
@@ -17,6 +18,10 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import LoadingAnswer, Loadings
 from skyway_composition.missions.interventions.give_command import Command, CommandAnswer, Commands
+from skyway_composition.missions.interventions.preview_command import (
+    CommandPreview,
+    CommandPreviews,
+)
 
 
 class LoadedPackage(JsonModel):
@@ -45,8 +50,22 @@ class Loaded(JsonModel):
     ]
 
 
+class CommandDryRun(JsonModel):
+    """Whether to give a command or only to preview it."""
+
+    dry_run: Annotated[
+        bool,
+        Field(description="Change and send nothing; the answer says what the command would do."),
+    ] = False
+
+
 def intervention_routes(
-    *, gate: ServiceGate, loadings: Loadings, commands: Commands, cancellations: Cancellations
+    *,
+    gate: ServiceGate,
+    loadings: Loadings,
+    commands: Commands,
+    previews: CommandPreviews,
+    cancellations: Cancellations,
 ) -> ServiceRouter:
     """Loading and commands under /v1/missions, the gateway's cancellations under /internal."""
     router = ServiceRouter(tags=("missions",))
@@ -77,7 +96,9 @@ def intervention_routes(
     @router.post(
         "/v1/missions/{mission_id}/commands",
         status_code=202,
-        responses=conflicts(
+        response_model=CommandAnswer,
+        responses={200: {"model": CommandPreview}}
+        | conflicts(
             "ALREADY_CALLED_HOME",
             "ALREADY_HELD",
             "BEING_LOADED",
@@ -91,11 +112,17 @@ def intervention_routes(
         ),
     )
     async def command_mission(
-        mission_id: MissionId, caller: Annotated[Caller, Depends(gate)], command: Command
-    ) -> CommandAnswer:
+        mission_id: MissionId,
+        caller: Annotated[Caller, Depends(gate)],
+        command: Command,
+        query: Annotated[CommandDryRun, Query()],
+    ) -> CommandAnswer | JSONResponse:
         """Hold a mission's drone, resume it, divert it, call it home, or cancel the mission."""
         caller.must_be("operator")
-        return await commands.give(mission_id, command)
+        if not query.dry_run:
+            return await commands.give(mission_id, command)
+        preview = await previews.preview(mission_id, command)
+        return JSONResponse(preview.model_dump(mode="json"))
 
     @router.post("/internal/deliveries/{delivery_id}/cancellations")
     async def cancel_missions(

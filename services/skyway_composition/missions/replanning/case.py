@@ -97,25 +97,30 @@ def trouble_of(record: MissionRecord) -> Trouble | None:
 
 
 def may_be_planned(situation: Situation, trouble: Trouble) -> bool:
-    """Whether a plan can be made now.
+    """Whether a plan can be made now; see `planning_obstacle`."""
+    return planning_obstacle(situation, trouble) is None
+
+
+def planning_obstacle(situation: Situation, trouble: Trouble) -> str | None:
+    """The code of why no plan can be made now; None when one can be made.
 
     A drone that has not answered yet gets no new plan. A mission in doubt gets none either. A drone
     that is led elsewhere by a failsafe would refuse new steps, unless they override the failsafe. A
     held drone gets a plan only if it is diverted, or in flight: its next landing may be closed.
     """
     record = situation.record
-    mission = record.mission
-    if mission.state == "BOOKED" or mission.doubt is not None or record.proposal is not None:
-        return False
-    if situation.steering_failsafe is not None and not trouble.overrides_failsafe:
-        return False
-    if not record.mission.is_held or trouble.land_at is not None:
-        return True
-    state = situation.link.state
-    return state is not None and (state.mission_id, state.activity) == (
+    mission, state = record.mission, situation.link.state
+    is_flying = state is not None and (state.mission_id, state.activity) == (
         record.mission_id,
         "FLYING",
     )
+    if mission.doubt is not None:
+        return "IN_DOUBT"
+    if mission.state == "BOOKED" or record.proposal is not None:
+        return "NOT_ANSWERED"
+    if situation.steering_failsafe is not None and not trouble.overrides_failsafe:
+        return "FAILSAFE_ACTIVE"
+    return "HELD" if mission.is_held and trouble.land_at is None and not is_flying else None
 
 
 def outage_of(record: MissionRecord, *, now_ms: int) -> Closure | None:

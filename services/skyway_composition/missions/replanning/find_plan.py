@@ -15,7 +15,7 @@ from skyway.units import moment_to_ms
 from skyway_composition.closures.closure import Closure
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.replanning.apply_outcome import MOST_REVISIONS, refusal_code
-from skyway_composition.missions.replanning.case import Case, may_be_planned, trouble_of
+from skyway_composition.missions.replanning.case import Case, planning_obstacle, trouble_of
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
 from skyway_composition.missions.replanning.situation import Situation
@@ -36,7 +36,9 @@ class NewPlan:
 
 @dataclass(frozen=True, slots=True)
 class NoPlanYet:
-    """No plan can be made now; planning is tried again a little later."""
+    """No plan can be made now, for the reason of this code; planning is tried again later."""
+
+    code: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +99,10 @@ class PlanFinder:
         The `supposed` closures were not made: a dry run plans as if they were.
         """
         record, trouble = situation.record, trouble_of(situation.record)
-        if trouble is None or not may_be_planned(situation, trouble):
-            return NoPlanYet()
+        if trouble is None:
+            return NoPlanYet("NO_PLAN_NEEDED")
+        if (obstacle := planning_obstacle(situation, trouble)) is not None:
+            return NoPlanYet(obstacle)
         if sent_revisions >= MOST_REVISIONS:
             return NoMorePlans(trouble)
         world = await self._world(record, queued, supposed)
@@ -106,11 +110,11 @@ class PlanFinder:
         case = Case(situation, trouble, world, closed, sent_revisions)
         anchor = self._anchor(case, closed=closed)
         if anchor is None:
-            return NoPlanYet()
+            return NoPlanYet("START_UNKNOWN")
         ready = None if not queued else self._ready_for(queued[0])
         if case.waits_for_operator:
             if not anchor.is_divert:
-                return NoPlanYet()
+                return NoPlanYet("HELD")
             case = case.landing_at(anchor.station_id)
         elif (stop := case.ground_stop(anchor)) is not None:
             return Grounded(case, anchor, ready, stop)
@@ -127,7 +131,7 @@ class PlanFinder:
         if isinstance(remainder, Remainder):
             return NewPlan(case, anchor, remainder)
         if remainder.is_temporary:
-            return NoPlanYet()
+            return NoPlanYet(remainder.code)
         return self._without_plan(case, anchor, planner, remainder)
 
     async def _rest(
@@ -159,7 +163,7 @@ class PlanFinder:
             # No open station is in reach: it lands where it flies to, closed or not.
             landing = self._anchor(case, closed=ClosedAhead(case.world.skyway.network))
             if landing is None:
-                return NoPlanYet()
+                return NoPlanYet("START_UNKNOWN")
             return NewPlan(case, landing, planner.leave_here(landing, code=reason.code))
         if case.trouble.land_at is not None:
             return NoDiversion(case, reason)

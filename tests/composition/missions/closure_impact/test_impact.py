@@ -25,8 +25,9 @@ async def close(composition: Any, path: str, body: Any = None) -> list[Any]:
     tried = await composition(OPERATOR, "POST", f"{path}?dry_run=true", body)
     made = await composition(OPERATOR, "POST", path, body)
     assert made.status_code == 201, made.text
-    assert tried.json()["affected_missions"] == made.json()["affected_missions"]
-    return list(made.json()["affected_missions"])
+    foreseen = [{**each, "delay": None} for each in tried.json()["affected_missions"]]
+    assert foreseen == made.json()["affected_missions"]
+    return foreseen
 
 
 async def troubles(composition: Any) -> list[str | None]:

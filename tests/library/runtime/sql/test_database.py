@@ -43,6 +43,23 @@ async def test_a_reader_sees_a_block_after_it_ended(db: Database) -> None:
     assert await names(db) == ["san-marcos", "bulverde"]
 
 
+async def test_a_rehearsal_sees_its_changes_and_leaves_nothing(db: Database) -> None:
+    async with db.rehearse() as tx:
+        await tx.execute(STATIONS.insert(), {"name": "san-marcos"})
+        found = await tx.connection.execute(select(func.count()).select_from(STATIONS))
+        assert found.scalar_one() == 1
+
+    assert await names(db) == []
+    await add(db, "san-marcos")
+    assert await names(db) == ["san-marcos"]
+
+
+async def test_an_error_in_a_rehearsal_is_raised(db: Database) -> None:
+    with pytest.raises(LookupError):
+        async with db.rehearse():
+            raise LookupError
+
+
 #: Half a second of work for SQLite, and not much less for PostgreSQL.
 LONG = text(
     "WITH RECURSIVE up(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM up WHERE n < 1000000)"
