@@ -22,7 +22,6 @@ from skyway_composition.missions.booking.keep_offer import OfferKeeper
 from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.missions.following.handle_batch import ReportHandler
-from skyway_composition.missions.replanning.find_plan import PlanFinder
 from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.no_shows import NoShows
@@ -114,7 +113,7 @@ class Parts:
     @property
     def foresight(self) -> Foresight:
         """Plans for dry runs, behind no booking and no quote."""
-        return Foresight(PlanFinder(self.db, self.networks, self.problems, self.clock))
+        return Foresight(self.db, self.networks, self.problems, self.clock)
 
     @property
     def closings(self) -> Closings:

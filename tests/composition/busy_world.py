@@ -24,7 +24,6 @@ from skyway_composition.missions.mission.custody_store import (
 )
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.store import MissionFilter, page
-from skyway_composition.missions.replanning.find_plan import PlanFinder
 from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
 from skyway_composition.missions.timeouts import (
@@ -129,7 +128,7 @@ class BusyWorld:
         db, clock, mint, stuck = self.db, self.clock, self.mint, Wake()
         networks, parts = PreparedNetworks(db), (db, clock, mint, stuck)
         self.bookings = Bookings(db, networks, self.solver, clock, mint, Wake(), pause=self._pause)
-        foresight = Foresight(PlanFinder(db, networks, self.solver, clock))
+        foresight = Foresight(db, networks, self.solver, clock)
         impact = MissionImpact(clock, mint, stuck, foresight)
         self.closings = Closings(db, networks, impact, clock, mint)
         self.cancellations, self.commands = Cancellations(*parts), Commands(*parts)
@@ -308,11 +307,9 @@ class BusyWorld:
         return answer
 
     async def command(self, mission_id: MissionId, name: str, station_id: str | None) -> None:
-        command = Command.model_validate(
-            {"command": name, "station_id": station_id, "reason": "an operator's wish"}
-        )
+        wish = {"command": name, "station_id": station_id, "reason": "an operator's wish"}
         with suppress(Conflict):
-            await self.commands.give(mission_id, command)
+            await self.commands.give(mission_id, Command.model_validate(wish))
         await self.converse()
 
     async def _load(self) -> None:
@@ -354,10 +351,8 @@ class BusyWorld:
         return request.model_copy(update={"packages": left}) if left else None
 
     async def close(self, kind: ClosureKind, **members: Any) -> Closure:
-        now_ms = self.now_ms
-        closure = Closure(
-            ClosureId(""), kind, NETWORK_ID, from_ms=now_ms, made_ms=now_ms, **members
-        )
+        now = self.now_ms
+        closure = Closure(ClosureId(""), kind, NETWORK_ID, from_ms=now, made_ms=now, **members)
         made, _ = await self.closings.make(closure)
         await self.converse()
         return made

@@ -60,3 +60,19 @@ async def test_a_tenant_with_too_many_waiting_plans_is_refused(
         assert answer.json()["code"] == "PLANNING"
         assert answer.headers["retry-after"] == "1"
     assert gateway.forwarded == []
+
+
+async def test_dry_runs_take_turns_with_other_plans(gateway: Gateway, full: FairQueue) -> None:
+    commands = "/v1/missions/msn_1/commands"
+    async with full.turn("operator:op"):
+        dry_runs = [
+            await gateway.http.post(f"{path}?dry_run=true", json={}, headers=gateway.operator)
+            for path in (commands, "/v1/stations/kyle/closures")
+        ]
+        given = await gateway.http.post(
+            f"{commands}?dry_run=false", json={}, headers=gateway.operator
+        )
+
+    assert [answer.json()["code"] for answer in dry_runs] == ["PLANNING", "PLANNING"]
+    assert given.status_code == 200
+    assert len(gateway.forwarded) == 1

@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from skyway.contracts.flight_step import FlyStep
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.closure import Closure, ForeseenPlan
 from skyway_composition.links.instruction_store import last_revision
@@ -40,12 +42,14 @@ from skyway_composition.missions.replanning.prediction import Load, predict
 from skyway_composition.missions.replanning.propose import Revision
 from skyway_composition.missions.replanning.revision import revision_of
 from skyway_composition.missions.replanning.situation import Situation, whereabouts
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.solver_pool import SolverPool
 
 #: Longest time to plan for a dry run, seconds of wall time. Our own choice.
 LONGEST_S: Final = 10.0
 
 #: A plan with its code and detail.
-_Verdict = tuple[ForeseenPlan, str | None, str | None]
+_PlanAndReason = tuple[ForeseenPlan, str | None, str | None]
 
 
 async def rehearsed(work: MissionUnitOfWork, before: Situation) -> Rehearsed:
@@ -68,9 +72,12 @@ async def rehearsed(work: MissionUnitOfWork, before: Situation) -> Rehearsed:
 
 @dataclass(frozen=True, slots=True)
 class Foresight:
-    """Plans for rehearsed changes."""
+    """Plans for rehearsed changes; `solver` is where the plans are composed."""
 
-    finder: PlanFinder
+    db: Database
+    networks: PreparedNetworks
+    solver: SolverPool
+    clock: FleetClock
 
     async def outlook(self, seen: Rehearsed, *, supposed: Sequence[Closure] = ()) -> MissionOutlook:
         """What the mission would do; the `supposed` closures count as made.
@@ -85,7 +92,7 @@ class Foresight:
             is_late = True
         revision = _revision(seen.after, found) if seen.after is not None else None
         landing = self._landing(seen, found, revision)
-        plan, code, detail = ("TIME_UP", None, None) if is_late else _verdict(seen, found)
+        plan, code, detail = ("TIME_UP", None, None) if is_late else _plan_and_reason(seen, found)
         state = seen.before.link.state
         return MissionOutlook(
             plan=plan,
@@ -104,7 +111,7 @@ class Foresight:
             return None
         outage = outage_of(after.record, now_ms=self._now_ms)
         closures = supposed if outage is None else (*supposed, outage)
-        found = await self.finder.find(
+        found = await self._finder.find(
             after,
             sent_revisions=seen.sent_revisions,
             queued=seen.queued,
@@ -119,7 +126,7 @@ class Foresight:
         later = replace(found.anchor, at_ms=max(found.anchor.at_ms, until_ms))
         if found.case.ground_stop(later) is not None:
             return found
-        return await self.finder.find_from(later, found.case, found.ready)
+        return await self._finder.find_from(later, found.case, found.ready)
 
     def _landing(
         self, seen: Rehearsed, found: Found | None, revision: Revision | None
@@ -144,8 +151,12 @@ class Foresight:
         return None
 
     @property
+    def _finder(self) -> PlanFinder:
+        return PlanFinder(self.db, self.networks, self.solver, self.clock)
+
+    @property
     def _now_ms(self) -> int:
-        return moment_to_ms(self.finder.clock.now())
+        return moment_to_ms(self.clock.now())
 
 
 def _revision(after: Situation, found: Found | None) -> Revision | None:
@@ -165,7 +176,7 @@ def _revision(after: Situation, found: Found | None) -> Revision | None:
     )
 
 
-def _verdict(seen: Rehearsed, found: Found | None) -> _Verdict:
+def _plan_and_reason(seen: Rehearsed, found: Found | None) -> _PlanAndReason:
     """What kind of plan was found, and why there is none."""
     match found:
         case None if seen.is_called_off:
