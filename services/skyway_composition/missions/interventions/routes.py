@@ -1,6 +1,6 @@
 """What people do to missions, over REST: loaders, operators, and customers through the gateway."""
 
-from typing import Annotated
+from typing import Annotated, Any, Final
 
 from fastapi import Depends, Query
 from fastapi.responses import JSONResponse
@@ -59,6 +59,10 @@ class CommandDryRun(JsonModel):
     ] = False
 
 
+#: The answer to a dry run.
+_PREVIEWED: Final[dict[int | str, dict[str, Any]]] = {200: {"model": CommandPreview}}
+
+
 def intervention_routes(
     *,
     gate: ServiceGate,
@@ -97,7 +101,7 @@ def intervention_routes(
         "/v1/missions/{mission_id}/commands",
         status_code=202,
         response_model=CommandAnswer,
-        responses={200: {"model": CommandPreview}}
+        responses=_PREVIEWED
         | conflicts(
             "ALREADY_CALLED_HOME",
             "ALREADY_HELD",

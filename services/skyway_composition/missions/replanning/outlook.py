@@ -140,16 +140,19 @@ def packages_of(
         fate, station_id = _fate(rehearsed, package, found, revision=revision, landing=landing)
         eta_at, arrives_at = etas.get(package_id), new_etas.get(package_id)
         new_eta_at = arrives_at if fate == "DELIVERED" else None
-        has_both = eta_at is not None and new_eta_at is not None
         yield PackageOutlook(
             package_id=package_id,
             fate=fate,
             station_id=station_id,
             eta_at=eta_at,
             new_eta_at=new_eta_at,
-            later_by_s=(new_eta_at - eta_at).total_seconds() if has_both else None,
+            later_by_s=_seconds_between(eta_at, new_eta_at),
             returns_at=arrives_at if fate == "RETURNED" else None,
         )
+
+
+def _seconds_between(earlier: datetime | None, later: datetime | None) -> float | None:
+    return None if earlier is None or later is None else (later - earlier).total_seconds()
 
 
 def _fate(
