@@ -8,6 +8,7 @@ import typer
 
 from skyway.cli.data_folder import DataOption, data_folder
 from skyway.cli.gateway import call_gateway
+from skyway.cli.outlook_text import outlook_lines
 
 mission_app: Final = typer.Typer(
     help="Command a mission: hold, resume, divert, return home, cancel, give up.",
@@ -21,6 +22,9 @@ WhyOption = Annotated[str, typer.Option("--reason", help="Why, for reports and t
 OverrideOption = Annotated[
     bool, typer.Option("--override-failsafe", help="Also while a failsafe of the drone acts.")
 ]
+TryOption = Annotated[
+    bool, typer.Option("--dry-run", help="Send nothing; show what the command would do.")
+]
 AnswerOption = Annotated[bool, typer.Option("--json", help="Print the gateway's answer as JSON.")]
 
 
@@ -28,22 +32,32 @@ AnswerOption = Annotated[bool, typer.Option("--json", help="Print the gateway's 
 def hold(
     mission: MissionArgument,
     reason: WhyOption,
+    dry_run: TryOption = False,
     as_json: AnswerOption = False,
     data: DataOption = None,
 ) -> None:
     """Have the drone stand at its next landing until it is resumed."""
-    _command(mission, {"command": "HOLD", "reason": reason}, as_json=as_json, data=data)
+    _command(
+        mission, {"command": "HOLD", "reason": reason}, dry_run=dry_run, as_json=as_json, data=data
+    )
 
 
 @mission_app.command("resume")
 def resume(
     mission: MissionArgument,
     reason: WhyOption,
+    dry_run: TryOption = False,
     as_json: AnswerOption = False,
     data: DataOption = None,
 ) -> None:
     """Let a held drone go on."""
-    _command(mission, {"command": "RESUME", "reason": reason}, as_json=as_json, data=data)
+    _command(
+        mission,
+        {"command": "RESUME", "reason": reason},
+        dry_run=dry_run,
+        as_json=as_json,
+        data=data,
+    )
 
 
 @mission_app.command("divert")
@@ -52,6 +66,7 @@ def divert(
     station: Annotated[str, typer.Argument(help="The station to land at.")],
     reason: WhyOption,
     override_failsafe: OverrideOption = False,
+    dry_run: TryOption = False,
     as_json: AnswerOption = False,
     data: DataOption = None,
 ) -> None:
@@ -62,7 +77,7 @@ def divert(
         "reason": reason,
         "overrides_failsafe": override_failsafe,
     }
-    _command(mission, body, as_json=as_json, data=data)
+    _command(mission, body, dry_run=dry_run, as_json=as_json, data=data)
 
 
 @mission_app.command("return-home")
@@ -70,6 +85,7 @@ def return_home(
     mission: MissionArgument,
     reason: WhyOption,
     override_failsafe: OverrideOption = False,
+    dry_run: TryOption = False,
     as_json: AnswerOption = False,
     data: DataOption = None,
 ) -> None:
@@ -79,40 +95,60 @@ def return_home(
         "reason": reason,
         "overrides_failsafe": override_failsafe,
     }
-    _command(mission, body, as_json=as_json, data=data)
+    _command(mission, body, dry_run=dry_run, as_json=as_json, data=data)
 
 
 @mission_app.command("cancel")
 def cancel(
     mission: MissionArgument,
     reason: WhyOption,
+    dry_run: TryOption = False,
     as_json: AnswerOption = False,
     data: DataOption = None,
 ) -> None:
     """Cancel the mission; packages on board are brought back."""
-    _command(mission, {"command": "CANCEL", "reason": reason}, as_json=as_json, data=data)
+    _command(
+        mission,
+        {"command": "CANCEL", "reason": reason},
+        dry_run=dry_run,
+        as_json=as_json,
+        data=data,
+    )
 
 
 @mission_app.command("give-up")
 def give_up(
     mission: MissionArgument,
     reason: WhyOption,
+    dry_run: TryOption = False,
     as_json: AnswerOption = False,
     data: DataOption = None,
 ) -> None:
     """End a mission in doubt, when people know that its drone will not report."""
-    _command(mission, {"command": "GIVE_UP", "reason": reason}, as_json=as_json, data=data)
+    _command(
+        mission,
+        {"command": "GIVE_UP", "reason": reason},
+        dry_run=dry_run,
+        as_json=as_json,
+        data=data,
+    )
 
 
-def _command(mission: str, body: dict[str, Any], *, as_json: bool, data: DataOption) -> None:
+def _command(
+    mission: str, body: dict[str, Any], *, dry_run: bool, as_json: bool, data: DataOption
+) -> None:
+    path = f"/v1/missions/{quote(mission, safe='')}/commands"
     answer = call_gateway(
         "POST",
-        f"/v1/missions/{quote(mission, safe='')}/commands",
+        f"{path}?dry_run=true" if dry_run else path,
         key_name=_OPERATOR_KEY,
         folder=data_folder(data),
         body=json.dumps(body).encode(),
     )
-    typer.echo(json.dumps(answer, indent=2) if as_json else _line(answer))
+    if as_json:
+        typer.echo(json.dumps(answer, indent=2))
+    else:
+        typer.echo("\n".join(outlook_lines(answer)) if dry_run else _line(answer))
 
 
 def _line(answer: dict[str, Any]) -> str:

@@ -39,7 +39,7 @@ UntilOption = Annotated[
 ]
 ReasonOption = Annotated[str | None, typer.Option(help="Why, in words for people.")]
 DryRunOption = Annotated[
-    bool, typer.Option("--dry-run", help="Close nothing; show which missions it would affect.")
+    bool, typer.Option("--dry-run", help="Close nothing; show which missions it would delay.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the gateway's answer as JSON.")]
 AreaArgument = Annotated[

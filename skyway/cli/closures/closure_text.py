@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from skyway.cli.outlook_text import delay_text
+
 #: A JSON object of the gateway, whose members have no common type.
 Document = Mapping[str, Any]
 
@@ -43,8 +45,12 @@ def affected_lines(made: Document) -> Iterator[str]:
     for each in missions:
         where = each["station_id"] or "on its way"
         state = "flying" if each["is_flying"] else "not in the air"
-        yield f"  {each['mission_id']}  {each['drone_id']}  {where}  {each['at']}  {state}"
+        line = f"  {each['mission_id']}  {each['drone_id']}  {where}  {each['at']}  {state}"
+        delay = each.get("delay")
+        yield line if delay is None else f"{line}  {delay_text(delay)}"
     number = len(missions)
     is_one, is_dry = number == 1, made["closure_id"] is None
     needs = "would need" if is_dry else "needs" if is_one else "need"
     yield f"{number or 'no'} mission{'' if is_one else 's'} {needs} another plan"
+    if is_dry and (left := made["missions_without_delay"]):
+        yield f"delays were planned for the first {number - left} only"

@@ -76,6 +76,21 @@ def test_the_answer_says_when_the_drone_gets_it(
     assert run("hold", "mis_1", "--reason", "crowd").stdout == f"{line}\n"
 
 
+def test_a_dry_run_shows_what_the_command_would_do(gateway: Gateway) -> None:
+    outlook = {"plan": "NOT_NEEDED", "code": None, "detail": None, "ends_mission": False}
+    preview = {
+        "mission_id": "mis_1",
+        "command": "HOLD",
+        "outlook": {**outlook, "next_landing": None, "packages": []},
+    }
+    gateway.answers["POST", PATH] = (200, preview)
+
+    result = run("hold", "mis_1", "--reason", "crowd", "--dry-run")
+
+    assert gateway.queries == ["dry_run=true"]
+    assert result.stdout == "mis_1: HOLD needs no new plan\n"
+
+
 def test_programs_get_json(gateway: Gateway) -> None:
     assert json.loads(run("hold", "mis_1", "--reason", "crowd", "--json").stdout) == ANSWER
 

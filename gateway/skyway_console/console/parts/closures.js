@@ -5,15 +5,21 @@ import {html} from "../html.js";
 import {distanceText, shortId, stationName} from "../words.js";
 import {confirm} from "./confirm_dialog.js";
 import {attempt} from "./messages.js";
+import {delayText} from "./outlook.js";
+
+// So many missions are planned by a dry run, and shown.
+const SHOWN = 20;
+
+const delayed = ({delay}) => (delay ? `: ${delayText(delay)}` : "");
 
 export function affectedText({affected_missions: missions}) {
   if (missions.length === 0) return html`<p>No mission needs another plan.</p>`;
   return html`
     <p>${missions.length === 1 ? "1 mission needs" : `${missions.length} missions need`} another plan:</p>
     <ul>
-      ${missions.slice(0, 12).map((mission) => html`
-        <li>mission ${shortId(mission.mission_id)}${mission.at ? `, ${distanceText(mission.at)}` : ""}</li>`)}
-      ${missions.length > 12 && html`<li>and ${missions.length - 12} more</li>`}
+      ${missions.slice(0, SHOWN).map((mission) => html`
+        <li>mission ${shortId(mission.mission_id)}, ${distanceText(mission.at)}${delayed(mission)}</li>`)}
+      ${missions.length > SHOWN && html`<li>and ${missions.length - SHOWN} more</li>`}
     </ul>`;
 }
 

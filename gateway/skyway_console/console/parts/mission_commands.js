@@ -1,4 +1,4 @@
-// Commands to a mission. Each shows first what it would mean, and asks for a reason.
+// Commands to a mission. Each shows first what it would do, by a dry run, and asks for a reason.
 
 import {signal} from "@preact/signals";
 
@@ -6,13 +6,14 @@ import {part, post} from "../api.js";
 import {html} from "../html.js";
 import {networks, networkContent} from "../networks.js";
 import {stationsOf} from "../map/features.js";
-import {distanceText, inWords, shortId, stationName} from "../words.js";
+import {inWords, shortId, stationName} from "../words.js";
 import {confirm} from "./confirm_dialog.js";
+import {Outlook} from "./outlook.js";
 
 const MEANINGS = {
   HOLD: "The drone lands at the next station of its plan and waits there until RESUME.",
-  RESUME: "The drone goes on with its plan. Times that have passed are planned again.",
-  RETURN_HOME: "The drone flies home on the way that it has on board. Its packages come back with it.",
+  RESUME: "The drone goes on by a new plan, because the times of the old one have passed.",
+  RETURN_HOME: "The drone brings its packages back to the pickup, and flies home.",
   CANCEL: "The mission ends. Packages on board are brought back, and all others are not picked up.",
   DIVERT: "The drone leaves its plan and lands at the chosen station.",
 };
@@ -20,29 +21,17 @@ const DONE = "The command is on its way to the drone.";
 
 const divertTo = signal("");
 
-function packagesText(mission) {
-  const open = Object.entries(mission.packages)
-    .filter(([, eta]) => eta)
-    .map(([packageId, eta]) => `${packageId} (expected ${distanceText(eta)})`);
-  return open.length ? `Packages of this mission: ${open.join(", ")}.` : "It has no package left.";
-}
-
-async function consequences(command, mission) {
-  return html`
-    <p>${MEANINGS[command]}</p>
-    <p>${mission.is_carrying ? "It carries packages now. " : ""}${packagesText(mission)}</p>
-    ${command === "DIVERT" && html`<p>It lands at ${stationName(divertTo.value)}.</p>`}`;
-}
-
-function ask(command, missionId, mission) {
+function ask(command, missionId) {
   const path = `/v1/missions/${part(missionId)}/commands`;
+  const order = {command, ...(command === "DIVERT" ? {station_id: divertTo.value} : {})};
   confirm({
     title: `${inWords(command)}: mission ${shortId(missionId)}`,
     verb: inWords(command),
-    preview: () => consequences(command, mission),
-    action: (reason) => post(path, {
-      command, reason, ...(command === "DIVERT" ? {station_id: divertTo.value} : {}),
-    }),
+    preview: async () => {
+      const {outlook} = await post(`${path}?dry_run=true`, {...order, reason: "dry run"});
+      return html`<p>${MEANINGS[command]}</p><${Outlook} outlook=${outlook} />`;
+    },
+    action: (reason) => post(path, {...order, reason}),
     done: DONE,
   });
 }
@@ -57,7 +46,7 @@ async function readStations() {
 export function MissionCommands({missionId, mission}) {
   if (stationIds.value.length === 0) readStations().catch(() => null);
   const button = (command, isDisabled = false) => html`
-    <button disabled=${isDisabled} onClick=${() => ask(command, missionId, mission)}>
+    <button disabled=${isDisabled} onClick=${() => ask(command, missionId)}>
       ${inWords(command)}
     </button>`;
   return html`

@@ -32,8 +32,10 @@ MADE: dict[str, Any] = {
             "station_id": "kyle",
             "at": "2026-03-01T12:30:00Z",
             "is_flying": True,
+            "delay": None,
         }
     ],
+    "missions_without_delay": 1,
 }
 
 PATHS = {
@@ -80,7 +82,7 @@ def test_a_closed_station_names_the_missions_that_need_another_plan(gateway: Gat
 
 
 def test_a_dry_run_closes_nothing(gateway: Gateway) -> None:
-    preview = {**MADE, "closure_id": None, "affected_missions": []}
+    preview = {**MADE, "closure_id": None, "affected_missions": [], "missions_without_delay": 0}
     gateway.answers["POST", PATHS["station"]] = (200, preview)
 
     result = run("station", "kyle", "--dry-run")
@@ -89,6 +91,23 @@ def test_a_dry_run_closes_nothing(gateway: Gateway) -> None:
     assert result.stdout.splitlines() == [
         "would close  station kyle  since 2026-03-01T12:00:00Z  roof works",
         "no missions would need another plan",
+    ]
+
+
+def test_a_dry_run_says_how_much_later_missions_deliver(gateway: Gateway) -> None:
+    mission = MADE["affected_missions"][0]
+    later = {"plan": "NEW_PLAN", "later_by_s": 95.0, "code": None, "detail": None}
+    affected = [{**mission, "delay": later}, {**mission, "mission_id": "mis_2"}]
+    preview = {**MADE, "closure_id": None, "affected_missions": affected}
+    gateway.answers["POST", PATHS["station"]] = (200, preview)
+
+    result = run("station", "kyle", "--dry-run")
+
+    assert result.stdout.splitlines()[1:] == [
+        "  mis_1  drn_1  kyle  2026-03-01T12:30:00Z  flying  1 min 35 s later",
+        "  mis_2  drn_1  kyle  2026-03-01T12:30:00Z  flying",
+        "2 missions would need another plan",
+        "delays were planned for the first 1 only",
     ]
 
 
