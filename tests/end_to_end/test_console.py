@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from datetime import datetime, timedelta
 from typing import Any
 
 import pytest
@@ -122,6 +123,27 @@ def test_a_pad_is_closed_after_its_dry_run_and_opened_again(
     expect(panel).to_contain_text(MARKUP)
     panel.get_by_role("button", name="Open again").click()
     expect(panel).not_to_contain_text("is closed")
+
+
+def test_a_closure_of_later_is_seen_on_the_map_ahead(console: ConsolePage, system: Any) -> None:
+    publish(system, "later")
+    now = datetime.fromisoformat(system.operate("GET", "/v1/clock")["now"])
+    span = {"from_at": now + timedelta(hours=20), "until": now + timedelta(hours=30)}
+    order = {"reason": "crane", **{name: each.isoformat() for name, each in span.items()}}
+    system.operate("POST", "/v1/stations/later-s2/closures", order)
+    page = console.page
+    page.reload()
+    shown_network(page, "later")
+    pads = f"""() => {MAP}.data.stations?.features
+      .find(({{properties}}) => properties.station_id === 'later-s2')?.properties.pads"""
+    page.wait_for_function(f"({pads})() === 'free'")
+    page.get_by_label("Closures now").fill("25")
+    page.wait_for_function(f"({pads})() === 'closed'")
+
+    console.show("alarms")
+    item = page.get_by_role("list", name="Closed later").locator("li", has_text="crane")
+    item.get_by_role("button", name="Open again").click()
+    expect(item).to_have_count(0)
 
 
 def test_a_closed_station_diverts_a_drone(console: ConsolePage, system: Any) -> None:

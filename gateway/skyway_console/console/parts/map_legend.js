@@ -1,6 +1,7 @@
 // What the colours of the map mean, and how many drones are where.
 
 import {colours} from "../map/colours.js";
+import {aheadText, hoursAhead} from "../closed.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {networks, showNetwork, shownNetwork} from "../networks.js";
@@ -24,6 +25,13 @@ const NetworkChoice = () => networks.value?.length > 0 && html`
     ${networks.value.map(({network_id: id}) => html`<option value=${id}>${stationName(id)}</option>`)}
   </select>`;
 
+// Closures and areas can be seen ahead; drones and pads are shown as they are now.
+const LookAhead = () => html`
+  <label class="ahead">Closures ${aheadText()}
+    <input type="range" min="0" max="48" step="0.5" value=${hoursAhead.value}
+      onInput=${({target}) => (hoursAhead.value = Number(target.value))} />
+  </label>`;
+
 export function MapLegend() {
   const paint = colours();
   const dot = (name) => html`
@@ -34,6 +42,7 @@ export function MapLegend() {
       <ul class="counts">
         ${countsByState().map(([state, count]) => html`<li>${count} ${inWords(state)}</li>`)}
       </ul>
+      <${LookAhead} />
       <${NetworkChoice} />
       ${isOperator() && html`<a href=${pathTo("map", "zone")}>Close an area…</a>`}
     </aside>`;

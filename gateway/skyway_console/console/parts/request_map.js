@@ -3,6 +3,7 @@
 import {effect} from "@preact/signals";
 import {useEffect, useRef} from "preact/hooks";
 
+import {closedThen} from "../closed.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {FleetMap} from "../map/fleet_map.js";
@@ -22,7 +23,7 @@ export function RequestMap({network}) {
       if (isGone) return;
       map.showNetwork(network);
       stops.push(
-        effect(() => map.showStations(picture.stations.value, picture.closures.value)),
+        effect(() => map.showStations(picture.stations.value, closedThen.value)),
         effect(() => marks.show(network, draft.value)),
       );
     });

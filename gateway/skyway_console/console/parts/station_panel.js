@@ -3,6 +3,7 @@
 import {useEffect, useState} from "preact/hooks";
 
 import {get, part} from "../api.js";
+import {closureTimes, hasBegun} from "../closed.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {stationsOf} from "../map/features.js";
@@ -46,7 +47,8 @@ function OpenClosures({stationId}) {
   const closures = Object.entries(picture.closures.value)
     .filter(([, closure]) => closure.station_id === stationId);
   return closures.map(([closureId, closure]) => html`
-    <p class="closure" key=${closureId}>${closureName(closure)} is closed${
+    <p class="closure" key=${closureId}>${closureName(closure)}
+      ${hasBegun(closure) ? "is" : "will be"} closed ${closureTimes(closure)}${
       closure.reason ? `: ${closure.reason}` : "."}
       ${isOperator() && html`
         <button class="small" onClick=${() => lift(closureId, closure)}>Open again</button>`}

@@ -3,6 +3,7 @@
 import {useEffect, useState} from "preact/hooks";
 
 import {get, part, post} from "../api.js";
+import {closureTimes, hasBegun} from "../closed.js";
 import {ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {openAlarms, picture} from "../live.js";
@@ -44,21 +45,28 @@ function Alarm({alarm}) {
     </tr>`;
 }
 
-function Closures() {
-  const closures = Object.entries(picture.closures.value);
+function ClosureList({title, empty, closures}) {
   return html`
-    <h2>Closed now</h2>
-    ${closures.length === 0 && html`<p>Nothing is closed.</p>`}
-    <ul class="timeline">
+    <h2>${title}</h2>
+    ${closures.length === 0 && html`<p>${empty}</p>`}
+    <ul class="timeline" aria-label=${title}>
       ${closures.map(([closureId, closure]) => html`
         <li key=${closureId}>
           <strong>${closureName(closure)}</strong>${closure.reason ? `: ${closure.reason}. ` : ". "}
-          From ${momentText(closure.from_at)}
-          ${closure.until ? ` to ${momentText(closure.until)} ` : " until it is opened "}
+          Closed ${closureTimes(closure)}.${" "}
           ${isOperator() && html`
             <button class="small" onClick=${() => lift(closureId, closure)}>Open again</button>`}
         </li>`)}
-    </ul>
+    </ul>`;
+}
+
+function Closures() {
+  const closures = Object.entries(picture.closures.value);
+  const [begun, later] = [true, false].map(
+    (isBegun) => closures.filter(([, closure]) => hasBegun(closure) === isBegun));
+  return html`
+    <${ClosureList} title="Closed now" empty="Nothing is closed." closures=${begun} />
+    ${later.length > 0 && html`<${ClosureList} title="Closed later" closures=${later} />`}
     ${isOperator() && html`
       <button class="danger" onClick=${() => askToClose("Stop all take-offs", "/v1/ground-stops")}>
         Stop all take-offs…

@@ -3,6 +3,7 @@
 import {effect} from "@preact/signals";
 import {useEffect, useRef, useState} from "preact/hooks";
 
+import {closedThen} from "../closed.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {FleetMap} from "../map/fleet_map.js";
@@ -32,7 +33,7 @@ function useFleetMap(container, opened) {
     map.current = made;
     const stops = [
       effect(() => made.drones.show(picture.drones.value)),
-      effect(() => made.showStations(picture.stations.value, picture.closures.value)),
+      effect(() => made.showStations(picture.stations.value, closedThen.value)),
       effect(() => made.showDraft(draftRing.value ?? [])),
     ];
     // Stories in tests count the frames that were drawn.
@@ -68,7 +69,7 @@ function useNetwork(map) {
       setNetwork(content);
       await map.current.isReady;
       map.current.showNetwork(content);
-      map.current.showStations(picture.stations.value, picture.closures.value);
+      map.current.showStations(picture.stations.value, closedThen.value);
     });
   }, [networkId]);
   return network;
