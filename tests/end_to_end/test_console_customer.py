@@ -151,6 +151,20 @@ def test_a_key_is_made_shown_once_and_deleted(operator: ConsolePage, system: Any
     assert system.call("GET", "/v1/clock", key=made).status_code == 401
 
 
+def test_a_customer_gets_the_next_key_and_the_session_ends_with_the_first(
+    browser: Browser, system: Any
+) -> None:
+    made = system.operate("POST", "/v1/keys", {"role": "customer", "subject_id": "hill-books"})
+    page = ConsolePage(browser, system).open_with(made["key"]).show("account").page
+    page.get_by_role("button", name="Get the next key").click()
+    page.get_by_role("button", name="Yes, get the next key").click()
+    following = page.get_by_role("textbox", name="Key", exact=True).input_value()
+
+    assert system.call("GET", "/v1/clock", key=following).status_code == 200
+    expect(page.get_by_label("API key")).to_be_visible()
+    assert system.call("GET", "/v1/clock", key=made["key"]).status_code == 401
+
+
 def test_a_customer_tests_a_webhook_and_sees_the_attempt(
     customer: ConsolePage, system: Any
 ) -> None:
@@ -161,7 +175,13 @@ def test_a_customer_tests_a_webhook_and_sees_the_attempt(
     row = page.get_by_role("row", name="nobody-listens").first
     row.get_by_role("button", name="Test").click()
     row.get_by_role("button", name="Attempts").click()
-    expect(page.get_by_role("table", name="Attempts")).to_contain_text("webhook.test")
+    attempts = page.get_by_role("table", name="Attempts")
+    expect(attempts).to_contain_text("webhook.test")
+
+    system.operate("PUT", "/v1/networks/notified", ladders("notified"))
+    system.request_delivery(["notified-s2"], pickup="notified-s1")
+    attempts.get_by_role("button", name="Send delivery.requested again").first.click()
+    expect(page.get_by_text("What was found is sent again.")).to_be_visible()
     row.get_by_role("button", name="Delete the webhook").click()
     row.get_by_role("button", name="Yes, delete").click()
     expect(page.get_by_role("table", name="Webhooks")).to_contain_text("No webhook.")
