@@ -14,7 +14,7 @@ from skyway.contracts.mission import Margins, OfferHold, OfferLimits, PackageEta
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Price
 from skyway.delivery.request import DeliveryRequest
-from skyway.ids import DroneId, DroneModelId, HoldId, ProviderId, SubjectId
+from skyway.ids import DroneId, DroneModelId, HoldId, ProviderId, StationId, SubjectId
 from skyway.json_model import WireModel
 
 #: Wall seconds for which composition holds an offer longer than the customer is told, so that an
@@ -78,6 +78,13 @@ class OfferTerms(WireModel):
     recharging_s: Annotated[float, Field(description="Seconds on pads.")]
     waiting_s: Annotated[float, Field(description="Seconds of waiting for pads.")]
     trips: Annotated[int, Field(ge=1, description="How many trips it takes, from 1.")] = 1
+    ways: Annotated[
+        tuple[tuple[StationId, ...], ...],
+        Field(
+            description="For each trip the stations that its packages pass, from the pickup to the "
+            "last delivery; empty for offers of an earlier version."
+        ),
+    ] = ()
     margins: Annotated[Margins, Field(description="What the plan has on top of what it needs.")]
     score: Annotated[float, Field(description="What offers are ranked by; lower is better.")]
     no_shows: Annotated[

@@ -82,7 +82,11 @@ def test_a_customer_takes_an_offer_and_follows_its_delivery(
 
     page.get_by_role("button", name="Ask for offers").click()
     offers = page.get_by_role("table", name="Offers")
-    expect(offers).to_contain_text("Test Air")
+    expect(offers).to_contain_text("Offered S1 – Offered S2 – Offered S3")
+    page.wait_for_function(
+        """() => document.querySelector(".map").fleetMap.data.plan.features
+          .some(({properties}) => properties.status === "ENDED")"""
+    )
     page.get_by_role("button", name="Take the offer of Test Air").first.click()
 
     expect(page.get_by_role("heading", name="Delivery …")).to_be_visible()

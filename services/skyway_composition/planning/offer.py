@@ -10,7 +10,7 @@ from skyway.contracts.quote import OfferTerms
 from skyway.delivery.offer import BestValues, OfferValues, Price, price_of
 from skyway.delivery.plan import Fly, Plan, Recharge
 from skyway.delivery.request import DeliveryRequest, QoS, Weights
-from skyway.ids import ProviderId
+from skyway.ids import ProviderId, StationId
 from skyway.network.network import Network
 from skyway.scheduling.trip import Trip
 from skyway.units import moment_to_ms, ms_to_moment
@@ -125,6 +125,7 @@ def terms_of(
         recharging_s=sum(plan.recharging_s or 0.0 for plan in plans),
         waiting_s=sum(plan.waiting_s or 0.0 for plan in plans),
         trips=len(offer.parts),
+        ways=tuple(_way(plan) for plan in plans),
         margins=settings.margins,
         score=best.score(values, weights),
         no_shows=values.no_shows,
@@ -140,6 +141,14 @@ def distance_flown_m(network: Network, plan: Plan) -> float:
         for segment in network.segments_from(step.from_id)
         if segment.to_id == step.to_id
     )
+
+
+def _way(plan: Plan) -> tuple[StationId, ...]:
+    """The stations that the packages of a plan pass, from the pickup to the last delivery."""
+    flights = [
+        step for step in plan.steps if isinstance(step, Fly) and step.start_s >= plan.pickup_s
+    ]
+    return (flights[0].from_id, *(flight.to_id for flight in flights)) if flights else ()
 
 
 def _pickup_at(trip: Trip) -> datetime:

@@ -92,6 +92,14 @@ async def test_the_pickup_is_when_the_drone_begins_to_load(composition: Any, mak
     assert far.pickup_at - near.pickup_at > timedelta(minutes=1)
 
 
+async def test_the_way_of_an_offer_begins_at_the_pickup_and_ends_at_the_last_delivery(
+    composition: Any, make: Any
+) -> None:
+    answer = await quote(composition, make.request("c"), make.candidate(1, station_id="b"))
+
+    assert answer.offers[0].ways == (("a", "b", "c"),)
+
+
 async def test_a_provider_whose_drones_did_not_come_ranks_lower_and_sees_why(
     composition: Any, make: Any, drone: Any
 ) -> None:

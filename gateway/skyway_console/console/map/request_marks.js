@@ -1,4 +1,5 @@
-// Marks a request on the map: its pickup, its destinations, and straight lines between them.
+// Marks a request on the map: its pickup, its destinations, and the ways of its offers. Without
+// offers straight lines show what is meant.
 
 import {Marker} from "maplibre-gl";
 
@@ -19,7 +20,7 @@ export class RequestMarks {
     this.marks = [];
   }
 
-  show(network, {pickup, packages}) {
+  show(network, {pickup, packages}, offered) {
     const places = Object.fromEntries(stationsOf(network)
       .map(({geometry, properties}) => [properties.station_id, geometry.coordinates]));
     const destinations = packages.filter(({station_id}) => places[station_id]);
@@ -31,10 +32,16 @@ export class RequestMarks {
         mark(package_id, paint.drone).setLngLat(places[station_id])),
     ];
     this.marks.forEach((each) => each.addTo(this.fleetMap.map));
-    const lines = places[pickup] ? destinations.map(({station_id}) => ({
-      type: "Feature", properties: {status: "PLANNED"},
-      geometry: {type: "LineString", coordinates: [places[pickup], places[station_id]]},
-    })) : [];
-    this.fleetMap.put("plan", {type: "FeatureCollection", features: lines});
+    const straight = destinations.map(({station_id}) => ({isChosen: false, ways: [[pickup, station_id]]}));
+    const features = wayLines(places, offered.length ? offered : straight);
+    this.fleetMap.put("plan", {type: "FeatureCollection", features});
   }
 }
+
+// The chosen offer is drawn like what was flown, the others like what is planned.
+const wayLines = (places, offered) => offered.flatMap(({ways, isChosen}) => ways
+  .filter((way) => way.length > 1 && way.every((stationId) => places[stationId]))
+  .map((way) => ({
+    type: "Feature", properties: {status: isChosen ? "ENDED" : "PLANNED"},
+    geometry: {type: "LineString", coordinates: way.map((stationId) => places[stationId])},
+  })));

@@ -6,9 +6,9 @@ import {post} from "../api.js";
 import {ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {openView} from "../routes.js";
-import {durationText, inWords, money, momentText, shortId} from "../words.js";
+import {durationText, inWords, money, momentText, shortId, stationName} from "../words.js";
 import {attempt} from "./messages.js";
-import {beginAgain} from "./request_draft.js";
+import {beginAgain, offeredWays} from "./request_draft.js";
 import {ShareBar} from "./share_bar.js";
 
 const METRES_PER_KM = 1_000;
@@ -16,10 +16,13 @@ const JOULES_PER_WH = 3_600;
 
 const lastAt = ({packages}) => packages.map(({eta_at}) => eta_at).sort().at(-1);
 
-function OfferRow({offer, most, name, isOpen, onTake}) {
+const wayText = (ways) => ways.map((way) => way.map(stationName).join(" – ")).join("; ");
+
+function OfferRow({offer, most, name, isOpen, isChosen, onChoose, onTake}) {
   const {price, delivery_time_s: time, distance_m: distance, recharges, energy_j: energy} = offer;
   return html`
-    <tr data-offer=${offer.offer_id}>
+    <tr data-offer=${offer.offer_id} class=${isChosen ? "chosen" : ""} onMouseEnter=${onChoose}
+      onFocusCapture=${onChoose}>
       <td><strong>${name}</strong><br /><small>${offer.drone_model_id}</small></td>
       <td>${money(price)}<${ShareBar} share=${price.amount / most.price} kind="price" /></td>
       <td>${durationText(time)}<${ShareBar} share=${time / most.time} kind="time" /></td>
@@ -30,7 +33,8 @@ function OfferRow({offer, most, name, isOpen, onTake}) {
       <td>${(distance / METRES_PER_KM).toFixed(1)} km${recharges > 0
         ? `, charges ${recharges === 1 ? "once" : `${recharges} times`}` : ""}${offer.trips > 1
         ? `, ${offer.trips} trips` : ""}
-        <br /><small>${Math.round(energy / JOULES_PER_WH)} Wh${offer.is_held ? ", kept for you" : ""}</small></td>
+        <br /><small>${Math.round(energy / JOULES_PER_WH)} Wh${offer.is_held ? ", kept for you" : ""}</small>
+        <br /><small>${wayText(offer.ways)}</small></td>
       <td><button class="main" disabled=${!isOpen} onClick=${onTake}
         aria-label=${`Take the offer of ${name}`}>Take it</button></td>
     </tr>`;
@@ -50,6 +54,11 @@ export function OfferTable({quote, names}) {
   ticks.value; // read so that the time that is left is right each second
   const section = useRef(null);
   const [isBusy, setBusy] = useState(false);
+  const [chosen, setChosen] = useState(quote.offers[0]?.offer_id);
+  useEffect(() => {
+    offeredWays.value = quote.offers.map(({offer_id, ways}) => ({ways, isChosen: offer_id === chosen}));
+    return () => (offeredWays.value = []);
+  }, [quote, chosen]);
   useEffect(() => section.current.scrollIntoView({block: "nearest"}), []);
   const {quote_id, offers, infeasible, expires_at} = quote;
   // Offers end in wall time, unlike what they promise.
@@ -77,14 +86,15 @@ export function OfferTable({quote, names}) {
       ${offers.length > 0 && html`
         <p class="hint">${leftS > 0
           ? `The best one is first. They hold for another ${durationText(leftS)}.`
-          : "These offers have ended. Ask for new ones."}</p>
+          : "These offers have ended. Ask for new ones."} The map shows their ways.</p>
         <div class="table"><table class="offers" aria-label="Offers">
           <thead><tr><th>Provider</th><th>Price</th><th>Takes</th><th>Pickup</th><th>Delivered</th>
             <th>Way</th><th><span class="unseen">Take</span></th></tr></thead>
           <tbody>${offers.map((offer) => html`
             <${OfferRow} key=${offer.offer_id} offer=${offer} most=${most}
               name=${names[offer.provider_id] ?? shortId(offer.provider_id)}
-              isOpen=${leftS > 0 && !isBusy} onTake=${() => take(offer)} />`)}</tbody>
+              isOpen=${leftS > 0 && !isBusy} isChosen=${offer.offer_id === chosen}
+              onChoose=${() => setChosen(offer.offer_id)} onTake=${() => take(offer)} />`)}</tbody>
         </table></div>`}
       <${Infeasible} reasons=${infeasible} names=${names} />
     </section>`;

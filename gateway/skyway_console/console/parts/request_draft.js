@@ -12,6 +12,9 @@ const nothing = () => ({pickup: "", packages: [newPackage(1)], objective: "faste
 // It outlives the view, so that a look at another view loses nothing.
 export const draft = signal(nothing());
 
+// What the map draws of the offers: {ways, isChosen} each; the chosen one is pointed at in the table.
+export const offeredWays = signal([]);
+
 export const change = (members) => (draft.value = {...draft.value, ...members});
 export const beginAgain = () => (draft.value = nothing());
 

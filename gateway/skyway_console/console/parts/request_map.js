@@ -8,7 +8,7 @@ import {html} from "../html.js";
 import {picture} from "../live.js";
 import {FleetMap} from "../map/fleet_map.js";
 import {RequestMarks} from "../map/request_marks.js";
-import {chooseStation, draft} from "./request_draft.js";
+import {chooseStation, draft, offeredWays} from "./request_draft.js";
 
 export function RequestMap({network}) {
   const container = useRef(null);
@@ -24,7 +24,7 @@ export function RequestMap({network}) {
       map.showNetwork(network);
       stops.push(
         effect(() => map.showStations(picture.stations.value, closedThen.value)),
-        effect(() => marks.show(network, draft.value)),
+        effect(() => marks.show(network, draft.value, offeredWays.value)),
       );
     });
     return () => {
