@@ -163,6 +163,10 @@ def test_a_closed_station_diverts_a_drone(console: ConsolePage, system: Any) -> 
     item.get_by_role("button", name="Open again").click()
     expect(item).to_have_count(0)
 
+    delivery_id = system.operate("GET", f"/v1/missions/{mission}")["mission"]["delivery_id"]
+    happened = console.show("deliveries", delivery_id).page.get_by_label("What happened")
+    expect(happened).to_contain_text(re.compile("p1 (as promised|.+ later than promised)"))
+
 
 def test_an_area_is_drawn_and_closed(console: ConsolePage, system: Any) -> None:
     publish(system, "area")
@@ -210,7 +214,7 @@ def test_nothing_happens_when_an_operator_thinks_again(console: ConsolePage, sys
 
 def test_a_mission_is_held_and_resumed(console: ConsolePage, system: Any) -> None:
     drone = fleet(system, "held")["drones"][0]["drone_id"]
-    in_the_air(system, "held")
+    mission = in_the_air(system, "held")
     console.show("map", "drone", drone)
     panel = console.panel("Drone")
     packages = console.page.get_by_label("What becomes of the packages")
@@ -223,6 +227,10 @@ def test_a_mission_is_held_and_resumed(console: ConsolePage, system: Any) -> Non
     expect(packages).to_contain_text(re.compile("later|earlier"))
     console.confirm("the crowd has gone", after="A new plan is found")
     expect(panel.get_by_role("button", name="Hold")).to_be_visible()
+
+    delivery_id = system.operate("GET", f"/v1/missions/{mission}")["mission"]["delivery_id"]
+    ordered = console.show("deliveries", delivery_id).page.get_by_label("Who ordered what")
+    expect(ordered).to_contain_text("crowd at the station")
 
 
 def test_an_alarm_that_one_acknowledges_leaves_every_console(

@@ -3,7 +3,7 @@
 import {useEffect, useState} from "preact/hooks";
 
 import {html} from "../html.js";
-import {inWords, momentText} from "../words.js";
+import {durationText, inWords, momentText} from "../words.js";
 
 const LAST = ["completed", "partially_completed", "cancelled", "failed", "rejected"]
   .map((name) => `delivery.${name}`);
@@ -33,6 +33,14 @@ export function DeliveryEvents({path}) {
     </ol>`;
 }
 
+// What another plan changes for the packages: how much later than promised each one comes.
+const delays = (packages = []) => packages
+  .filter(({later_s}) => typeof later_s === "number")
+  .map(({package_id, later_s}) => later_s > 0
+    ? `${package_id} ${durationText(later_s)} later than promised`
+    : `${package_id} as promised`)
+  .join(", ");
+
 // "package.delivered" is "Package delivered".
 const nameOf = (type) => inWords(type.replace(".", " "));
 
@@ -44,5 +52,7 @@ function Event({event: {type, occurred_at, data}}) {
       ${data.package_id && ` ${data.package_id}`}
       ${data.code && html` <span class="tag">${inWords(data.code)}</span>`}
       ${data.detail && ` ${data.detail}`}
+      ${delays(data.packages) && html`<br /><small>${delays(data.packages)}</small>`}
+      ${data.given_up && html`<br /><small>Given up: ${inWords(data.given_up)}</small>`}
     </li>`;
 }

@@ -6,8 +6,9 @@ import {call, get} from "../api.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {pathTo} from "../routes.js";
-import {session} from "../session.js";
+import {isOperator, session} from "../session.js";
 import {inWords, money, momentText, shortId, stationName} from "../words.js";
+import {DeliveryAudit} from "./delivery_audit.js";
 import {DeliveryEvents} from "./delivery_events.js";
 import {Facts} from "./facts.js";
 import {attempt} from "./messages.js";
@@ -108,7 +109,9 @@ export function DeliveryPage({deliveryId, path: part}) {
       <div class="columns">
         <section><h2>What happened</h2><${DeliveryEvents} path=${path} /><${Proof} proof=${proof} /></section>
         <section><h2>Plan</h2><${Missions} missions=${delivery.missions ?? []} />
-          ${session.value.role === "customer" && html`<${TrackingBox} path=${path} />`}</section>
+          ${session.value.role === "customer" && html`<${TrackingBox} path=${path} />`}
+          ${isOperator() && html`<${DeliveryAudit} path=${path} missions=${delivery.missions ?? []}
+            changed=${`${state} ${activity}`} />`}</section>
       </div>
     </div>`;
 }
