@@ -11,6 +11,9 @@ TIME_TOLERANCE_S = 1e-6
 #: Two loads closer than this many kilograms are equal; they are sums of the same masses.
 LOAD_TOLERANCE_KG = 1e-9
 
+#: A moment that never comes, in milliseconds since 1970.
+NEVER_MS = 2**53
+
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 

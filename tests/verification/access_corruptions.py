@@ -62,6 +62,11 @@ ACCESS_CORRUPTIONS: Final = (
         gateway="UPDATE session_links SET code_hash = substr(code_hash, 1, 20)",
     ),
     Corruption(
+        "a login link that never ends",
+        "every moment and number is one that Skyway writes",
+        gateway="UPDATE session_links SET expires_wall_ms = 9223372036854775807",
+    ),
+    Corruption(
         "the key of a customer deleted",
         _KEYS,
         gateway="DELETE FROM api_keys WHERE role = 'customer'",

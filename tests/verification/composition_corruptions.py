@@ -11,6 +11,11 @@ _FORM: Final = "every stored text has its form"
 
 _STORAGE: Final = (
     Corruption(
+        "a change of custody at the end of the calendar",
+        "every moment and number is one that Skyway writes",
+        composition="UPDATE custody SET at_ms = 253402300800000",
+    ),
+    Corruption(
         "an index that lacks its rows",
         "every page of the database is whole",
         composition="PRAGMA writable_schema = ON; UPDATE sqlite_master SET sql = replace(sql,"

@@ -10,6 +10,16 @@ _CHANGES: Final = "the change numbers are not behind the changes"
 
 _REGISTRY: Final = (
     Corruption(
+        "a state of a drone at the end of the calendar",
+        "every moment and number is one that Skyway writes",
+        registry="UPDATE presence SET state_at_ms = 253402300800000 WHERE drone_id = :flying_drone",
+    ),
+    Corruption(
+        "a charge that is infinite",
+        "every moment and number is one that Skyway writes",
+        registry="UPDATE presence SET soc = 9e999 WHERE drone_id = :flying_drone",
+    ),
+    Corruption(
         "an index of the registry dropped",
         "every index and trigger of the newest migration exists",
         registry="DROP INDEX mission_hints_by_drone",

@@ -1,11 +1,14 @@
 """The rules of every service's database, whatever it stores, and of every outbox."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from functools import cache
 from typing import Any, Final
 
 from sqlalchemy import (
+    BigInteger,
+    Column,
     ColumnElement,
+    Float,
     ForeignKeyConstraint,
     MetaData,
     String,
@@ -16,17 +19,27 @@ from sqlalchemy import (
     exists,
     func,
     literal,
+    or_,
     select,
     text,
     union_all,
 )
 
+from skyway.bounds import LATEST
 from skyway.runtime.sql.claims import LONGEST_CLAIM_MS
 from skyway.runtime.verification.rule import Finder, Rule, Subjects, Survey, statement_text
+from skyway.units import NEVER_MS, moment_to_ms
 
 #: The most faults of pages that SQLite lists.
 _MOST_FAULTS: Final = 100
 
+
+#: A year after the last moment that a message may name: sums of moments and durations.
+_LAST_MOMENT_MS: Final = moment_to_ms(LATEST) + 366 * 86_400_000
+#: Every reader of JSON holds such a number exactly.
+_LARGEST_WHOLE: Final = 2**53
+#: Far beyond everything that is measured, and below infinity.
+_LARGEST_DOUBLE: Final = 1e300
 
 #: Senders wait a minute at most before they send a message again; clocks may differ. Wall ms.
 _LONGEST_WAIT_MS: Final = 600_000
@@ -59,6 +72,12 @@ def storage_rules(metadata: MetaData, *, triggers: Iterable[str] = ()) -> tuple[
             "every text is stored as text",
             _wrong_types(tables),
             "Something else than Skyway wrote this column. Restore the row from a backup.",
+        ),
+        Rule(
+            "every moment and number is one that Skyway writes",
+            union_of(found for table in tables for found in _out_of_bounds(table)),
+            "The row cannot be shown, and a list with it may be answered 500. Restore the row from "
+            "a backup, or set the column to what a neighbouring row has.",
         ),
         Rule(
             "no claim lasts longer than ten minutes",
@@ -160,6 +179,25 @@ def union_of(queries: Iterable[Subjects]) -> Subjects:
     """All subjects of several queries as one query."""
     every = union_all(*queries).subquery()
     return select(every)
+
+
+def _out_of_bounds(table: Table) -> Iterator[Subjects]:
+    """The rows with a moment outside of the calendar, or with a number that JSON does not hold."""
+    limits = [
+        or_(column < low, and_(column > high, column != NEVER_MS)) for column in table.c for low, high in _bounds_of(column)
+    ]
+    if limits:
+        yield select(literal(f"{table.name} ") + _key(table)).where(or_(*limits))
+
+
+def _bounds_of(column: Column[Any]) -> Iterator[tuple[float, float]]:
+    """The least and the greatest value; a double that is not a number is greater than all."""
+    if isinstance(column.type, BigInteger) and column.name.endswith("_ms"):
+        yield 0, _LAST_MOMENT_MS
+    elif isinstance(column.type, BigInteger):
+        yield -_LARGEST_WHOLE, _LARGEST_WHOLE
+    elif isinstance(column.type, Float):
+        yield -_LARGEST_DOUBLE, _LARGEST_DOUBLE
 
 
 def _long_claims(tables: Iterable[Table]) -> Finder:

@@ -14,7 +14,7 @@ from skyway.runtime.errors import RowRefused
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.scheduling.trip import NoTrip
-from skyway.units import moment_to_ms
+from skyway.units import NEVER_MS, moment_to_ms
 from skyway_composition.links.instruction_store import open_instructions
 from skyway_composition.missions.mission.end import abort, cancel
 from skyway_composition.missions.mission.instruct import hold
@@ -44,10 +44,6 @@ MOST_REVISIONS: Final = 40
 
 #: Wall time until planning is tried again when no plan was found. Our own choice.
 _RETRY_MS: Final = 2_000
-
-
-#: Planning is put off until another plan is requested.
-_NEVER_MS: Final = 2**53
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +117,8 @@ class Outcomes:
             current = work.missions.get(record.drone_id)
             if current is not None and current.mission_id == record.mission_id:
                 await stop_trying(work, current, trouble)
-                await put_off(tx, record.mission_id, until_wall_ms=_NEVER_MS)
+                # Until another plan is requested.
+                await put_off(tx, record.mission_id, until_wall_ms=NEVER_MS)
 
     async def stop_diverting(self, case: Case, reason: NoTrip) -> None:
         """Leave the drone held, because it cannot get to where an operator diverts it."""
