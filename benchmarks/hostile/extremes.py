@@ -50,21 +50,40 @@ _TEXTS: Final = (
 _OTHERS: Final[tuple[Any, ...]] = (None, True, [], {}, [[]] * 1_000, {"a": {"b": {"c": {}}}})
 
 
-def extreme_like(value: object, chance: random.Random) -> object:
-    """Another value that looks like this one."""
+#: One or two of each other type, for fields of any type.
+_OF_OTHER_TYPES: Final[tuple[Any, ...]] = (*_OTHERS, 2**70, -1, "", "\u0000")
+
+
+def extremes_like(value: object) -> tuple[object, ...]:
+    """All values that look like this one."""
     match value:
         case bool():
-            return not value
+            return (not value,)
         case int() | float():
-            return chance.choice(_NUMBERS)
+            return _NUMBERS
         case str() if value[:2] == "20":
-            return chance.choice(_MOMENTS)
+            return _MOMENTS
         case str():
-            return chance.choice(_TEXTS)
+            return _TEXTS
         case list():
-            return [chance.choice(_NUMBERS) for _ in value]
+            return tuple([number for _ in value] for number in _NUMBERS[:4])
         case _:
-            return {chance.choice(_TEXTS): chance.choice((*_NUMBERS, *_TEXTS))}
+            return ({"\u0000": 2**70}, {"x" * 10_000: "\ud800"})
+
+
+def extremes_for(value: object) -> tuple[object, ...]:
+    """All values that look like this one, and some of other types."""
+    return (*extremes_like(value), *_OF_OTHER_TYPES)
+
+
+def all_texts() -> tuple[str, ...]:
+    """All texts for a path or a query."""
+    return (*_TEXTS, *_MOMENTS, *(str(number) for number in _NUMBERS))
+
+
+def extreme_like(value: object, chance: random.Random) -> object:
+    """Another value that looks like this one."""
+    return chance.choice(extremes_like(value))
 
 
 def extreme(value: object, chance: random.Random) -> object:
@@ -76,7 +95,7 @@ def extreme(value: object, chance: random.Random) -> object:
 
 def extreme_text(chance: random.Random) -> str:
     """A text for a path or a query."""
-    return chance.choice((*_TEXTS, *_MOMENTS, *(str(number) for number in _NUMBERS)))
+    return chance.choice(all_texts())
 
 
 def with_extremes(document: Any, chance: random.Random, *, most: int = 3) -> Any:  # any JSON value

@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import aiohttp
+from skyway_drone_agent.enrolment.enrolled_drone import EnrolledDrone
 from yarl import URL
 
 from benchmarks.chaos.cast import Cast
 from benchmarks.chaos.faults.poison import extreme_payloads
-from benchmarks.hostile.calls import Forged, all_calls, forged_calls
+from benchmarks.hostile.calls import Forged, all_calls, every_variant, forged_calls
 from benchmarks.hostile.extremes import UNREADABLE, extreme_text
 from benchmarks.load.world import Customer
 from skyway.cli.gateway import GatewayApi
@@ -22,6 +23,7 @@ from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, TELEMETRY
 from skyway.ids import DeliveryId
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.client import MqttClient
+from skyway.runtime.signing.key_pair import PrivateKey
 
 #: Wall seconds: how long a rogue waits for an answer, and between two messages on the broker.
 _ANSWER_WITHIN_S: Final = 15.0
@@ -44,6 +46,10 @@ class Answers:
     deliveries: set[DeliveryId] = field(default_factory=set)
     is_over: bool = False
     messages: int = 0
+    #: Calls that each rogue has sent. The first `variants` of them are every extreme value at every
+    #: place, each once.
+    sent: Counter[str] = field(default_factory=Counter)
+    variants: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +80,7 @@ async def register_rogues(cast: Cast) -> Rogues:
         )
         subject = {"role": "provider", "subject_id": drone.provider_id}
         provider = await api.call("POST", "/v1/keys", key=key, body=subject)
+        drone_key = await _enrolled(api, drone, operator_key=key)
         issued = await api.call(
             "POST", "/v1/keys", key=key, body={"role": "customer", "subject_id": "rogue"}
         )
@@ -86,10 +93,26 @@ async def register_rogues(cast: Cast) -> Rogues:
     callers = (
         Rogue("customer", _authorized(customer.key)),
         Rogue("provider", _authorized(provider["key"])),
+        Rogue("drone", _authorized(drone_key)),
         Rogue("no key", {}),
         Rogue("wrong key", _authorized("sk_" + "x" * 5_000)),
     )
     return Rogues(callers, customer, _known(cast))
+
+
+async def _enrolled(api: GatewayApi, drone: EnrolledDrone, *, operator_key: str) -> str:
+    """The key of another drone of the rogue provider."""
+    drones = f"/v1/providers/{drone.provider_id}/drones"
+    body = {"model_id": drone.model.model_id, "home_station_id": drone.home_station_id}
+    other = await api.call("POST", drones, key=operator_key, body=body)
+    path = f"{drones}/{other['drone_id']}/enrolment-tokens"
+    token = await api.call("POST", path, key=operator_key)
+    enrolment = {
+        "enrolment_token": token["enrolment_token"],
+        "public_key": PrivateKey.new().public_key,
+    }
+    enrolled = await api.call("POST", "/v1/enrolments", key=operator_key, body=enrolment)
+    return str(enrolled["key"])
 
 
 def _authorized(key: str) -> dict[str, str]:
@@ -116,11 +139,16 @@ def _known(cast: Cast) -> dict[str, tuple[str, ...]]:
 async def attacking(cast: Cast, rogues: Rogues, *, seed: int) -> AsyncIterator[Answers]:
     """Let all rogues call and publish while the block lasts."""
     answers = Answers()
-    calling = [
-        asyncio.create_task(_call_again_and_again(cast, rogue, rogues, answers, f"{seed} {number}"))
-        for rogue in rogues.callers
-        for number in range(_TOGETHER)
-    ]
+    calls = all_calls()
+    answers.variants = sum(1 for call in calls for _ in every_variant(call))
+    calling = []
+    for rogue in rogues.callers:
+        chance = random.Random(f"{rogue.name} {seed}")
+        forged = forged_calls(calls, rogues.known, chance)
+        calling += [
+            asyncio.create_task(_call_again_and_again(cast, rogue, forged, answers))
+            for _ in range(_TOGETHER)
+        ]
     publishing = asyncio.create_task(_publish_without_end(cast, rogues, answers, seed))
     try:
         yield answers
@@ -135,16 +163,15 @@ async def attacking(cast: Cast, rogues: Rogues, *, seed: int) -> AsyncIterator[A
 
 
 async def _call_again_and_again(
-    cast: Cast, rogue: Rogue, rogues: Rogues, answers: Answers, seed: str
+    cast: Cast, rogue: Rogue, every: Iterator[Forged], answers: Answers
 ) -> None:
-    chance = random.Random(f"{rogue.name} {seed}")
     timeout = aiohttp.ClientTimeout(total=_ANSWER_WITHIN_S)
     url = cast.running.system.urls["gateway"]
     connector = aiohttp.TCPConnector(local_addr=(_ADDRESS, 0))
     async with aiohttp.ClientSession(
         connector=connector, timeout=timeout, headers=rogue.headers
     ) as client:
-        for forged in forged_calls(all_calls(), rogues.known, chance):
+        for forged in every:
             if answers.is_over:
                 return
             await _send(client, url, rogue, forged, answers)
@@ -167,6 +194,7 @@ async def _send(
         if not isinstance(error, TimeoutError):
             seen = type(error).__name__
     answers.counts[seen] += 1
+    answers.sent[rogue.name] += 1
     if seen == "202" and (named := _DELIVERY.search(text)):
         answers.deliveries.add(DeliveryId(named[0].decode()))
     if seen.startswith("5") or seen == "no answer":

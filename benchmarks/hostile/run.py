@@ -64,6 +64,11 @@ class Outcome:
             (answer, str(count)) for answer, count in sorted(self.answers.counts.items())
         ]
         rows.append(("messages published", str(self.answers.messages)))
+        most = self.answers.variants
+        rows += [
+            (f"extreme values, {name}", f"{min(sent, most)} of {most}")
+            for name, sent in self.answers.sent.items()
+        ]
         return Table("hostile-rogues", "How rogues were answered.", ("answer", "times"), rows)
 
     def _memory(self) -> Table:

@@ -5,22 +5,58 @@ import json
 import random
 from urllib.parse import urlsplit
 
-from benchmarks.hostile.calls import Call, all_calls, forged_calls
+from benchmarks.hostile.bodies import places, with_all_fields, with_value
+from benchmarks.hostile.calls import Body, Call, all_calls, every_variant, forged_calls
+from benchmarks.hostile.extremes import all_texts, extremes_for
 
+_OPTIONAL = {"anyOf": [{"type": "null"}, {"type": "integer"}]}
 KNOWN = {"delivery_id": ("dlv_1",), "station_id": ("sta_1",)}
-REQUEST = Call("post", "/v1/deliveries", (), (), {"pickup": {"station_id": "x"}, "n": 1})
-READ = Call("get", "/v1/deliveries/{delivery_id}", ("delivery_id",), ("limit",), None)
+EXAMPLE = {"pickup": {"station_id": "x"}, "n": 1}
+REQUEST = Call("post", "/v1/deliveries", (), (), (Body(EXAMPLE, EXAMPLE),))
+READ = Call("get", "/v1/deliveries/{delivery_id}", ("delivery_id",), ("limit",))
 
 
 def test_every_operation_of_the_document_is_called_and_bodies_have_examples() -> None:
     calls = all_calls()
 
     assert {"POST /v1/deliveries", "DELETE /v1/keys/{key_id}"} <= {each.name for each in calls}
-    first = {
-        each.call.name for each in itertools.islice(forged_calls(calls, {}, _chance()), len(calls))
+    forged = forged_calls(calls, {}, _chance())
+    assert len({each.call.name for each in itertools.islice(forged, 15_000)}) == len(calls)
+    bodies = {each.name: len(each.bodies) for each in calls}
+    # A request, or the choice of an offer.
+    assert (bodies["POST /v1/quotes"], bodies["POST /v1/deliveries"]) == (1, 2)
+
+
+def test_every_field_and_parameter_has_every_extreme_value_once() -> None:
+    read, request = [*every_variant(READ)], [*every_variant(REQUEST)]
+
+    assert len(read) == 1 + 2 * len(all_texts())
+    sent = [json.dumps(each.body, sort_keys=True) for each in request if each.raw is None]
+    for number in extremes_for(1):
+        assert json.dumps(EXAMPLE | {"n": number}, sort_keys=True) in sent
+    for text in extremes_for("x"):
+        wanted = EXAMPLE | {"pickup": {"station_id": text}}
+        assert json.dumps(wanted, sort_keys=True) in sent
+
+
+def test_a_field_that_the_example_leaves_out_is_tried_too() -> None:
+    schemas = {
+        "Body": {"properties": {"at": {"type": "string", "format": "date-time"}, "n": _OPTIONAL}},
     }
-    assert len(first) == len(calls)
-    assert all(each.body for each in calls if each.name == "POST /v1/quotes")
+
+    full = with_all_fields({"n": 5}, {"$ref": "#/components/schemas/Body"}, schemas)
+
+    assert full == {"n": 5, "at": "2026-03-02T08:17:00Z"}
+    assert [*places(full)] == [(), ("at",), ("n",)]
+    assert with_value({"n": 5}, full, ("at",), None) == {"n": 5, "at": None}
+
+
+def test_what_lies_around_a_field_is_added_with_it() -> None:
+    full = {"qos": {"providers": {"denied": ["x"]}}}
+
+    assert with_value({}, full, ("qos", "providers", "denied", 0), 7) == {
+        "qos": {"providers": {"denied": [7]}}
+    }
 
 
 def test_known_ids_stand_in_paths_and_bodies() -> None:
