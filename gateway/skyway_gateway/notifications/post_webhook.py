@@ -171,6 +171,11 @@ class Reply:
         )
 
     @property
+    def status_class(self) -> int | None:
+        """The class of the status, as 400: customers learn no more of what answers."""
+        return None if self.status is None else self.status // 100 * 100
+
+    @property
     def is_gone(self) -> bool:
         """Whether the receiver wants no more notifications: status 410."""
         return self.status == HTTPStatus.GONE
@@ -253,7 +258,7 @@ class WebhookPost:
         )
         response = await self._client.send(request, stream=True)
         await response.aclose()
-        detail = None if response.is_success else f"answered {response.status_code}"
+        detail = None if response.is_success else f"answered {response.status_code // 100}xx"
         return Reply(response.status_code, detail)
 
 

@@ -217,7 +217,7 @@ class WebhookSender:
             at=sent.at,
             duration_ms=sent.duration_ms,
             outcome=_outcome(sent.reply, wait_s),
-            status=sent.reply.status,
+            status=sent.reply.status_class,
             detail=sent.reply.detail,
             next_try_at=None if wait_s is None else sent.at + timedelta(seconds=wait_s),
         )

@@ -134,7 +134,11 @@ class WebhookAttempt(JsonModel):
         ),
     ]
     status: Annotated[
-        int | None, Field(description="The HTTP status of the answer; null without an answer.")
+        int | None,
+        Field(
+            description="The class of the answer's HTTP status: 200, 300, 400 or 500; null without "
+            "an answer."
+        ),
     ]
     detail: Annotated[str | None, Field(description="What went wrong; null on success.")]
     next_try_at: Annotated[

@@ -66,7 +66,7 @@ async def test_each_event_arrives_signed_in_sequence_under_its_id(
         assert body == event
         Webhook(webhook["secret"]).verify(raw, headers)
     assert [(one["outcome"], one["status"]) for one in await _attempts(gateway, webhook)] == [
-        ("DELIVERED", 204)
+        ("DELIVERED", 200)
     ] * 2
 
 
@@ -89,7 +89,7 @@ async def test_a_failed_notification_is_repeated_under_the_same_id(
     assert [(one["number"], one["outcome"], one["status"]) for one in attempts] == [
         (1, "FAILED", 500),
         (2, "FAILED", None),
-        (3, "DELIVERED", 204),
+        (3, "DELIVERED", 200),
     ]
     assert attempts[0]["next_try_at"] is not None
     assert attempts[2]["next_try_at"] is None
@@ -178,7 +178,22 @@ async def test_a_redirect_is_not_followed(gateway: Gateway, receiver: Receiver) 
     await _notify(gateway)
     assert len(receiver.received) == 1
     [attempt] = await _attempts(gateway, webhook)
-    assert (attempt["outcome"], attempt["status"]) == ("FAILED", 302)
+    assert (attempt["outcome"], attempt["status"]) == ("FAILED", 300)
+
+
+@pytest.mark.parametrize("status", [401, 404, 418])
+async def test_an_attempt_tells_only_the_class_of_the_answer(
+    gateway: Gateway, receiver: Receiver, status: int
+) -> None:
+    """A customer must not learn by webhooks what a server in our networks has."""
+    webhook = await _webhook(gateway, receiver.url)
+    receiver.answers = [status]
+    await gateway.accepted()
+    await _notify(gateway)
+
+    [attempt] = await _attempts(gateway, webhook)
+
+    assert (attempt["status"], attempt["detail"]) == (400, "answered 4xx")
 
 
 async def test_a_name_that_later_has_a_private_address_is_not_called(
