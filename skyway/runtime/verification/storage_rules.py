@@ -184,7 +184,9 @@ def union_of(queries: Iterable[Subjects]) -> Subjects:
 def _out_of_bounds(table: Table) -> Iterator[Subjects]:
     """The rows with a moment outside of the calendar, or with a number that JSON does not hold."""
     limits = [
-        or_(column < low, and_(column > high, column != NEVER_MS)) for column in table.c for low, high in _bounds_of(column)
+        or_(column < low, and_(column > high, column != NEVER_MS))
+        for column in table.c
+        for low, high in _bounds_of(column)
     ]
     if limits:
         yield select(literal(f"{table.name} ") + _key(table)).where(or_(*limits))
