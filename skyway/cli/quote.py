@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from skyway.bounds import printable
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import call_gateway
 from skyway.cli.request_options import (
@@ -92,7 +93,8 @@ def price_in_words(price: dict[str, Any]) -> str:
 def _provider_names(folder: DataFolder) -> dict[str, str]:
     """The names of the first 200 providers, by their ids."""
     page = call_gateway("GET", "/v1/providers?limit=200", key_name=CUSTOMER_KEY, folder=folder)
-    return {each["provider_id"]: each["name"] for each in page["items"]}
+    # Providers choose their names, and this is a customer's terminal.
+    return {each["provider_id"]: str(printable(each["name"])) for each in page["items"]}
 
 
 def _offers(answer: dict[str, Any], names: dict[str, str]) -> Iterator[str]:

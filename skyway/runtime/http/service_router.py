@@ -1,7 +1,8 @@
 """The routes of a service, and the JSON that they accept: UTF-8, finite, storable everywhere.
 
 Python's parser accepts more than JSON allows (NaN, UTF-16) and more than a database can store (NUL,
-lone surrogates, integers beyond 64 bits). Such values would fail far from here, as a 500.
+lone surrogates, integers beyond 64 bits). Such values would fail far from here, as a 500. Control
+characters would be obeyed by the terminals of others.
 """
 
 import asyncio
@@ -36,8 +37,11 @@ _SMALL_BYTES: Final = 256 * 1024
 
 _SURROGATES = re.compile("[\ud800-\udfff]")
 
+#: Characters that a terminal obeys instead of showing them; tabs and ends of lines are text.
+_CONTROL = re.compile("[\x01-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
+
 #: How values that cannot be stored look in the raw text; most bodies have none of them.
-_SUSPICIOUS = re.compile(rb"\\u|NaN|Infinity|[0-9]{19}|[eE]\+?[0-9]{3}")
+_SUSPICIOUS = re.compile(rb"\\[ubf]|\x7f|\xc2[\x80-\x9f]|NaN|Infinity|[0-9]{19}|[eE]\+?[0-9]{3}")
 
 
 class ServiceRouter(APIRouter):
@@ -183,6 +187,8 @@ def _text_faults(text: str) -> Iterator[str]:
         yield "holds the character U+0000"
     if _SURROGATES.search(text):
         yield "holds half of a surrogate pair"
+    if found := _CONTROL.search(text):
+        yield f"holds the control character U+{ord(found[0]):04X}"
 
 
 def _complaint(path: Path, reason: str, body: object) -> RequestValidationError:

@@ -227,3 +227,14 @@ def test_a_file_without_a_json_object_is_refused(
     assert result.exit_code == 1
     assert f"--file {file}: " in result.stderr
     assert gateway.called == []
+
+
+def test_the_terminal_obeys_nothing_in_the_name_of_a_provider(gateway: Gateway) -> None:
+    named = {"provider_id": "prv_1", "name": "Alamo\x1b[2J\r\nAccepted"}
+    gateway.answers[("GET", "/v1/providers")] = (200, {"items": [named]})
+
+    shown = runner.invoke(make_app(), ASKED, catch_exceptions=False).output
+
+    assert "\x1b" not in shown
+    assert "\r" not in shown
+    assert "Alamo [2J Accepted (prv_1)" in shown

@@ -44,6 +44,10 @@ async def test_an_invalid_body_is_refused(
         (b'{"notes": {"a": "\\u0000"}}', "notes.a"),
         (b'{"notes": {"a": "\\ud800"}}', "notes.a"),
         (b'{"notes": {"\\u0000": 1}}', "notes"),
+        (b'{"notes": {"a": "\\u001b]0;title\\u0007"}}', "notes.a"),
+        (b'{"notes": {"a": "\\b"}}', "notes.a"),
+        (b'{"notes": {"a": "\x7f"}}', "notes.a"),
+        (b'{"notes": {"a": "\xc2\x9b2J"}}', "notes.a"),
         (b'{"notes": ' + b'{"a":' * 200 + b"1" + b"}" * 201, "body"),
     ],
 )
