@@ -31,6 +31,7 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "PAYLOAD_CUT": "Only the begin of this message was kept, so it cannot be handled.",
     "QUOTE_EXPIRED": "The offer is no longer valid; ask for another quote.",
     "QUOTE_TAKEN": "Another offer of this quote was accepted before.",
+    "PROVIDER_SUSPENDED": "An operator has suspended the provider, so it registers no drones.",
     "REGISTRATION_TAKEN": "Another drone of this provider has this registration.",
     "REPLANNING": "The drone has not answered its new plan yet.",
     "STATION_ELSEWHERE": "A station id belongs to another network.",

@@ -1,4 +1,4 @@
-"""How many drones a provider may have."""
+"""Whether a provider may have more drones, and how many."""
 
 from dataclasses import dataclass
 
@@ -8,8 +8,9 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.contracts.drone_key import DroneQuota
 from skyway.ids import ProviderId
 from skyway.runtime.errors import Conflict
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.sql.database import Database, Tx
-from skyway_provider_registry.tables import drones
+from skyway_provider_registry.tables import drones, providers
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +32,19 @@ class DroneLimit:
         if used + new > self.most:
             detail = f"the limit is {self.most} drones of a provider; it has {used}"
             raise Conflict("TOO_MANY_DRONES", detail)
+
+    async def refuse_suspended(self, tx: Tx, provider_id: ProviderId, *, caller: Caller) -> None:
+        """Go on unless this is a suspended provider; operators may register drones for it.
+
+        Raises
+        ------
+        Conflict
+            PROVIDER_SUSPENDED.
+        """
+        state = select(providers.c.state).where(providers.c.provider_id == provider_id)
+        if caller.role == "provider" and await tx.connection.scalar(state) == "SUSPENDED":
+            detail = "a suspended provider registers no drones: ask an operator"
+            raise Conflict("PROVIDER_SUSPENDED", detail)
 
     async def quota(self, provider_id: ProviderId) -> DroneQuota:
         """How many drones the provider may have, and has."""

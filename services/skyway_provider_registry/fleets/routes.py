@@ -231,7 +231,9 @@ def registration_routes(
         "/v1/providers/{provider_id}/drones",
         status_code=201,
         response_model=RegisteredDrone | RegisteredDrones,
-        responses=conflicts("NO_NETWORK", "REGISTRATION_TAKEN", "TOO_MANY_DRONES"),
+        responses=conflicts(
+            "NO_NETWORK", "PROVIDER_SUSPENDED", "REGISTRATION_TAKEN", "TOO_MANY_DRONES"
+        ),
     )
     async def register_drones(
         provider_id: ProviderId,
@@ -252,6 +254,7 @@ def registration_routes(
         answer = await asyncio.to_thread(form, ready)
 
         async def act(tx: Tx) -> Answer:
+            await limit.refuse_suspended(tx, provider_id, caller=caller)
             await limit.refuse_too_many(tx, provider_id, new=len(new_drones))
             await store_drones(tx, ready)
             return answer

@@ -214,3 +214,18 @@ async def test_a_provider_has_at_most_so_many_drones(api: Any) -> None:
     assert refused.json()["code"] == "TOO_MANY_DRONES"
     quota = await api(None, "GET", f"/internal/providers/{provider_id}/drone-quota")
     assert quota.json() == {"most": 6_000, "used": 5_000}
+
+
+async def test_a_suspended_provider_registers_no_drones(api: Any) -> None:
+    provider_id = await api.provider()
+    path = f"/v1/providers/{provider_id}"
+    await api("operator:op", "PATCH", path, {"state": "SUSPENDED"})
+
+    refused = await api(f"provider:{provider_id}", "POST", f"{path}/drones", DRONE)
+    by_operator = await api("operator:op", "POST", f"{path}/drones", DRONE)
+
+    assert (refused.status_code, refused.json()["code"]) == (409, "PROVIDER_SUSPENDED")
+    assert by_operator.status_code == 201
+    await api("operator:op", "PATCH", path, {"state": "ACTIVE"})
+    again = await api(f"provider:{provider_id}", "POST", f"{path}/drones", DRONE)
+    assert again.status_code == 201
