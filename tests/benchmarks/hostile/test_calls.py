@@ -35,8 +35,8 @@ def test_every_field_and_parameter_has_every_extreme_value_once() -> None:
     for number in extremes_for(1):
         assert json.dumps(EXAMPLE | {"n": number}, sort_keys=True) in sent
     for text in extremes_for("x"):
-        wanted = EXAMPLE | {"pickup": {"station_id": text}}
-        assert json.dumps(wanted, sort_keys=True) in sent
+        changed = EXAMPLE | {"pickup": {"station_id": text}}
+        assert json.dumps(changed, sort_keys=True) in sent
 
 
 def test_a_field_that_the_example_leaves_out_is_tried_too() -> None:

@@ -182,7 +182,7 @@ async def test_a_redirect_is_not_followed(gateway: Gateway, receiver: Receiver) 
 
 
 @pytest.mark.parametrize("status", [401, 404, 418])
-async def test_an_attempt_tells_only_the_class_of_the_answer(
+async def test_an_attempt_shows_only_the_class_of_the_answer(
     gateway: Gateway, receiver: Receiver, status: int
 ) -> None:
     """A customer must not learn by webhooks what a server in our networks has."""
