@@ -30,6 +30,7 @@ from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarm_routes import alarm_routes, drone_alarm_routes
 from skyway_composition.closures.routes import area_routes, place_routes
+from skyway_composition.closures.span_routes import span_routes
 from skyway_composition.gauges import CompositionGauges
 from skyway_composition.links.renewal_routes import renewal_routes
 from skyway_composition.live.routes import live_routes
@@ -110,6 +111,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             ),
             place_routes(gate=gate, closings=parts.closings),
             area_routes(gate=gate, closings=parts.closings),
+            span_routes(gate=gate, closings=parts.closings),
             alarm_routes(db=db, gate=gate, clock=clock),
             drone_alarm_routes(db=db, gate=gate, mint=parts.mint),
             renewal_routes(db=db, gate=gate),

@@ -67,6 +67,19 @@ def shown_network(page: Page, name: str) -> None:
     page.get_by_label("Network").select_option(name)
 
 
+def click_map(page: Page, position: str) -> None:
+    """Click the map at a position, an expression of JavaScript in which `drones` is its layer."""
+    x, y = page.evaluate(
+        f"""() => {{
+          const {{map, drones}} = {MAP};
+          const {{x, y}} = map.project({position});
+          const {{left, top}} = map.getCanvas().getBoundingClientRect();
+          return [x + left, y + top];
+        }}"""
+    )
+    page.mouse.click(x, y)
+
+
 def test_an_operator_sees_a_drone_move_and_opens_its_plan(
     console: ConsolePage, system: Any
 ) -> None:
@@ -96,16 +109,7 @@ def test_a_click_on_the_map_opens_what_is_there(console: ConsolePage, system: An
     page.wait_for_function(
         f"() => {MAP}.drones.stations.some(({{stationId}}) => stationId === 'clicked-t3')"
     )
-    x, y = page.evaluate(
-        f"""() => {{
-          const {{map, drones}} = {MAP};
-          const found = drones.stations.find(({{stationId}}) => stationId === 'clicked-t3');
-          const {{x, y}} = map.project(found.position);
-          const {{left, top}} = map.getCanvas().getBoundingClientRect();
-          return [x + left, y + top];
-        }}"""
-    )
-    page.mouse.click(x, y)
+    click_map(page, "drones.stations.find(({stationId}) => stationId === 'clicked-t3').position")
 
     expect(console.panel("Station")).to_contain_text("Clicked T3")
 
@@ -380,16 +384,22 @@ def test_an_operator_sees_how_the_services_are(console: ConsolePage, system: Any
 
 def test_a_past_hour_is_played_again(console: ConsolePage, system: Any) -> None:
     drone = fleet(system, "played")["drones"][0]["drone_id"]
+    system.operate("POST", "/v1/stations/played-t5/closures", {"reason": "fog"})
     delivery_id = system.request_delivery(["played-s2"], pickup="played-s1")
     system.until_state(delivery_id, "COMPLETED")
+    console.page.reload()
+    shown_network(console.page, "played")
     page = console.show("replay").page
     expect(page.locator(".player")).to_contain_text("measured something")
+    expect(page.get_by_label("What happened")).to_contain_text("Station Played T5 closed")
     page.get_by_label("Speed").select_option("600")
     page.get_by_role("button", name="Play", exact=True).click()
     longitude = f"{DRAWN}.get('{drone}')?.drone.position[0]"
-    page.wait_for_function(f"() => {longitude} > -97.8")
+    page.wait_for_function(f"() => {longitude} > -97.87")
+    page.get_by_role("button", name="Pause").click()
 
-    expect(page.get_by_role("button", name="Pause")).to_be_visible()
+    click_map(page, f"drones.tracks.get('{drone}').drone.position")
+    page.wait_for_function(f"() => {MAP}.data.plan.features.length > 0")
 
 
 def test_a_station_is_drawn_where_the_map_has_it(console: ConsolePage, system: Any) -> None:

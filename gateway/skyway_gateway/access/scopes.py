@@ -100,6 +100,7 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
     "missions:read": (
         "GET /v1/missions",
         "GET /v1/missions/{mission_id}",
+        "GET /v1/drones/{drone_id}/plans",
         "GET /v1/drones/{drone_id}/schedule",
         f"GET {_PROVIDER}/schedule",
         "GET /v1/stats/missions",
@@ -120,6 +121,7 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         "GET /v1/stations/{station_id}/reservations",
         "GET /v1/stations/{station_id}/schedule",
         "GET /v1/stats/pads",
+        "GET /v1/closures",
         *(f"GET {path}" for path in _CLOSURES),
     ),
     "network:write": (

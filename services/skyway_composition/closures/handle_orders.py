@@ -220,7 +220,7 @@ async def page_of_kind(
     if station_id is not None:
         await closings.around(station_id)
     after = query.after(str)
-    shown_ones = ClosureFilter(
+    chosen = ClosureFilter(
         kind=kind,
         lasting_beyond_ms=None if query.all else closings.now_ms,
         station_id=station_id,
@@ -229,9 +229,9 @@ async def page_of_kind(
     )
     async with closings.db.read() as connection:
         rows = await store.page(
-            connection, shown_ones, after=str(after[0]) if after else "", limit=query.limit + 1
+            connection, chosen, after=str(after[0]) if after else "", limit=query.limit + 1
         )
-    return page_of(rows, query, item=_shown, sort_key=lambda row: (row.closure_id,))
+    return page_of(rows, query, item=shown, sort_key=lambda row: (row.closure_id,))
 
 
 async def lift(
@@ -265,7 +265,7 @@ async def lift(
     await closings.lift(closure)
 
 
-def _shown(closure: Closure) -> ClosureInfo:
+def shown(closure: Closure) -> ClosureInfo:
     """A closure as lists show it."""
     return ClosureInfo(closure_id=closure.closure_id, **_members(closure))
 

@@ -6,6 +6,7 @@ from typing import Any, Final
 from sqlalchemy import Row, bindparam, insert, or_, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.contracts.statistics import Span
 from skyway.geo import Position
 from skyway.ids import ClosureId, NetworkId, StationId
 from skyway.runtime.errors import NotFound
@@ -150,6 +151,25 @@ async def page(
             or_(closures.c.until_ms.is_(None), closures.c.until_ms > shown.lasting_beyond_ms),
         )
     return [_closure(row) for row in await connection.execute(query)]
+
+
+async def page_in_span(
+    connection: AsyncConnection, span: Span, *, after: str, limit: int
+) -> list[Closure]:
+    """The closures of every kind that were or will be in force in the span, by their ids."""
+    columns = closures.c
+    found = await connection.execute(
+        select(closures)
+        .where(
+            columns.closure_id > after,
+            columns.from_ms < span.end_ms,
+            or_(columns.until_ms.is_(None), columns.until_ms > span.start_ms),
+            or_(columns.lifted_ms.is_(None), columns.lifted_ms > span.start_ms),
+        )
+        .order_by(columns.closure_id)
+        .limit(limit)
+    )
+    return [_closure(row) for row in found]
 
 
 async def outages(

@@ -1,15 +1,27 @@
 """All SQL of instructions: what was sent to each drone, and how the drone answered."""
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from sqlalchemy import Row, bindparam, func, insert, literal_column, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.instruction import AnyInstruction, CancelInstruction
+from skyway.contracts.instruction import (
+    AnyInstruction,
+    CancelInstruction,
+    DivertInstruction,
+    MissionInstruction,
+    ReturnHomeInstruction,
+)
 from skyway.ids import DroneId, InstructionId, MissionId
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.in_list import in_list
 from skyway_composition.links.link import DroneLink
 from skyway_composition.tables import instructions
+
+#: An instruction that brings steps.
+PlanInstruction = MissionInstruction | DivertInstruction | ReturnHomeInstruction
 
 #: States of an instruction that the drone has neither accepted nor rejected.
 _OPEN = ("SENT", "RECEIVED")
@@ -42,6 +54,31 @@ _ANSWER: Final = (
         instructions.c.mission_revision,
     )
 )
+
+
+_BODIES: Final[Mapping[str, type[PlanInstruction]]] = {
+    "MISSION": MissionInstruction,
+    "DIVERT": DivertInstruction,
+    "RETURN_HOME": ReturnHomeInstruction,
+}
+
+_PLANS: Final = (
+    select(instructions.c.kind, instructions.c.status, instructions.c.body)
+    .where(
+        in_list(instructions.c.mission_id, "mission_ids"),
+        instructions.c.kind.in_(tuple(_BODIES)),
+        instructions.c.status != "REISSUED",
+    )
+    .order_by(instructions.c.stream, instructions.c.seq)
+)
+
+
+@dataclass(frozen=True, slots=True)
+class SentPlan:
+    """An instruction that brought steps, and whether the drone has accepted it."""
+
+    instruction: PlanInstruction
+    is_accepted: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +182,17 @@ async def kind_of_revision(tx: Tx, mission_id: MissionId, revision: int) -> str 
         .limit(1)
     )
     return found.scalar_one_or_none()
+
+
+async def plans_sent(
+    connection: AsyncConnection, mission_ids: Collection[MissionId]
+) -> list[SentPlan]:
+    """The plans of these missions in sending order; a plan that was sent again counts once."""
+    found = await connection.execute(_PLANS, {"mission_ids": [*mission_ids]})
+    return [
+        SentPlan(_BODIES[row.kind].read(row.body), is_accepted=row.status == "ACCEPTED")
+        for row in found
+    ]
 
 
 async def answered(

@@ -1,4 +1,5 @@
-// A past hour again, at 1 to 600 times its speed: where the drones were, and the alarms of that time.
+// A past hour again, at 1 to 600 times its speed: where the drones were, what was closed, the alarms
+// of that time, and the plan of the drone that is clicked.
 
 import {useEffect, useRef, useState} from "preact/hooks";
 
@@ -8,8 +9,10 @@ import {html} from "../html.js";
 import {FleetMap} from "../map/fleet_map.js";
 import {listNetworks, networkContent, shownNetwork} from "../networks.js";
 import {inWords, momentText} from "../words.js";
+import {closureName} from "../parts/closures.js";
 import {dronesAt, readRecord} from "../parts/flight_record.js";
 import {attempt} from "../parts/messages.js";
+import {closuresAt, missionAt, readClosures, readPlans} from "../parts/past_plans.js";
 
 const HOUR_MS = 3_600_000;
 const SPEEDS = [1, 10, 60, 120, 300, 600];
@@ -21,10 +24,12 @@ function localText(ms) {
   return new Date(ms - date.getTimezoneOffset() * 60_000).toISOString().slice(0, 16);
 }
 
-function useMap(container) {
+// The map, and whether the network is on it.
+function useMap(container, onDrone) {
   const map = useRef(null);
+  const [isShown, setShown] = useState(false);
   useEffect(() => {
-    const made = new FleetMap(container.current, () => null);
+    const made = new FleetMap(container.current, ({droneId}) => onDrone(droneId ?? null));
     map.current = made;
     container.current.fleetMap = made;
     attempt(async () => {
@@ -33,11 +38,11 @@ function useMap(container) {
       const content = await networkContent(shownNetwork.value);
       await made.isReady;
       made.showNetwork(content);
-      made.showStations({}, {});
+      setShown(true);
     });
     return () => made.remove();
   }, []);
-  return map;
+  return [map, isShown];
 }
 
 // The moment that is shown; it runs while `isPlaying`.
@@ -58,23 +63,42 @@ async function alarmsOf({from, until}) {
   return items.filter(({at}) => Date.parse(at) >= from && Date.parse(at) <= until).reverse();
 }
 
+const NOTHING = {record: new Map(), alarms: [], closures: []};
+
 function useRecord(span) {
-  const [read, setRead] = useState({record: new Map(), alarms: [], text: "Reading…"});
+  const [read, setRead] = useState({...NOTHING, text: "Reading…"});
   useEffect(() => {
     let isGone = false;
     const show = (next) => isGone || setRead(next);
     attempt(async () => {
-      const alarms = await alarmsOf(span);
+      const [alarms, closures] = await Promise.all([alarmsOf(span), readClosures(span)]);
       const {record, isCut} = await readRecord(span, (done, of) => show(
-        {record: new Map(), alarms, text: `Reading ${done} of ${of} drones…`}));
+        {...NOTHING, alarms, closures, text: `Reading ${done} of ${of} drones…`}));
       const kept = record.size === 1 ? "1 drone" : `${record.size} drones`;
       const cut = isCut ? ", of the first 300" : "";
-      show({record, alarms, text: record.size ? `${kept} measured something${cut}.`
+      show({record, alarms, closures, text: record.size ? `${kept} measured something${cut}.`
         : "Nothing is kept of this hour."});
     });
     return () => (isGone = true);
   }, [span.from, span.until]);
   return read;
+}
+
+// The plans of the chosen drone in the span.
+function usePlans(droneId, span) {
+  const [plans, setPlans] = useState([]);
+  useEffect(() => {
+    let isGone = false;
+    setPlans([]);
+    if (droneId !== null) {
+      attempt(async () => {
+        const found = await readPlans(droneId, span);
+        if (!isGone) setPlans(found);
+      });
+    }
+    return () => (isGone = true);
+  }, [droneId, span.from, span.until]);
+  return plans;
 }
 
 function Controls({span, onSpan, atMs, onAt, speed, onSpeed, isPlaying, onPlay, text}) {
@@ -96,15 +120,37 @@ function Controls({span, onSpan, atMs, onAt, speed, onSpeed, isPlaying, onPlay, 
     </div>`;
 }
 
+const jump = (moment, onAt) => html`
+  <button class="small" onClick=${() => onAt(Date.parse(moment))}>${momentText(moment)}</button>`;
+
+function Happenings({alarms, closures, onAt}) {
+  if (alarms.length + closures.length === 0) return null;
+  return html`
+    <aside class="legend" aria-label="What happened in this hour">
+      <ul>
+        ${alarms.map(({alarm_id, at, code}) => html`
+          <li key=${alarm_id}>${jump(at, onAt)} ${inWords(code)}</li>`)}
+        ${closures.map((each) => html`
+          <li key=${each.closure_id}>${jump(each.from_at, onAt)} ${closureName(each)}${each.kind === "GROUND_STOP" ? "" : " closed"}</li>`)}
+      </ul>
+    </aside>`;
+}
+
 export function ReplayView() {
   const container = useRef(null);
-  const map = useMap(container);
+  const [droneId, setDrone] = useState(null);
+  const [map, isShown] = useMap(container, setDrone);
   const [span, setSpan] = useState(() => ({from: fleetNow() - HOUR_MS, until: fleetNow()}));
   const [isPlaying, setPlaying] = useState(false);
   const [speed, setSpeed] = useState(60);
-  const {record, alarms, text} = useRecord(span);
+  const {record, alarms, closures, text} = useRecord(span);
   const [atMs, setAt] = usePlayer(span, isPlaying, speed);
-  useEffect(() => map.current.drones.show(dronesAt(record, atMs)), [record, atMs]);
+  const plans = usePlans(droneId, span);
+  const drones = dronesAt(record, atMs);
+  const closed = closuresAt(closures, atMs);
+  useEffect(() => map.current.drones.show(drones), [record, atMs]);
+  useEffect(() => map.current.showPlan(missionAt(plans, atMs), drones[droneId]), [plans, record, atMs]);
+  useEffect(() => map.current.showStations({}, closed), [isShown, Object.keys(closed).join()]);
   return html`
     <div class="replay-view">
       <h1 class="hidden">Replay</h1>
@@ -112,12 +158,7 @@ export function ReplayView() {
         onSpeed=${setSpeed} isPlaying=${isPlaying} onPlay=${setPlaying} text=${text} />
       <div class="map-view">
         <div class="map" ref=${container} role="application" aria-label="Map of a past hour"></div>
-        ${alarms.length > 0 && html`
-          <aside class="legend" aria-label="Alarms of this hour">
-            <ul>${alarms.map(({alarm_id, at, code}) => html`
-              <li key=${alarm_id}><button class="small" onClick=${() => setAt(Date.parse(at))}>
-                ${momentText(at)}</button> ${inWords(code)}</li>`)}</ul>
-          </aside>`}
+        <${Happenings} alarms=${alarms} closures=${closures} onAt=${setAt} />
       </div>
     </div>`;
 }

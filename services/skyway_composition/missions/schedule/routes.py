@@ -13,6 +13,8 @@ from skyway.runtime.http.paging import page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
+from skyway_composition.closures.past_span import PastSpanQuery
+from skyway_composition.links.instruction_store import plans_sent
 from skyway_composition.links.store import link_to
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.schedule import store
@@ -25,6 +27,7 @@ from skyway_composition.missions.schedule.schedule import (
     schedule_of,
     station_schedule,
 )
+from skyway_composition.missions.schedule.sent_plans import DronePlans, drone_plan
 from skyway_composition.pads.store import pads_of, reservations_of
 
 #: More than a station's pads can hold in the time that missions are booked ahead.
@@ -77,6 +80,34 @@ def schedule_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Se
             records = await store.open_of_drone(connection, drone_id)
             flown = await store.flown_times(connection, records)
         return schedule_of(drone_id, link.provider_id, records, flown=flown, now=clock.now())
+
+    @router.get("/v1/drones/{drone_id}/plans")
+    async def get_drone_plans(
+        drone_id: DroneId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[PastSpanQuery, Query()],
+    ) -> DronePlans:
+        """Show the plans that a drone was sent for its missions in a span of at most a day.
+
+        Missions that were refused or cancelled are not shown.
+        """
+        caller.must_be("operator", "provider")
+        now = clock.now()
+        span = query.span(now)
+        async with db.survey() as connection:
+            link = await link_to(connection, drone_id)
+            if link is None or not _may_see(caller, link.provider_id):
+                raise NotFound("drone", drone_id)
+            mission_ids = await store.missions_of_drone(
+                connection, drone_id, span, now_ms=moment_to_ms(now)
+            )
+            sent = await plans_sent(connection, mission_ids)
+        return DronePlans(
+            drone_id=drone_id,
+            from_at=span.from_at,
+            to_at=span.to_at,
+            plans=tuple(map(drone_plan, sent)),
+        )
 
     @router.get("/v1/providers/{provider_id}/schedule")
     async def get_provider_schedule(

@@ -84,6 +84,18 @@ async def missions_in_span(
     return [read_record(row) for row in found]
 
 
+async def missions_of_drone(
+    connection: AsyncConnection, drone_id: DroneId, span: Span, *, now_ms: int
+) -> list[MissionId]:
+    """The missions of a drone in the span, in the order of their starts."""
+    query = (
+        select(missions.c.mission_id)
+        .where(missions.c.drone_id == drone_id, _is_in(span, now_ms))
+        .order_by(missions.c.start_ms, missions.c.mission_id)
+    )
+    return list((await connection.execute(query)).scalars())
+
+
 def _is_in(span: Span, now_ms: int) -> ColumnElement[bool]:
     """Whether a mission was, or will be, in the span; a mission that is late lasts until now."""
     is_late_in_it = is_open if span.start_ms <= now_ms else ~true()

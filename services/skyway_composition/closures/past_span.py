@@ -1,0 +1,51 @@
+"""The span of a replay: an hour up to now, unless said otherwise."""
+
+from datetime import datetime, timedelta
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from skyway.bounds import EARLIEST
+from skyway.contracts.message import FleetMoment
+from skyway.contracts.statistics import Span
+from skyway.errors import InvalidInput
+from skyway.json_model import JsonModel
+from skyway.units import moment_to_ms
+
+#: The longest span of one call. Our own choice.
+LONGEST_REPLAY: Final = timedelta(days=1)
+
+_DEFAULT: Final = timedelta(hours=1)
+
+
+class PastSpanQuery(JsonModel):
+    """``?from=&to=``: up to now, and an hour, unless said otherwise."""
+
+    from_at: Annotated[
+        FleetMoment | None,
+        Field(alias="from", description="Start of the span, fleet time; without it an hour."),
+    ] = None
+    to_at: Annotated[
+        FleetMoment | None,
+        Field(
+            alias="to",
+            description="End of the span, fleet time; without it now. A span is at most a day.",
+        ),
+    ] = None
+
+    def span(self, now: datetime) -> Span:
+        """The span that is meant.
+
+        Raises
+        ------
+        InvalidInput
+            It ends before it begins, or it is too long.
+        """
+        to_at = self.to_at or now
+        from_at = self.from_at or max(EARLIEST, to_at - _DEFAULT)
+        if from_at >= to_at:
+            detail = f"{from_at.isoformat()} must be before `to`, {to_at.isoformat()}"
+            raise InvalidInput("from", detail)
+        if to_at - from_at > LONGEST_REPLAY:
+            raise InvalidInput("to", "the span is longer than a day")
+        return Span(moment_to_ms(from_at), moment_to_ms(to_at))
