@@ -138,7 +138,7 @@ class QoS(JsonModel):
         Field(description="The last delivery must be over by then, RFC 3339 UTC, fleet time."),
     ] = None
     max_price: Annotated[
-        Annotated[int, Field(ge=0)] | None,
+        Annotated[int, Field(ge=0, le=2**63 - 1)] | None,
         Field(description="The most that it may cost, in minor units."),
     ] = None
     providers: Annotated[ProviderChoice, Field(description="Which providers may serve.")] = (

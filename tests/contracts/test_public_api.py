@@ -124,6 +124,26 @@ def test_every_problem_answer_has_examples_of_its_types_and_codes() -> None:
                 assert [example["code"] for example in examples] == shown["x-codes"], name
 
 
+def test_every_whole_number_of_a_body_has_a_largest_value() -> None:
+    """A number that no column holds would break a statement far from the call."""
+    schemas = DOCUMENT["components"]["schemas"]
+    sent = json.dumps([each.get("requestBody", {}) for _, each in operations()])
+    reached: dict[str, str] = {}
+    while new := set(re.findall(r'schemas/(\w+)"', sent)) - reached.keys():
+        reached |= {name: json.dumps(schemas[name]) for name in new}
+        sent = "".join(reached.values())
+
+    unbounded = [
+        f"{name}.{field}"
+        for name in sorted(reached)
+        for field, given in schemas[name].get("properties", {}).items()
+        for each in (given, *given.get("anyOf", ()))
+        if each.get("type") == "integer" and not {"maximum", "exclusiveMaximum"} & each.keys()
+    ]
+
+    assert unbounded == []
+
+
 def test_every_code_of_a_conflict_is_described_and_shown_by_an_operation() -> None:
     raised = {
         code

@@ -30,6 +30,7 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.networks.prepared import NOTHING_PUBLISHED, PreparedNetworks
+from skyway_composition.networks.routes import MAX_VERSION
 from skyway_composition.networks.settings import NetworkDocument
 from skyway_composition.networks.store import has_networks
 from skyway_composition.planning.no_shows import NoShows
@@ -48,7 +49,11 @@ class NetworkReference(JsonModel):
     network_id: Annotated[NetworkId, Field(description="Id of the published network.")]
     version: Annotated[
         int | None,
-        Field(ge=1, description="Number of the version; without it the current version."),
+        Field(
+            ge=1,
+            le=MAX_VERSION,
+            description="Number of the version; without it the current version.",
+        ),
     ] = None
 
     @classmethod

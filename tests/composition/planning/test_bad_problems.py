@@ -91,6 +91,18 @@ async def test_a_wrong_field_is_named_with_a_published_network_too(
             assert any(field.startswith(bad.field) for field in fields)
 
 
+@pytest.mark.parametrize("version", [0, 2**31, 2**40, 2**53])
+async def test_a_version_that_no_column_holds_is_named(
+    composition: Any, bad_problems: Any, version: int
+) -> None:
+    network = {"network_id": "row", "version": version}
+
+    answer = await post(composition, bad_problems[0].document | {"network": network})
+
+    assert answer.status_code == 422
+    assert [fault["field"] for fault in answer.json()["errors"]] == ["network.version"]
+
+
 async def test_given_reservations_may_overlap_stored_ones(composition: Any, make: Any) -> None:
     await composition.publish(make.network(pads={"b": 1}))
     await composition.book()
