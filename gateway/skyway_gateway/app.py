@@ -110,7 +110,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 stream=EventStream(db, parts.listeners),
                 slots=parts.streams,
             ),
-            earnings_routes(db=db, gate=gate),
+            earnings_routes(db=db, gate=gate, reporting=parts.reporting),
             live_routes(gate=gate, feed=parts.live, slots=parts.streams, meters=parts.meters),
             link_routes(db=db, gate=gate, links=parts.links),
             page_routes(
@@ -144,7 +144,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             provider_routes(
                 db=db, gate=gate, registry=parts.clients["registry"], keys=keys, clock=clock
             ),
-            statistics_routes(db=db, gate=gate, clock=clock),
+            statistics_routes(db=db, gate=gate, clock=clock, reporting=parts.reporting),
             audit_routes(db=db, gate=gate),
             limit_routes(
                 gate=gate,
@@ -164,6 +164,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 changes=parts.waker,
                 meters=parts.meters,
                 planning=parts.composing,
+                reporting=parts.reporting,
             ),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
             console_routes(base_map=parts.base_map),

@@ -53,6 +53,8 @@ from skyway_gateway.tracking_links import TRACKING_PATHS, TrackingLinks
 #: Quotes and problems of one tenant that are planned at the same time.
 _QUOTES_PER_TENANT: Final = 2
 _COMPOSITIONS_PER_TENANT: Final = 1
+#: Reports of one tenant that are read at the same time.
+_REPORTS_PER_TENANT: Final = 2
 
 #: Streams of tracking pages of one delivery that may be open.
 _FOLLOWERS_OF_A_DELIVERY: Final = 20
@@ -156,6 +158,12 @@ def build_parts(
             "COMPOSITIONS",
             at_once=settings.compositions_at_once,
             per_tenant=_COMPOSITIONS_PER_TENANT,
+            most_waiting=settings.plans_waiting_per_tenant,
+        ),
+        reporting=FairQueue(
+            "REPORTS",
+            at_once=settings.reports_at_once,
+            per_tenant=_REPORTS_PER_TENANT,
             most_waiting=settings.plans_waiting_per_tenant,
         ),
         trials=Slots("WEBHOOK_TESTS", _TRIALS_AT_ONCE),

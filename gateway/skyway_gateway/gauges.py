@@ -59,6 +59,7 @@ class GatewayGauges:
             *_stored("webhooks", stored.webhooks, now_ms=wall_ms),
             _depth("quotes", parts.quoting.depth),
             _depth("problems", parts.composing.depth),
+            _depth("reports", parts.reporting.depth),
         ]
 
     async def _live(self) -> list[Gauge]:

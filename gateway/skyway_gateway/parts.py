@@ -84,9 +84,10 @@ class Parts:
     webhook_quota: WebhookQuota
     streams: Slots
     trials: Slots
-    #: Two queues: a problem may take seconds, and no quote waits for it.
+    #: Three queues: a problem may take seconds, and no quote or report waits for it.
     quoting: FairQueue
     composing: FairQueue
+    reporting: FairQueue
     stream_usage: StreamUsage
     drone_usage: DroneUsage
     waker: Waker

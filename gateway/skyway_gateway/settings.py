@@ -138,11 +138,20 @@ class GatewaySettings(ServiceSettings):
         description="Problems of `POST /v1/compositions` that are planned at the same time, at "
         "most one of one tenant. Tenants that wait take turns.",
     )
+    reports_at_once: int = Field(
+        default=4,
+        ge=1,
+        le=1_000,
+        description="Reports that are read at the same time, at most two of one tenant: "
+        "statistics, earnings, schedules, telemetry and whole networks. Tenants that wait take "
+        "turns.",
+    )
     plans_waiting_per_tenant: int = Field(
         default=100,
         ge=1,
         le=10_000,
-        description="Quotes of one tenant that may wait for their turn, and as many compositions.",
+        description="Quotes of one tenant that may wait for their turn, as many compositions, and "
+        "as many reports.",
     )
     keys_per_subject: int = Field(
         default=100,

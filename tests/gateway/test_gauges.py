@@ -21,8 +21,8 @@ async def shown(gateway: Gateway) -> dict[str, dict[str, float]]:
 async def test_nothing_is_counted_as_zero(gateway_on_both: Gateway) -> None:
     found = await shown(gateway_on_both)
 
-    queues = dict.fromkeys(("booking", "waiting", "webhooks", "quotes", "problems"), 0)
-    assert found["skyway_queue_depth"] == queues
+    queues = ("booking", "waiting", "webhooks", "quotes", "problems", "reports")
+    assert found["skyway_queue_depth"] == dict.fromkeys(queues, 0)
     assert found["skyway_queue_age_seconds"] == {"booking": 0.0, "waiting": 0.0, "webhooks": 0.0}
     assert found["skyway_outbox_depth"] == {"mqtt": 0, "composition": 0}
     assert set(found["skyway_deliveries"].values()) == {0}

@@ -46,6 +46,7 @@ def forward_routes(
     changes: Changes,
     meters: Meters,
     planning: FairQueue,
+    reporting: FairQueue,
 ) -> ServiceRouter:
     """Every row of the table; `changes` notes each call that may have changed something.
 
@@ -55,7 +56,7 @@ def forward_routes(
     for row in FORWARDED:
         router.add_api_route(
             row.path,
-            _handler(row, gate, clients[row.service], changes, meters, planning),
+            _handler(row, gate, clients[row.service], changes, meters, planning, reporting),
             methods=[row.method],
             response_class=StreamingResponse,
             # The whole document takes its operation from the service's own.
@@ -71,6 +72,7 @@ def _handler(
     changes: Changes,
     meters: Meters,
     planning: FairQueue,
+    reporting: FairQueue,
 ) -> Callable[..., Awaitable[Response]]:
     async def pass_on(request: Request, caller: Caller | None) -> Response:
         path = request.scope["path"]
@@ -85,9 +87,12 @@ def _handler(
     async def for_caller(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Response:
         caller.must_be(*row.roles)
         _refuse_foreign(caller, request)
-        if not row.is_planning and not _is_dry_run(row, request):
+        queue = reporting if row.is_report else None
+        if row.is_planning or _is_dry_run(row, request):
+            queue = planning
+        if queue is None:
             return await pass_on(request, caller)
-        async with planning.turn(str(caller)):
+        async with queue.turn(str(caller)):
             refuse_gone(request)
             return await pass_on(request, caller)
 

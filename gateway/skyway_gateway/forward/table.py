@@ -41,6 +41,8 @@ class Forwarded:
     timeout_s: float = 30.0
     #: Whether it keeps composition busy, so that tenants take turns.
     is_planning: bool = False
+    #: Whether it reads much of a database or sends much, so that tenants take turns, too.
+    is_report: bool = False
     #: Whether it has a `dry_run`, which changes nothing and is planning.
     has_dry_run: bool = False
 
@@ -80,6 +82,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         "/v1/providers/{provider_id}/drones/{drone_id}/telemetry",
         "registry",
         _FLEETS_OR_DRONE,
+        is_report=True,
     ),
     Forwarded("PATCH", "/v1/providers/{provider_id}/drones/{drone_id}", "registry", _FLEETS),
     Forwarded("DELETE", "/v1/providers/{provider_id}/drones/{drone_id}", "registry", _FLEETS),
@@ -103,7 +106,14 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         limit_bytes=_NETWORK_BYTES,
         timeout_s=_HEAVY_S,
     ),
-    Forwarded("GET", "/v1/networks/{network_id}", "composition", _ANY, timeout_s=_HEAVY_S),
+    Forwarded(
+        "GET",
+        "/v1/networks/{network_id}",
+        "composition",
+        _ANY,
+        timeout_s=_HEAVY_S,
+        is_report=True,
+    ),
     Forwarded("GET", "/v1/networks/{network_id}/versions", "composition", _ANY),
     Forwarded("GET", "/v1/networks/{network_id}/stations", "composition", _ANY_OR_DRONE),
     Forwarded("GET", "/v1/networks/{network_id}/segments", "composition", _ANY),
@@ -123,8 +133,10 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded("GET", "/v1/missions/{mission_id}", "composition", _FLEETS_OR_DRONE),
     Forwarded("GET", "/v1/drones/{drone_id}/plans", "composition", _FLEETS),
     Forwarded("GET", "/v1/drones/{drone_id}/schedule", "composition", _FLEETS),
-    Forwarded("GET", "/v1/stations/{station_id}/schedule", "composition", _ANY),
-    Forwarded("GET", "/v1/providers/{provider_id}/schedule", "composition", _FLEETS),
+    Forwarded("GET", "/v1/stations/{station_id}/schedule", "composition", _ANY, is_report=True),
+    Forwarded(
+        "GET", "/v1/providers/{provider_id}/schedule", "composition", _FLEETS, is_report=True
+    ),
     Forwarded("POST", "/v1/missions/{mission_id}/loading", "composition", _FLEETS),
     Forwarded(
         "POST",
@@ -144,10 +156,10 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded("GET", "/v1/quarantine", "composition", _OPERATOR),
     Forwarded("POST", "/v1/quarantine/{quarantine_id}/replay", "composition", _OPERATOR),
     Forwarded("DELETE", "/v1/quarantine/{quarantine_id}", "composition", _OPERATOR),
-    Forwarded("GET", "/v1/stats/pads", "composition", _FLEETS),
-    Forwarded("GET", "/v1/stats/fleets", "registry", _FLEETS),
-    Forwarded("GET", "/v1/stats/missions", "composition", _FLEETS),
-    Forwarded("GET", "/v1/stats/drones", "composition", _FLEETS),
+    Forwarded("GET", "/v1/stats/pads", "composition", _FLEETS, is_report=True),
+    Forwarded("GET", "/v1/stats/fleets", "registry", _FLEETS, is_report=True),
+    Forwarded("GET", "/v1/stats/missions", "composition", _FLEETS, is_report=True),
+    Forwarded("GET", "/v1/stats/drones", "composition", _FLEETS, is_report=True),
 )
 
 

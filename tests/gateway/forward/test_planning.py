@@ -1,4 +1,4 @@
-"""Compositions and quotes: sizes of tenants, and turns between them."""
+"""Compositions, quotes and reports: sizes of tenants, and turns between them."""
 
 from collections.abc import AsyncIterator
 
@@ -15,7 +15,7 @@ TENANTS_BYTES = 256 * 1024 + 2_000 * 1024
 def full(gateway: Gateway) -> FairQueue:
     """A queue in which no work may wait; one may run."""
     queue = FairQueue("PLANNING", at_once=1, per_tenant=1, most_waiting=0)
-    for name in ("composing", "quoting"):
+    for name in ("composing", "quoting", "reporting"):
         object.__setattr__(gateway.parts, name, queue)  # parts are frozen
     return queue
 
@@ -76,3 +76,29 @@ async def test_dry_runs_take_turns_with_other_plans(gateway: Gateway, full: Fair
     assert [answer.json()["code"] for answer in dry_runs] == ["PLANNING", "PLANNING"]
     assert given.status_code == 200
     assert len(gateway.forwarded) == 1
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/v1/stats/deliveries",
+        "/v1/stats/missions",
+        "/v1/stats/drones",
+        "/v1/stats/pads",
+        "/v1/stats/fleets",
+        "/v1/providers/prv_1/earnings",
+        "/v1/providers/prv_1/schedule",
+        "/v1/providers/prv_1/drones/drn_1/telemetry",
+        "/v1/stations/kyle/schedule",
+        "/v1/networks/city",
+    ],
+)
+async def test_reports_take_turns_and_delay_no_other_call(
+    gateway: Gateway, full: FairQueue, path: str
+) -> None:
+    async with full.turn("provider:prv_1"):
+        report = await gateway.http.get(path, headers=gateway.provider)
+        other = await gateway.http.get("/v1/missions", headers=gateway.provider)
+
+    assert (report.status_code, report.json()["code"]) == (429, "PLANNING")
+    assert other.status_code == 200

@@ -11,6 +11,7 @@ from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
+from skyway.runtime.fair_queue import FairQueue
 from skyway.runtime.http.answers import GeoJsonResponse
 from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.identity import Caller
@@ -210,7 +211,7 @@ def _add_events(
         return EventStreamAnswer(nullcontext(frames), slots=slots, who=str(caller))
 
 
-def earnings_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
+def earnings_routes(*, db: Database, gate: KeyGate, reporting: FairQueue) -> ServiceRouter:
     """/v1/providers/{provider_id}/earnings."""
     router = ServiceRouter(tags=("deliveries",))
 
@@ -227,7 +228,7 @@ def earnings_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
         caller.must_be("provider", "operator")
         if caller.role == "provider" and caller.subject_id != provider_id:
             raise NotFound("provider", provider_id)
-        async with db.survey() as connection:
+        async with reporting.turn(str(caller)), db.survey() as connection:
             return earnings_of(
                 provider_id, await read_store.days_of(connection, provider_id, query)
             )
@@ -235,7 +236,9 @@ def earnings_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
     return router
 
 
-def statistics_routes(*, db: Database, gate: KeyGate, clock: FleetClock) -> ServiceRouter:
+def statistics_routes(
+    *, db: Database, gate: KeyGate, clock: FleetClock, reporting: FairQueue
+) -> ServiceRouter:
     """GET /v1/stats/deliveries."""
     router = ServiceRouter(tags=("statistics",))
 
@@ -251,7 +254,7 @@ def statistics_routes(*, db: Database, gate: KeyGate, clock: FleetClock) -> Serv
         now = clock.now()
         span, provider_id = query.span(now), _provider(caller, query.provider_id)
         counted = Counted(span, provider_id, query.bucket_ms(span))
-        async with db.survey() as connection:
+        async with reporting.turn(str(caller)), db.survey() as connection:
             found = await statistics_store.sums(connection, counted)
             waiting = None
             if provider_id is None:
