@@ -4,6 +4,7 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
+from skyway.contracts.message import WallMoment
 from skyway.json_model import JsonModel, WireModel
 
 #: Where registry and composition say what they count and measure.
@@ -23,10 +24,26 @@ class Figure(WireModel):
     value: Annotated[float, Field(description="Its value now, in the unit of its name.")]
 
 
+class LoggedError(WireModel):
+    """A kind of warning or error that a process has logged since its start."""
+
+    at: Annotated[WallMoment, Field(description="When it was logged last.")]
+    level: Annotated[str, Field(description="WARNING, ERROR or CRITICAL.", examples=["ERROR"])]
+    event: Annotated[str, Field(description="What happened.", examples=["send failed"])]
+    reason: Annotated[
+        str | None, Field(description="The exception behind it; null without one.")
+    ] = None
+    times: Annotated[int, Field(ge=1, description="How often it was logged.")]
+    trace_id: Annotated[
+        str | None, Field(description="The trace that it belongs to, as the logs name it.")
+    ] = None
+
+
 class Figures(WireModel):
-    """All numbers of one process."""
+    """All numbers of one process, and what it has logged of its errors."""
 
     figures: tuple[Figure, ...]
+    last_errors: tuple[LoggedError, ...] = ()
 
 
 class ServiceHealth(JsonModel):
@@ -40,6 +57,13 @@ class ServiceHealth(JsonModel):
         tuple[Figure, ...],
         Field(description="What it counts and measures; of replicas, the one that answered."),
     ]
+    last_errors: Annotated[
+        tuple[LoggedError, ...],
+        Field(
+            description="Its warnings and errors since its start, one entry for each kind, the "
+            "newest first, 20 at most."
+        ),
+    ] = ()
 
 
 class SystemHealth(JsonModel):

@@ -6,6 +6,7 @@ Each command imports what it needs: `verify` takes a third of the time without t
 import argparse
 import asyncio
 import json
+import logging
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from skyway.errors import SkywayError
 from skyway.runtime.clock import AnchoredClock
 from skyway.runtime.errors import exit_code_of
 from skyway.runtime.garbage import load_without_collecting
+from skyway.runtime.last_errors import LAST_ERRORS
 from skyway.runtime.settings import DatabaseSettings, ServiceSettings
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import configure_logs
@@ -61,6 +63,7 @@ class ServiceProcess(Generic[S]):
         # Serving ends with the process, and so does the export of its spans.
         settings = self.settings.load()
         configure_logs(self.name, settings.log_level)
+        logging.getLogger().addHandler(LAST_ERRORS)
         if settings.otlp_endpoint is not None:
             from skyway.runtime.otlp import export_spans
 

@@ -27,7 +27,7 @@ def system_routes(
 
     @router.get("/v1/system")
     async def get_system(caller: Annotated[Caller, Depends(gate)]) -> SystemHealth:
-        """Show whether each service answers, and what it counts and measures.
+        """Show whether each service answers, what it counts and measures, and its last errors.
 
         The figures are those of `/metrics`, without the buckets of histograms. They count since the
         start of the process that answers.
@@ -37,8 +37,7 @@ def system_routes(
         caller.must_be("operator")
         own = figures_of(await gauges.read())
         others = await asyncio.gather(*(_health(name, client) for name, client in clients.items()))
-        gateway = ServiceHealth(service="gateway", is_answering=True, figures=own.figures)
-        return SystemHealth(services=(gateway, *others))
+        return SystemHealth(services=(_answering("gateway", own), *others))
 
     return router
 
@@ -48,4 +47,10 @@ async def _health(name: str, client: ServiceClient) -> ServiceHealth:
         answer = await client.call("GET", FIGURES, answer=Figures, timeout_s=_WITHIN_S)
     except (RemoteProblem, ServiceUnavailable):
         return ServiceHealth(service=name, is_answering=False, figures=())
-    return ServiceHealth(service=name, is_answering=True, figures=answer.figures)
+    return _answering(name, answer)
+
+
+def _answering(name: str, said: Figures) -> ServiceHealth:
+    return ServiceHealth(
+        service=name, is_answering=True, figures=said.figures, last_errors=said.last_errors
+    )

@@ -10,6 +10,7 @@ from skyway.runtime.durations import DURATIONS
 from skyway.runtime.gauges import Gauge, Gauges, gauge_families
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.last_errors import LAST_ERRORS
 from skyway.runtime.metrics import COUNTERS
 
 #: Parts of histograms and moments of creation, which nobody reads on a page.
@@ -17,7 +18,7 @@ _LEFT_OUT: Final = ("_bucket", "_created")
 
 
 def figures_of(readings: Iterable[Gauge]) -> Figures:
-    """The counters, sums of histograms, process metrics and these gauges of this process."""
+    """What this process counts, measures (with these gauges) and has logged of its errors."""
     from prometheus_client import CollectorRegistry, ProcessCollector
 
     registry = CollectorRegistry()
@@ -34,7 +35,8 @@ def figures_of(readings: Iterable[Gauge]) -> Figures:
             for family in families
             for sample in family.samples
             if not sample.name.endswith(_LEFT_OUT)
-        )
+        ),
+        last_errors=tuple(LAST_ERRORS.newest()),
     )
 
 
@@ -44,7 +46,7 @@ def figures_routes(*, gate: ServiceGate, gauges: Gauges) -> ServiceRouter:
 
     @router.get(FIGURES)
     async def get_figures(caller: Annotated[Caller, Depends(gate)]) -> Figures:
-        """What this process counts and measures."""
+        """What this process counts, measures and has logged of its errors."""
         caller.must_be_service("gateway")
         return figures_of(await gauges.read())
 

@@ -1,8 +1,11 @@
 """GET /v1/system: operators see how each service is, and a silent service is named."""
 
+import logging
+
 from skyway.contracts.figures import FIGURES, Figure, Figures
 from skyway.runtime.gauges import Gauge
 from skyway.runtime.http.figures_routes import figures_of
+from skyway.runtime.last_errors import LAST_ERRORS
 from skyway.runtime.metrics import count
 from tests.gateway.whole_gateway import Gateway
 
@@ -26,6 +29,7 @@ async def test_services_that_say_something_else_are_not_answering(gateway: Gatew
     }
     names = {figure["name"] for figure in services["gateway"]["figures"]}
     assert {"process_cpu_seconds_total", "process_resident_memory_bytes"} <= names
+    assert services["registry"]["last_errors"] == []
     assert FIGURES in {forwarded.path for forwarded in gateway.forwarded}
 
 
@@ -42,3 +46,12 @@ def test_figures_are_counters_sums_and_gauges_without_buckets() -> None:
     counted = [each for each in figures.figures if each.name == "skyway_tests_total"]
     assert [(each.labels, each.value) for each in counted] == [({"what": "figures"}, 3.0)]
     assert not [each for each in figures.figures if each.name.endswith(("_bucket", "_created"))]
+
+
+def test_figures_name_the_last_errors() -> None:
+    log = logging.getLogger("skyway.test_system")
+    log.addHandler(LAST_ERRORS)
+    log.warning("the roof leaks")
+    log.removeHandler(LAST_ERRORS)
+
+    assert "the roof leaks" in [each.event for each in figures_of([]).last_errors]

@@ -1,10 +1,10 @@
-// How the services are: processor, memory, rates, queues, lags, and what has failed.
+// How the services are: processor, memory, rates, queues, lags, last errors and counted failures.
 
 import {useEffect, useState} from "preact/hooks";
 
 import {get} from "../api.js";
 import {html} from "../html.js";
-import {durationText, inWords} from "../words.js";
+import {dayText, durationText, inWords} from "../words.js";
 import {Facts} from "../parts/facts.js";
 import {failures, queues, rateBetween, sumOf} from "../parts/figures.js";
 
@@ -79,21 +79,41 @@ const Queues = ({services}) => html`
     </tbody>
   </table></div>`;
 
-function Failures({services}) {
-  const found = failures(services);
+function LastErrors({services}) {
+  const found = services
+    .flatMap(({service, last_errors: errors}) => errors.map((each) => ({service, ...each})))
+    .sort((one, other) => other.at.localeCompare(one.at));
   return html`
-    <h2>What has failed since the start</h2>
-    ${found.length === 0 ? html`<p>Nothing.</p>` : html`
-      <div class="table"><table aria-label="Failures">
-        <thead><tr><th>Service</th><th>What</th><th>How often</th></tr></thead>
+    <h2>Last errors and warnings</h2>
+    ${found.length === 0 ? html`<p>None since the start.</p>` : html`
+      <div class="table"><table aria-label="Last errors and warnings">
+        <thead><tr><th>When</th><th>Service</th><th>What</th><th>How often</th></tr></thead>
         <tbody>
-          ${found.map(({service, name, count}) => html`
-            <tr key=${`${service} ${name}`}>
-              <td>${inWords(service)}</td><td>${name}</td><td class="number">${count}</td>
+          ${found.map(({service, at, level, event, reason, times, trace_id: trace}) => html`
+            <tr key=${`${service} ${event}`}>
+              <td>${dayText(at)}</td><td>${inWords(service)}</td>
+              <td><span class="tag ${level}">${inWords(level)}</span> ${event}
+                ${reason && html`<br /><small>${reason}</small>`}
+                ${trace && html`<br /><small>trace ${trace}</small>`}</td>
+              <td class="number">${times}</td>
             </tr>`)}
         </tbody>
-      </table></div>`}
-    <p class="hint">The services' logs say why. Prometheus reads the same numbers at /metrics.</p>`;
+      </table></div>`}`;
+}
+
+function Failures({services}) {
+  const found = failures(services);
+  return found.length > 0 && html`
+    <h2>Counted failures</h2>
+    <div class="table"><table aria-label="Counted failures">
+      <thead><tr><th>Service</th><th>What</th><th>How often</th></tr></thead>
+      <tbody>
+        ${found.map(({service, name, count}) => html`
+          <tr key=${`${service} ${name}`}>
+            <td>${inWords(service)}</td><td>${name}</td><td class="number">${count}</td>
+          </tr>`)}
+      </tbody>
+    </table></div>`;
 }
 
 export function HealthView() {
@@ -111,7 +131,8 @@ export function HealthView() {
       </div>
       <div class="columns">
         <section><${Queues} services=${now.services} /></section>
-        <section><${Failures} services=${now.services} /></section>
+        <section><${LastErrors} services=${now.services} /><${Failures} services=${now.services} /></section>
       </div>
+      <p class="hint">The services' logs say more. Prometheus reads the same numbers at /metrics.</p>
     </div>`;
 }
