@@ -168,7 +168,12 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             ),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
             console_routes(base_map=parts.base_map),
-            system_routes(gate=gate, clients=parts.clients, gauges=parts.gauges),
+            system_routes(
+                gate=gate,
+                clients=parts.clients,
+                gauges=parts.gauges,
+                small_world=parts.small_world,
+            ),
         ],
         lifespan=lifespan,
         readiness=readiness,

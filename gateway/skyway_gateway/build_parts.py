@@ -28,6 +28,7 @@ from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
 from skyway_gateway.clients import RestComposition, RestRegistry
 from skyway_gateway.console.base_map import BaseMap
+from skyway_gateway.console.small_world import SmallWorld
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.booking.wake_waiting import Waker
 from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
@@ -104,6 +105,7 @@ def build_parts(
         login_codes=LoginCodes(db, clock, public_url),
         gate=KeyGate(),
         base_map=BaseMap(settings.console_map),
+        small_world=SmallWorld(settings.small_world_file),
         metrics_gate=MetricsGate(settings.secrets_dir),
         entrance=KeyEntrance(
             all_keys,

@@ -25,6 +25,7 @@ from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
 from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.console.base_map import BaseMap
+from skyway_gateway.console.small_world import SmallWorld
 from skyway_gateway.deliveries.apply_reports import OverdueNotifier, ReportApplier
 from skyway_gateway.deliveries.booking.book import Booker
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop, ScheduleOpener
@@ -63,6 +64,7 @@ class Parts:
     cached_sessions: CachedKeys
     login_codes: LoginCodes
     base_map: BaseMap
+    small_world: SmallWorld
     gate: KeyGate
     metrics_gate: MetricsGate
     entrance: KeyEntrance

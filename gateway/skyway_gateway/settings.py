@@ -32,6 +32,11 @@ class GatewaySettings(ServiceSettings):
         description="How people reach the gateway, as links to tracking pages and to the console "
         "begin. Without it links begin with the address of the request that asked for them.",
     )
+    small_world_file: Path | None = Field(
+        default=None,
+        description="A file that the gateway makes when an operator asks for the small world. "
+        "`skyway up` sets it and waits for the file; elsewhere there is no small world.",
+    )
     console_map: Path | None = Field(
         default=None,
         description="A folder with the console's base map: `style.json`, a MapLibre style, and the "

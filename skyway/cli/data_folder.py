@@ -83,6 +83,11 @@ class DataFolder:
         return self.path / "journals"
 
     @property
+    def small_world_request(self) -> Path:
+        """An empty file by which the gateway asks for the small world."""
+        return self.path / "small-world.requested"
+
+    @property
     def lock_file(self) -> Path:
         """The lock of the supervisor that runs on this folder."""
         return self.path / "lock"

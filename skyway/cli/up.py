@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
+from skyway.cli.small_world.requested import until_requested
 from skyway.cli.system.announce import announce, asked_to_stop, login_link
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import running_system
@@ -69,8 +70,10 @@ async def _run(
 
     async with running_system(folder, rate=rate, ports=ports, say=say) as system:
         announce(console, system, link=await login_link(system))
-        if not demo:
-            await system.supervisor.failed()
+        if demo:
+            folder.small_world_request.touch()
+        else:
+            await first_of(until_requested(folder), system.supervisor.failed())
         # Imported here: networks take a moment, and most starts need none.
         from skyway.cli.small_world.live_on import live_on
 

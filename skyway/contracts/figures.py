@@ -1,6 +1,6 @@
 """What a service counts and measures, as the gateway asks for it and shows it to operators."""
 
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
@@ -66,7 +66,27 @@ class ServiceHealth(JsonModel):
     ] = ()
 
 
+#: Whether a small world can be started: not here, not yet requested, requested.
+SmallWorldState = Literal["UNAVAILABLE", "AVAILABLE", "REQUESTED"]
+
+SmallWorldField = Annotated[
+    SmallWorldState,
+    Field(
+        description="Whether an operator can have `skyway up` start simulated fleets on the "
+        "bundled network: not here (UNAVAILABLE), yes (AVAILABLE), or it was requested before "
+        "(REQUESTED)."
+    ),
+]
+
+
 class SystemHealth(JsonModel):
     """All services."""
 
     services: Annotated[tuple[ServiceHealth, ...], Field(description="The services.")]
+    small_world: SmallWorldField
+
+
+class RequestedSmallWorld(JsonModel):
+    """The answer to an operator who asks for the small world."""
+
+    small_world: SmallWorldField

@@ -24,6 +24,7 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "NOT_HELD": "The mission is not held.",
     "NOT_IN_DOUBT": "Only a mission in doubt can be given up.",
     "NOT_LOADING": "The drone does not wait at the pickup for its packages.",
+    "NO_SMALL_WORLD": "Only `skyway up` starts a small world.",
     "NO_NETWORK": "No network is published: skyway network import bundled.",
     "NOT_YET": "An earlier report is missing; send this report again later.",
     "OFFER_LOST": "The offer cannot be kept any more; `next_offer` is the next best one.",

@@ -1,4 +1,4 @@
-"""`skyway up --demo`: a small world that goes on until Ctrl-C, and goes on after a restart."""
+"""The small world of `skyway up`: an operator starts it, it ends at Ctrl-C and goes on later."""
 
 import os
 import signal
@@ -28,13 +28,15 @@ def world(tmp_path: Path) -> Iterator[LocalSystem]:
     local.stop()
 
 
-def start(world: LocalSystem) -> None:
+def start(world: LocalSystem, *options: str, until: str) -> Path:
+    """Start `skyway up` with these options, and wait until it says `until`; its output."""
     log = world.folder.path / "up.log"
     ports = ("--port", "0", "--mqtt-port", "0", "--rate", "600")
-    command = [*SKYWAY, "up", "--demo", "--data", str(world.folder.path), *ports]
+    command = [*SKYWAY, "up", *options, "--data", str(world.folder.path), *ports]
     with log.open("wb") as output:
         world.up = subprocess.Popen(command, stdout=output, stderr=output, env=world.environment)
-    eventually(lambda: "The small world" in log.read_text(), "a start", instead=log.read_text)
+    eventually(lambda: until in log.read_text(), "a start", instead=log.read_text)
+    return log
 
 
 def interrupt(world: LocalSystem) -> str:
@@ -61,10 +63,13 @@ def fleets(world: LocalSystem) -> dict[str, Any]:
     }
 
 
-def test_the_small_world_goes_on_until_it_is_stopped_and_after_a_restart(
+def test_an_operator_starts_the_small_world_and_it_goes_on_after_a_restart(
     world: LocalSystem,
 ) -> None:
-    start(world)
+    log_in_by_the_printed_link(world, start(world, until="Stop: Ctrl-C"))
+    assert world.operate("GET", "/v1/system")["small_world"] == "AVAILABLE"
+    for _ in range(2):
+        assert world.operate("POST", "/v1/small-world") == {"small_world": "REQUESTED"}
     eventually(lambda: deliveries(world, "COMPLETED"), "a completed delivery")
     lived = fleets(world)
     assert sum(len(drones) for drones in lived.values()) == 11
@@ -72,24 +77,18 @@ def test_the_small_world_goes_on_until_it_is_stopped_and_after_a_restart(
     assert "has stopped" in interrupt(world)
     assert processes_using(world.folder.path) == []
 
-    start(world)
+    start(world, "--demo", until="The small world")
+    assert world.operate("GET", "/v1/system")["small_world"] == "REQUESTED"
     before = deliveries(world)
     eventually(lambda: deliveries(world, "COMPLETED") - before, "a delivery of the second start")
     assert fleets(world) == lived
 
 
-def test_its_printed_link_logs_in(world: LocalSystem) -> None:
-    start(world)
-    [line] = [
-        each
-        for each in (world.folder.path / "up.log").read_text().splitlines()
-        if "#login=" in each
-    ]
+def log_in_by_the_printed_link(world: LocalSystem, log: Path) -> None:
+    [line] = [each for each in log.read_text().splitlines() if "#login=" in each]
     address, _, code = line.split()[1].partition("/console#login=")
-
     begun = httpx.post(f"{address}/v1/sessions", json={"code": code}, headers={"Origin": address})
-
     assert begun.json()["role"] == "operator"
-    for role in ("operator", "provider", "customer"):
+    for role in ("operator", "customer"):
         printed = world.command("console", "--role", role)
         assert printed.stdout.startswith(f"{address}/console#login="), printed.stderr

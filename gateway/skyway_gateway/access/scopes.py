@@ -134,6 +134,7 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         "POST /v1/alarms/{alarm_id}/acknowledgements",
         "POST /v1/quarantine/{quarantine_id}/replay",
         "DELETE /v1/quarantine/{quarantine_id}",
+        "POST /v1/small-world",
     ),
     "quotes:write": ("POST /v1/quotes", "GET /v1/quotes/{quote_id}", "POST /v1/compositions"),
     "webhooks:read": (

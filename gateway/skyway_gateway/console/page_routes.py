@@ -1,11 +1,15 @@
 """The console's page and files over HTTP. They hold no secret; the calls of the page need a key."""
 
+import json
 from collections.abc import Mapping
+from functools import cache
 from typing import Final
 
 from fastapi import Request, Response
 from fastapi.responses import FileResponse
 
+from skyway.network.bundled import texas_corridor
+from skyway.network.geojson import write_network
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.console.base_map import BaseMap
@@ -28,6 +32,12 @@ def console_routes(*, base_map: BaseMap) -> ServiceRouter:
         """The page."""
         return _answer(request, console_files()[_PAGE], _page_headers())
 
+    @router.get(f"{CONSOLE_PATH}/bundled-network.json")
+    def show_bundled_network() -> Response:
+        """The network that comes with Skyway, for an operator who publishes it as a beginning."""
+        headers = {"Cache-Control": _CACHE}
+        return Response(_bundled_network(), media_type="application/json", headers=headers)
+
     @router.get(f"{CONSOLE_PATH}/{{path:path}}")
     def show_file(request: Request, path: str) -> Response:
         """A file that the page needs."""
@@ -47,6 +57,11 @@ def console_routes(*, base_map: BaseMap) -> ServiceRouter:
         return FileResponse(base_map.file_at(path), headers={"Cache-Control": _CACHE})
 
     return router
+
+
+@cache
+def _bundled_network() -> bytes:
+    return json.dumps(write_network(texas_corridor())).encode()
 
 
 def _page_headers() -> Mapping[str, str]:

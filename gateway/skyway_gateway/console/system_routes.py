@@ -1,4 +1,4 @@
-"""GET /v1/system: how the services are, for operators."""
+"""GET /v1/system: how the services are; POST /v1/small-world: fleets to begin with."""
 
 import asyncio
 from collections.abc import Mapping
@@ -6,23 +6,35 @@ from typing import Annotated, Final
 
 from fastapi import Depends
 
-from skyway.contracts.figures import FIGURES, Figures, ServiceHealth, SystemHealth
+from skyway.contracts.figures import (
+    FIGURES,
+    Figures,
+    RequestedSmallWorld,
+    ServiceHealth,
+    SystemHealth,
+)
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.gauges import Gauges
+from skyway.runtime.http.answers import conflicts
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.figures_routes import figures_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.console.small_world import SmallWorld
 
 #: How long a service may take, wall seconds.
 _WITHIN_S: Final = 2.0
 
 
 def system_routes(
-    *, gate: KeyGate, clients: Mapping[str, ServiceClient], gauges: Gauges
+    *,
+    gate: KeyGate,
+    clients: Mapping[str, ServiceClient],
+    gauges: Gauges,
+    small_world: SmallWorld,
 ) -> ServiceRouter:
-    """GET /v1/system."""
+    """GET /v1/system and POST /v1/small-world."""
     router = ServiceRouter(tags=("service",))
 
     @router.get("/v1/system")
@@ -37,7 +49,21 @@ def system_routes(
         caller.must_be("operator")
         own = figures_of(await gauges.read())
         others = await asyncio.gather(*(_health(name, client) for name, client in clients.items()))
-        return SystemHealth(services=(_answering("gateway", own), *others))
+        return SystemHealth(
+            services=(_answering("gateway", own), *others), small_world=small_world.state
+        )
+
+    @router.post("/v1/small-world", status_code=202, responses=conflicts("NO_SMALL_WORLD"))
+    async def start_small_world(caller: Annotated[Caller, Depends(gate)]) -> RequestedSmallWorld:
+        """Have `skyway up` publish the bundled network, start fleets and request deliveries.
+
+        The fleets are simulated, and everything is registered like any other fleet.
+
+        Callers: operator.
+        """
+        caller.must_be("operator")
+        small_world.request()
+        return RequestedSmallWorld(small_world=small_world.state)
 
     return router
 

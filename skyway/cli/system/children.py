@@ -86,6 +86,7 @@ def environment(folder: DataFolder, sockets: Mapping[str, socket.socket]) -> dic
         "SKYWAY_WEBHOOK_ALLOW_NETWORKS": os.environ.get(
             "SKYWAY_WEBHOOK_ALLOW_NETWORKS", "127.0.0.0/8"
         ),
+        "SKYWAY_SMALL_WORLD_FILE": str(folder.small_world_request.resolve()),
     }
     if folder.drone_ca.exists():
         settings["SKYWAY_DRONE_CA_DIR"] = str(folder.drone_ca.resolve())

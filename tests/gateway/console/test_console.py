@@ -16,6 +16,8 @@ from skyway_gateway.console.base_map import BaseMap
 from skyway_gateway.console.console_files import console_files, import_map_hash
 
 from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.network.bundled import texas_corridor
+from skyway.network.geojson import write_network
 from skyway.runtime.errors import NotFound
 from tests.gateway.whole_gateway import Gateway
 
@@ -93,6 +95,12 @@ async def test_a_file_that_a_browser_has_is_not_sent_again(gateway: Gateway) -> 
     )
 
     assert (second.status_code, second.content) == (304, b"")
+
+
+async def test_the_bundled_network_is_there_to_begin_with(gateway: Gateway) -> None:
+    sent = await gateway.http.get("/console/bundled-network.json")
+
+    assert sent.json() == write_network(texas_corridor())
 
 
 async def test_a_browser_without_gzip_gets_the_file_unpacked(gateway: Gateway) -> None:

@@ -1,6 +1,9 @@
 """GET /v1/system: operators see how each service is, and a silent service is named."""
 
 import logging
+from pathlib import Path
+
+from skyway_gateway.console.small_world import SmallWorld
 
 from skyway.contracts.figures import FIGURES, Figure, Figures
 from skyway.runtime.gauges import Gauge
@@ -31,6 +34,22 @@ async def test_services_that_say_something_else_are_not_answering(gateway: Gatew
     assert {"process_cpu_seconds_total", "process_resident_memory_bytes"} <= names
     assert services["registry"]["last_errors"] == []
     assert FIGURES in {forwarded.path for forwarded in gateway.forwarded}
+
+
+async def test_a_small_world_is_requested_where_skyway_up_waits_for_it(
+    gateway: Gateway, tmp_path: Path
+) -> None:
+    foreign = await gateway.http.post("/v1/small-world", headers=gateway.customer)
+    elsewhere = await gateway.http.post("/v1/small-world", headers=gateway.operator)
+    assert (foreign.status_code, elsewhere.json()["code"]) == (403, "NO_SMALL_WORLD")
+    system = await gateway.http.get("/v1/system", headers=gateway.operator)
+    assert system.json()["small_world"] == "UNAVAILABLE"
+
+    small_world = SmallWorld(tmp_path / "requested")
+    assert small_world.state == "AVAILABLE"
+    small_world.request()
+    small_world.request()
+    assert small_world.state == "REQUESTED"
 
 
 def test_figures_are_counters_sums_and_gauges_without_buckets() -> None:
