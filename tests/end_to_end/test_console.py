@@ -384,9 +384,11 @@ def test_an_operator_sees_how_the_services_are(console: ConsolePage, system: Any
 
 def test_a_past_hour_is_played_again(console: ConsolePage, system: Any) -> None:
     drone = fleet(system, "played")["drones"][0]["drone_id"]
-    system.operate("POST", "/v1/stations/played-t5/closures", {"reason": "fog"})
+    place = "/v1/stations/played-t5/closures"
+    closed = system.operate("POST", place, {"reason": "fog"})["closure_id"]
     delivery_id = system.request_delivery(["played-s2"], pickup="played-s1")
     system.until_state(delivery_id, "COMPLETED")
+    system.operate("DELETE", f"{place}/{closed}")
     console.page.reload()
     shown_network(console.page, "played")
     page = console.show("replay").page

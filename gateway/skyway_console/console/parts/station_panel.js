@@ -47,7 +47,7 @@ function OpenClosures({stationId}) {
   const closures = Object.entries(picture.closures.value)
     .filter(([, closure]) => closure.station_id === stationId);
   return closures.map(([closureId, closure]) => html`
-    <p class="closure" key=${closureId}>${closureName(closure)}
+    <p class="closure" key=${closureId}>${closureName(closure)}${" "}
       ${hasBegun(closure) ? "is" : "will be"} closed ${closureTimes(closure)}${
       closure.reason ? `: ${closure.reason}` : "."}
       ${isOperator() && html`
