@@ -1,6 +1,6 @@
 """Recognises tracking links, and finds what their pages show."""
 
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Final
 
 from skyway.contracts.track import Track
@@ -21,6 +21,14 @@ LINK_LASTS: Final = timedelta(hours=24)
 _CHECKED_EVERY: Final = timedelta(seconds=1)
 _MOST_CHECKED: Final = 10_000
 
+#: Who has a link can ask often, and no key says who asks: composition is asked once in this time
+#: for what has not changed, wall time.
+_ASKED_EVERY: Final = timedelta(seconds=2)
+_MOST_TRACKS: Final = 500
+
+#: A delivery and the moment of its last change.
+Change = tuple[DeliveryId, datetime]
+
 #: A delivery and the token that is shown for it.
 Shown = tuple[DeliveryId, str]
 
@@ -38,6 +46,10 @@ class TrackingPages:
         self._cached = AnswerCache(
             self.delivery_of, clock=clock, kept=_CHECKED_EVERY, most=_MOST_CHECKED
         )
+        self._tracks = AnswerCache(self._track, clock=clock, kept=_ASKED_EVERY, most=_MOST_TRACKS)
+
+    async def _track(self, asked: Change) -> Track:
+        return await self._composition.track(asked[0])
 
     async def may_follow(self, shown: Shown) -> bool:
         """Whether the link still shows a delivery; asked often, it is looked up once a second."""
@@ -47,7 +59,8 @@ class TrackingPages:
         """What the page shows of a delivery."""
         track = Track(missions=())
         if delivery.missions:
-            track = await self._composition.track(delivery.delivery_id)
+            asked = delivery.delivery_id, delivery.updated_at
+            track = self._tracks.cached(asked) or await self._tracks.ask(asked)
         return tracked(delivery, track, now=self._clock.now(), rate=self._clock.rate)
 
     async def delivery_of(self, shown: Shown) -> Delivery | None:

@@ -202,3 +202,28 @@ async def test_a_delivery_has_few_followers(gateway: Gateway) -> None:
     refused = await gateway.http.get(f"{path}/events")
 
     assert (refused.status_code, refused.json()["code"]) == (429, "FOLLOWERS")
+
+
+async def test_a_link_that_is_asked_often_does_not_keep_composition_busy(
+    gateway: Gateway, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    delivery_id, path = await requested(gateway)
+    while await gateway.book_next():
+        pass
+    asked: list[str] = []
+    track = gateway.composition.track
+
+    async def counted(of_delivery: str) -> Track:
+        asked.append(of_delivery)
+        return await track(of_delivery)
+
+    monkeypatch.setattr(gateway.composition, "track", counted)
+
+    for _ in range(5):
+        assert (await gateway.http.get(f"{path}/state")).status_code == 200
+    assert asked == [delivery_id]
+
+    gateway.clock.advance(timedelta(seconds=1))
+    await gateway.http.post(f"/v1/deliveries/{delivery_id}/cancel", headers=gateway.customer)
+    assert (await gateway.http.get(f"{path}/state")).status_code == 200
+    assert asked == [delivery_id] * 2
