@@ -15,6 +15,7 @@ from skyway.contracts.mission_reports import MissionReport
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import StationId
 from tests.composition.busy_world import BusyWorld
+from tests.composition.dry_runs import preview
 from tests.composition.flown_drone import FlownDrone
 
 #: A zone without stations; the segment from a to b leads through it.
@@ -265,6 +266,8 @@ class Story:
         name = "RESUME" if record.mission.is_held else chance.choice(names)
         station_id = chance.choice("abc") if name == "DIVERT" else None
         note(f"  {record.mission_id} {name} {station_id}")
+        wish = {"command": name, "station_id": station_id, "reason": "an operator's question"}
+        await preview(self.world, record.mission_id, wish)
         await self.world.command(record.mission_id, name, station_id)
 
     async def change_the_loaders(self, chance: Random) -> None:

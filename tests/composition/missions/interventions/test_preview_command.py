@@ -4,19 +4,11 @@ from datetime import datetime, timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.tables import metadata
-from sqlalchemy import select
+from skyway_composition.missions.replanning import foresee
+
+from tests.composition.dry_runs import all_rows
 
 OPERATOR = "operator:op"
-
-
-async def all_rows(composition: Any) -> dict[str, list[Any]]:
-    """Every row of every table."""
-    async with composition.db.read() as connection:
-        return {
-            table.name: sorted(map(repr, await connection.execute(select(table))))
-            for table in metadata.sorted_tables
-        }
 
 
 async def order(
@@ -29,9 +21,9 @@ async def order(
 
 async def tried(composition: Any, mission_id: str, command: str, **members: Any) -> Any:
     """The answer to a dry run, which has changed nothing."""
-    before = await all_rows(composition)
+    before = await all_rows(composition.db)
     answer = await order(composition, mission_id, command, dry_run=True, **members)
-    assert await all_rows(composition) == before
+    assert await all_rows(composition.db) == before
     return answer
 
 
@@ -151,6 +143,77 @@ async def test_a_mission_that_its_drone_must_agree_to_cancel_ends_too(
     assert (outlook["plan"], outlook["ends_mission"]) == ("NOT_NEEDED", True)
     assert outlook["detail"] == "the mission ends when its drone has agreed"
     assert outlook["packages"][0]["fate"] == "NOT_PICKED_UP"
+
+
+async def in_flight(composition: Any, drone: Any, make: Any, begin: Any) -> Any:
+    """A mission whose drone flies from a to b."""
+    instruction = await begin.loaded(composition, drone, make)
+    composition.clock.advance(timedelta(seconds=60))
+    state = begin.standing(
+        drone,
+        instruction,
+        activity="FLYING",
+        step_id=2,
+        released_through=2,
+        station_id=None,
+        package_ids=["p1"],
+    )
+    await composition.receive(state)
+    return instruction
+
+
+@pytest.mark.parametrize(
+    ("command", "fate"),
+    [("HOLD", "WAITS"), ("RETURN_HOME", "RETURNED"), ("CANCEL", "RETURNED")],
+)
+async def test_a_drone_in_flight_lands_where_it_flies_to(
+    composition: Any, drone: Any, make: Any, begin: Any, command: str, fate: str
+) -> None:
+    instruction = await in_flight(composition, drone, make, begin)
+
+    outlook = (await tried(composition, instruction.mission_id, command)).json()["outlook"]
+
+    assert outlook["next_landing"]["station_id"] == "b"
+    assert outlook["next_landing"]["at"] > outlook["reported_at"]
+    assert outlook["packages"][0]["fate"] == fate
+
+
+async def test_a_mission_in_doubt_that_is_given_up_leaves_its_packages(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.accepted(composition, drone, make)
+    composition.clock.advance(timedelta(days=1))
+    await composition.overdue.step()
+
+    outlook = (await tried(composition, instruction.mission_id, "GIVE_UP")).json()["outlook"]
+
+    assert (outlook["plan"], outlook["ends_mission"]) == ("NOT_NEEDED", True)
+    assert outlook["packages"][0]["fate"] == "NOT_PICKED_UP"
+
+
+async def test_a_drone_that_has_not_answered_its_plan_gets_no_other_one_yet(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.loaded(composition, drone, make)
+    await order(composition, instruction.mission_id, "RETURN_HOME", dry_run=False)
+    await composition.replanner.step()
+
+    outlook = (await tried(composition, instruction.mission_id, "CANCEL")).json()["outlook"]
+
+    assert (outlook["plan"], outlook["code"]) == ("NO_PLAN_YET", "NOT_ANSWERED")
+    assert outlook["packages"][0]["fate"] == "UNKNOWN"
+
+
+async def test_a_search_that_takes_too_long_is_said(
+    composition: Any, drone: Any, make: Any, begin: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(foresee, "LONGEST_S", 0.0)
+    instruction = await begin.loaded(composition, drone, make)
+
+    outlook = (await tried(composition, instruction.mission_id, "RETURN_HOME")).json()["outlook"]
+
+    assert (outlook["plan"], outlook["code"]) == ("TIME_UP", None)
+    assert outlook["packages"][0]["fate"] == "UNKNOWN"
 
 
 async def test_a_station_out_of_reach_is_named_as_the_reason(
