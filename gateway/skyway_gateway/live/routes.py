@@ -12,6 +12,7 @@ from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.meter import Meter
 from skyway.runtime.slots import Slots
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.live.feed import LiveFeed
@@ -73,8 +74,13 @@ def live_routes(*, gate: KeyGate, feed: LiveFeed, slots: Slots, meters: Meters) 
             feed,
             event_seen(last_event_id),
             request.state.is_still_known,
-            pay=partial(meters.tenants.take, str(caller)),
+            pay=partial(_pay, meters.tenants, str(caller)),
         )
         return EventStreamAnswer(frames.opened(scope), slots=slots, who=str(caller))
 
     return router
+
+
+def _pay(meter: Meter, who: str, cost: float) -> None:
+    """Take the cost, at most half of a whole budget: nobody is shut out for ever."""
+    meter.take(who, min(cost, meter.budget.burst / 2))

@@ -44,6 +44,11 @@ class View:
     _complete_since: int = 0
     _snapshot: Frame | None = None
 
+    @property
+    def size(self) -> int:
+        """How many items are visible."""
+        return len(self._visible)
+
     def begin(self, picture: Picture) -> None:
         """Show the picture as it is; earlier numbers cannot be resumed."""
         self._visible = set(self.scope.part_of(picture))

@@ -2,7 +2,7 @@
 
 import asyncio
 import re
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from typing import Final
@@ -11,8 +11,13 @@ from skyway_gateway.live.feed import LiveFeed, Pay
 from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.view import Frame, TooSlow, View
 
-#: How many requests a snapshot costs that is made for this viewer.
+#: How many requests a snapshot costs that is made for this viewer, and the items for which it costs
+#: one more.
 SNAPSHOT_COST: Final = 10.0
+ITEMS_OF_A_REQUEST: Final = 100
+
+#: Bytes that are sent together: a viewer that does not read keeps no more in memory.
+_PART_BYTES: Final = 64 * 1024
 
 _HEARTBEAT: Final = b": still here\n\n"
 _EVENT_ID: Final = re.compile(r"([0-9a-f]{8})-([0-9]{1,15})")
@@ -22,6 +27,11 @@ def event_seen(last_event_id: str | None) -> tuple[str, int] | None:
     """The epoch and the number in the id of an event; None for any other text."""
     found = _EVENT_ID.fullmatch(last_event_id or "")
     return None if found is None else (found[1], int(found[2]))
+
+
+def _parts(content: bytes) -> Iterator[bytes]:
+    for start in range(0, len(content), _PART_BYTES):
+        yield content[start : start + _PART_BYTES]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +73,7 @@ class ViewerFrames:
         if self.last_seen and view.can_resume(*self.last_seen, latest=picture.number):
             return self._events(view, self.last_seen[1])
         if not view.has_snapshot(picture):
-            self.pay(SNAPSHOT_COST)
+            self.pay(SNAPSHOT_COST + view.size // ITEMS_OF_A_REQUEST)
         snapshot = view.snapshot(picture)
         return self._events(view, snapshot.number, snapshot)
 
@@ -71,7 +81,8 @@ class ViewerFrames:
         self, view: View, number: int, snapshot: Frame | None = None
     ) -> AsyncGenerator[bytes]:
         if snapshot is not None:
-            yield snapshot.content
+            for part in _parts(snapshot.content):
+                yield part
         loop = asyncio.get_running_loop()
         sent_at = loop.time()
         while await self.may_read():
@@ -81,7 +92,8 @@ class ViewerFrames:
             except TooSlow:
                 return
             for frame in frames:
-                yield frame.content
+                for part in _parts(frame.content):
+                    yield part
                 number, sent_at = frame.number, loop.time()
             if loop.time() - sent_at >= self.heartbeat_s:
                 yield _HEARTBEAT

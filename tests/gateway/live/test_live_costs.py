@@ -13,8 +13,10 @@ from skyway.runtime.errors import BudgetSpent
 from skyway.runtime.http.identity import Caller, CallerRole
 from skyway.runtime.meter import Budget, Meter
 from tests.gateway.access.test_quotas import quotas
+from tests.gateway.live.merged import event_of
 from tests.gateway.whole_gateway import Gateway
 
+_ROGUE = Caller("provider", "rogue")
 _ROLES: tuple[CallerRole, ...] = ("customer", "provider")
 
 
@@ -114,6 +116,29 @@ async def test_only_what_is_made_anew_is_paid(feed: LiveFeed, opened: AsyncExitS
     assert paid == [VIEW_COST, SNAPSHOT_COST]
     await follow("provider", 1, None)
     assert paid == [VIEW_COST, SNAPSHOT_COST] * 2
+
+
+async def test_a_large_snapshot_costs_more_and_is_sent_in_parts(
+    feed: LiveFeed, opened: AsyncExitStack
+) -> None:
+    """A viewer that does not read must not keep a copy of the whole snapshot in memory."""
+    paid: list[float] = []
+    feed.picture.put(
+        (Key("drones", f"drn_{number}"), Item({"text": "x" * 400}, FLEETS)) for number in range(500)
+    )
+    feed.picture.tick()
+    frames = ViewerFrames(feed, None, _may_read, pay=paid.append)
+    events = await opened.enter_async_context(
+        frames.opened(Scope.of(_ROGUE, kinds=None, bbox=None))
+    )
+
+    parts = [await anext(events)]
+    while not parts[-1].endswith(b"\n\n"):
+        parts.append(await anext(events))
+
+    assert paid == [VIEW_COST, SNAPSHOT_COST + 5]
+    assert max(map(len, parts)) == 64 * 1024
+    assert event_of(b"".join(parts))[1] == "snapshot"
 
 
 async def _may_read() -> bool:
