@@ -23,7 +23,7 @@ def outlook_lines(preview: Document) -> Iterator[str]:
 def delay_text(delay: Document) -> str:
     """How much later a mission's last package comes, or why that is not known."""
     if delay["later_by_s"] is not None:
-        return _later(delay["later_by_s"])
+        return f"last package {_later(delay['later_by_s'])}"
     match delay["plan"]:
         case "NEW_PLAN":
             return "not every package is delivered"

@@ -155,7 +155,8 @@ def test_a_closed_station_diverts_a_drone(console: ConsolePage, system: Any) -> 
     mission = in_the_air(system, "divert")
     console.show("map", "station", "divert-s4")
     console.panel("Station").get_by_role("button", name="Close the station").click()
-    console.confirm("roof works", after="1 mission needs another plan")
+    expect(console.page.get_by_role("dialog")).to_contain_text("1 mission needs another plan")
+    console.confirm("roof works", after="its last package comes")
 
     system.eventually(
         lambda: system.operate("GET", f"/v1/missions/{mission}")["mission"]["revision"] > 1,

@@ -82,8 +82,8 @@ def test_the_first_line_says_what_becomes_of_the_plan(members: dict[str, Any], s
 @pytest.mark.parametrize(
     ("plan", "later_by_s", "said"),
     [
-        ("NEW_PLAN", 0.2, "no later"),
-        ("NEW_PLAN", -61.0, "1 min 1 s earlier"),
+        ("NEW_PLAN", 0.2, "last package no later"),
+        ("NEW_PLAN", -61.0, "last package 1 min 1 s earlier"),
         ("NEW_PLAN", None, "not every package is delivered"),
         ("NO_PLAN", None, "no plan is found (C)"),
         ("NO_PLAN_YET", None, "no plan can be made yet (C)"),

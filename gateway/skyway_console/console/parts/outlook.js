@@ -17,7 +17,7 @@ function planText({plan, code, detail, ends_mission: endsMission}) {
   }
 }
 
-export function laterText(seconds) {
+function laterText(seconds) {
   if (Math.abs(seconds) < 1) return "no later";
   return `${durationText(seconds)} ${seconds > 0 ? "later" : "earlier"}`;
 }
@@ -50,12 +50,12 @@ export function Outlook({outlook}) {
             <td>${fateText(each)}</td>
           </tr>`)}</tbody>
       </table></div>`}
-    ${reportedAt && html`<p>Planned from what the drone reported ${distanceText(reportedAt)}.</p>`}`;
+    ${reportedAt && html`<p>Planned from the drone's report of ${momentText(reportedAt)}.</p>`}`;
 }
 
 // How much later the last package of a mission comes, in a few words.
 export function delayText({plan, later_by_s: laterByS, code}) {
-  if (laterByS !== null) return laterText(laterByS);
+  if (laterByS !== null) return `its last package comes ${laterText(laterByS)}`;
   switch (plan) {
     case "NEW_PLAN": return "a new plan that does not deliver every package";
     case "NO_PLAN": return `no plan is found (${code})`;

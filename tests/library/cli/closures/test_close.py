@@ -104,7 +104,7 @@ def test_a_dry_run_says_how_much_later_missions_deliver(gateway: Gateway) -> Non
     result = run("station", "kyle", "--dry-run")
 
     assert result.stdout.splitlines()[1:] == [
-        "  mis_1  drn_1  kyle  2026-03-01T12:30:00Z  flying  1 min 35 s later",
+        "  mis_1  drn_1  kyle  2026-03-01T12:30:00Z  flying  last package 1 min 35 s later",
         "  mis_2  drn_1  kyle  2026-03-01T12:30:00Z  flying",
         "2 missions would need another plan",
         "delays were planned for the first 1 only",
