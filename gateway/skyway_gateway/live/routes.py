@@ -74,13 +74,17 @@ def live_routes(*, gate: KeyGate, feed: LiveFeed, slots: Slots, meters: Meters) 
             feed,
             event_seen(last_event_id),
             request.state.is_still_known,
-            pay=partial(_pay, meters.tenants, str(caller)),
+            pay=partial(pay, meters.tenants, caller),
         )
         return EventStreamAnswer(frames.opened(scope), slots=slots, who=str(caller))
 
     return router
 
 
-def _pay(meter: Meter, who: str, cost: float) -> None:
-    """Take the cost, at most half of a whole budget: nobody is shut out for ever."""
-    meter.take(who, min(cost, meter.budget.burst / 2))
+def pay(meter: Meter, caller: Caller, cost: float) -> None:
+    """Take the cost, at most half of a whole budget: nobody is shut out for ever.
+
+    Operators pay nothing: all of them share one snapshot, and none must wait for it.
+    """
+    if caller.role != "operator":
+        meter.take(str(caller), min(cost, meter.budget.burst / 2))

@@ -6,6 +6,7 @@ from contextlib import AsyncExitStack
 import pytest
 from skyway_gateway.live.feed import VIEW_COST, LiveFeed
 from skyway_gateway.live.picture import FLEETS, Item, Key, Picture, Readers
+from skyway_gateway.live.routes import pay
 from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.viewer_frames import SNAPSHOT_COST, ViewerFrames
 
@@ -145,20 +146,33 @@ async def _may_read() -> bool:
     return True
 
 
+@pytest.mark.parametrize("caller", ["customer", "provider"])
 async def test_a_viewer_without_a_budget_is_refused_before_a_view_is_made(
-    gateway: Gateway,
+    gateway: Gateway, caller: str
 ) -> None:
     feed = gateway.parts.live
     feed._is_complete.set()
     meters = gateway.parts.meters
-    # One more than the request itself costs.
-    object.__setattr__(meters, "tenants", Meter(Budget("TENANT_REQUESTS", 0.001, 2)))
+    # Enough for the request itself, and not for the view.
+    object.__setattr__(meters, "tenants", Meter(Budget("TENANT_REQUESTS", 0.001, 10)))
+    for _ in range(6):
+        await gateway.http.get("/v1/clock", headers=getattr(gateway, caller))
 
-    answer = await gateway.http.get("/v1/live", headers=gateway.provider)
+    answer = await gateway.http.get("/v1/live", headers=getattr(gateway, caller))
 
     assert (answer.status_code, answer.json()["code"]) == (429, "TENANT_REQUESTS")
     assert "Retry-After" in answer.headers
     assert feed.viewers == 0
+
+
+def test_the_costs_are_half_of_a_budget_at_most_and_operators_pay_nothing() -> None:
+    meter = Meter(Budget("TENANT_REQUESTS", 0.001, 100))
+
+    pay(meter, Caller("provider", "rogue"), 1_000.0)
+    pay(meter, Caller("operator", "op"), 1_000.0)
+
+    assert meter.read("provider:rogue").left == 50
+    assert meter.read("operator:op").left == 100
 
 
 @pytest.mark.parametrize(
