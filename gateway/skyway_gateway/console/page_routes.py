@@ -8,8 +8,6 @@ from typing import Final
 from fastapi import Request, Response
 from fastapi.responses import FileResponse
 
-from skyway.network.bundled import texas_corridor
-from skyway.network.geojson import write_network
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.console.base_map import BaseMap
@@ -61,6 +59,10 @@ def console_routes(*, base_map: BaseMap) -> ServiceRouter:
 
 @cache
 def _bundled_network() -> bytes:
+    # Imported here: networks need NumPy, and nothing else in the gateway does.
+    from skyway.network.bundled import texas_corridor
+    from skyway.network.geojson import write_network
+
     return json.dumps(write_network(texas_corridor())).encode()
 
 

@@ -3,20 +3,14 @@
 A migration replaces a CHECK constraint with `replace_check`, which works on both databases.
 """
 
-import logging
 import re
+from importlib.resources import files
 from typing import Final
 
-from alembic.config import Config
-from alembic.migration import MigrationContext
-from alembic.runtime.environment import EnvironmentContext
-from alembic.script import ScriptDirectory
-from alembic.util import CommandError
-from sqlalchemy import event, text
+from sqlalchemy import event, inspect, text
 from sqlalchemy.engine import Connection
 from sqlalchemy.ext.asyncio import AsyncEngine
 
-from skyway.runtime.errors import UnknownRevision
 from skyway.runtime.sql.engines import postgresql_engine, read_url, sqlite_engine
 from skyway.runtime.sql.trouble import named_trouble, trouble_of_writing
 
@@ -36,15 +30,16 @@ async def migrate(db_url: str, package: str) -> None:
     UnknownRevision
         Another version of Skyway has migrated it.
     """
-    # Alembic logs each revision as INFO, which would hide our own log lines of the start.
-    logging.getLogger("alembic").setLevel(logging.WARNING)
     engine = _engine(db_url)
     try:
         with named_trouble(trouble_of_writing):
             async with engine.begin() as connection:
                 if engine.dialect.name == "postgresql":
                     await connection.execute(text(f"SELECT pg_advisory_xact_lock({_LOCK_KEY})"))
-                await connection.run_sync(_upgrade, _scripts(package))
+                if not await connection.run_sync(_is_newest, package):
+                    from skyway.runtime.sql.upgrade import upgrade
+
+                    await connection.run_sync(upgrade, package)
     finally:
         await engine.dispose()
 
@@ -70,25 +65,14 @@ def _begin_immediate(connection: Connection) -> None:
     connection.exec_driver_sql(f"PRAGMA user_version = {version}")
 
 
-def _scripts(package: str) -> ScriptDirectory:
-    config = Config()
-    config.set_main_option("script_location", f"{package}:migrations")
-    config.set_main_option("path_separator", "os")
-    return ScriptDirectory.from_config(config)
-
-
-def _upgrade(connection: Connection, scripts: ScriptDirectory) -> None:
-    def steps(revision: str, _context: MigrationContext) -> list[object]:
-        try:
-            return list(scripts._upgrade_revs("head", revision))  # as alembic's own `upgrade` does
-        except CommandError as error:
-            raise UnknownRevision(str(error)) from error
-
-    with EnvironmentContext(Config(), scripts, fn=steps) as environment:
-        # SQLite can roll back DDL too, which Alembic does not assume.
-        environment.configure(connection=connection, transactional_ddl=True)
-        with environment.begin_transaction():
-            environment.run_migrations()
+def _is_newest(connection: Connection, package: str) -> bool:
+    """Whether the database stands at the newest migration; files are named by revisions."""
+    if not inspect(connection).has_table("alembic_version"):
+        return False
+    versions = files(package) / "migrations" / "versions"
+    names = [each.name for each in versions.iterdir() if each.name.endswith(".py")]
+    stands_at = connection.execute(text("SELECT version_num FROM alembic_version")).scalars().all()
+    return list(stands_at) == [max(names).split("_")[0].removesuffix(".py")]
 
 
 def replace_check(connection: Connection, table: str, name: str, condition: str) -> None:
