@@ -148,8 +148,8 @@ class GatewaySettings(ServiceSettings):
         ge=1,
         le=1_000,
         description="Reports that are read at the same time, at most two of one tenant: "
-        "statistics, earnings, schedules, telemetry and whole networks. Tenants that wait take "
-        "turns.",
+        "statistics, earnings, schedules, past plans and closures, telemetry and whole networks. "
+        "Tenants that wait take turns.",
     )
     plans_waiting_per_tenant: int = Field(
         default=100,

@@ -131,7 +131,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     ),
     Forwarded("GET", "/v1/missions", "composition", _FLEETS_OR_DRONE),
     Forwarded("GET", "/v1/missions/{mission_id}", "composition", _FLEETS_OR_DRONE),
-    Forwarded("GET", "/v1/drones/{drone_id}/plans", "composition", _FLEETS),
+    Forwarded("GET", "/v1/drones/{drone_id}/plans", "composition", _FLEETS, is_report=True),
     Forwarded("GET", "/v1/drones/{drone_id}/schedule", "composition", _FLEETS),
     Forwarded("GET", "/v1/stations/{station_id}/schedule", "composition", _ANY, is_report=True),
     Forwarded(
@@ -145,7 +145,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         _OPERATOR,
         has_dry_run=True,
     ),
-    Forwarded("GET", "/v1/closures", "composition", _ANY),
+    Forwarded("GET", "/v1/closures", "composition", _ANY, is_report=True),
     *_world_rows("/v1/stations/{station_id}/closures"),
     *_world_rows("/v1/stations/{station_id}/pads/{pad}/outages"),
     *_world_rows("/v1/segments/{from_id}/{to_id}/closures"),

@@ -91,6 +91,8 @@ async def test_dry_runs_take_turns_with_other_plans(gateway: Gateway, full: Fair
         "/v1/providers/prv_1/drones/drn_1/telemetry",
         "/v1/stations/kyle/schedule",
         "/v1/networks/city",
+        "/v1/drones/drn_1/plans",
+        "/v1/closures",
     ],
 )
 async def test_reports_take_turns_and_delay_no_other_call(
