@@ -4,6 +4,7 @@ import {useEffect, useState} from "preact/hooks";
 
 import {get, part} from "../api.js";
 import {closureTimes, hasBegun} from "../closed.js";
+import {ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {stationsOf} from "../map/features.js";
@@ -44,6 +45,7 @@ function Pad({stationId, pad, entries}) {
 }
 
 function OpenClosures({stationId}) {
+  ticks.value; // read so that a closure begins by itself
   const closures = Object.entries(picture.closures.value)
     .filter(([, closure]) => closure.station_id === stationId);
   return closures.map(([closureId, closure]) => html`
