@@ -56,6 +56,13 @@ class LiveDrone(WireModel):
         FleetMoment | None,
         Field(description="When its charge will be down to the reserve, if it flies on."),
     ] = None
+    safe_landings: Annotated[
+        tuple[StationId, ...],
+        Field(
+            description="In flight: the nearest stations where it could land instead, by its own "
+            "last report; 3 at most."
+        ),
+    ] = ()
 
 
 class LiveDrones(WireModel):

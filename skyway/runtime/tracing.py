@@ -170,6 +170,8 @@ def configure_logs(service: str, level: str) -> None:
     logging.captureWarnings(capture=True)
     # httpx logs each request to another service. That service logs the request itself.
     logging.getLogger("httpx").setLevel(logging.WARNING)
+    # Alembic logs each migration and each plugin, which would hide our own lines of the start.
+    logging.getLogger("alembic").setLevel(logging.WARNING)
 
 
 def _is_secret(name: str) -> bool:

@@ -99,6 +99,8 @@ def test_an_operator_sees_a_drone_move_and_opens_its_plan(
     expect(panel.locator(".steps li").first).to_be_visible()
     expect(panel.get_by_label("Charge over time").locator("canvas")).to_be_visible()
     page.wait_for_function(f"() => {MAP}.data.plan.features.length > 0")
+    page.wait_for_function(f"() => {MAP}.data.alternatives.features.length > 0")
+    expect(panel).to_contain_text("Could land")
 
 
 def test_a_click_on_the_map_opens_what_is_there(console: ConsolePage, system: Any) -> None:
@@ -140,9 +142,9 @@ def test_a_closure_of_later_is_seen_on_the_map_ahead(console: ConsolePage, syste
     shown_network(page, "later")
     pads = f"""() => {MAP}.data.stations?.features
       .find(({{properties}}) => properties.station_id === 'later-s2')?.properties.pads"""
-    page.wait_for_function(f"({pads})() === 'free'")
+    page.wait_for_function(f"() => ({pads})() === 'free'")
     page.get_by_label("Closures now").fill("25")
-    page.wait_for_function(f"({pads})() === 'closed'")
+    page.wait_for_function(f"() => ({pads})() === 'closed'")
 
     console.show("alarms")
     item = page.get_by_role("list", name="Closed later").locator("li", has_text="crane")

@@ -30,6 +30,6 @@ def live_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Servic
         async with db.read() as connection:
             found = await live_drones(connection, mark, wall_now=clock.wall_now())
         # Serialized here: the answer is valid, and FastAPI would validate each drone again.
-        return Response(found.model_dump_json(exclude_none=True), media_type="application/json")
+        return Response(found.model_dump_json(exclude_defaults=True), media_type="application/json")
 
     return router

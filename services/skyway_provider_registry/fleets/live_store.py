@@ -26,6 +26,9 @@ from skyway_provider_registry.tables import changes, drones
 #: have no numbers of changes, so all samples of this time are read again.
 _LATE_COMMITS_MS: Final = 2_000
 
+#: Landings of a drone in the picture: where it could land instead, not everywhere it could.
+_MOST_LANDINGS: Final = 3
+
 _SILENCE_MS: Final = round(SILENCE.total_seconds() * 1000)
 
 _presence = PRESENCE.subquery("drone_presence")
@@ -119,7 +122,9 @@ def _live_drone(
     presence, condition = presence_of(row), condition_of(row.condition)
     home = Position(row.home_longitude_deg, row.home_latitude_deg), row.initial_soc
     position, soc = presence.place or home
-    state, health = presence.state, condition.health
+    state = presence.state
+    is_flying = state is not None and state.activity == "FLYING"
+    health = condition.health if is_flying else None
     return LiveDrone.model_construct(
         drone_id=row.drone_id,
         provider_id=row.provider_id,
@@ -135,9 +140,10 @@ def _live_drone(
         faults=condition.faults,
         must_land_at=(
             None
-            if state is None or health is None or state.activity != "FLYING"
+            if state is None or health is None
             else _must_land_at(state.at, health.range_m, models[row.model_id])
         ),
+        safe_landings=() if health is None else health.safe_landings[:_MOST_LANDINGS],
     )
 
 

@@ -4,8 +4,6 @@ It is a module of its own because importing Alembic takes a fifth of a second, a
 start finds nothing to migrate.
 """
 
-import logging
-
 from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.runtime.environment import EnvironmentContext
@@ -24,8 +22,6 @@ def upgrade(connection: Connection, package: str) -> None:
     UnknownRevision
         Another version of Skyway has migrated the database.
     """
-    # Alembic logs each revision as INFO, which would hide our own log lines of the start.
-    logging.getLogger("alembic").setLevel(logging.WARNING)
     scripts = _scripts(package)
 
     def steps(revision: str, _context: MigrationContext) -> list[object]:

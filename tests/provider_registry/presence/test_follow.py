@@ -284,6 +284,24 @@ async def test_the_reported_health_of_a_drone_is_shown(
     assert (after["health"], after["faults"], after["failsafe"]) == (None, [], None)
 
 
+async def test_the_picture_shows_where_a_drone_in_flight_could_land_instead(
+    fleet: Fleet, online: Maker, state: Maker
+) -> None:
+    drone_id = await fleet.drone()
+    health = {**HEALTH, "safe_landings": ["kyle", "buda", "niederwald", "uhland"]}
+
+    async def landings() -> list[str] | None:
+        answer = await fleet.api(None, "GET", "/internal/live/drones", service="gateway")
+        found: list[str] | None = answer.json()["drones"][0].get("safe_landings")
+        return found
+
+    await fleet.receives(drone_id, online(7, 1), state(7, 1, activity="FLYING", health=health))
+    in_flight = await landings()
+    await fleet.receives(drone_id, state(7, 2, activity="WAITING", health=health))
+
+    assert (in_flight, await landings()) == (["kyle", "buda", "niederwald"], None)
+
+
 async def test_a_drone_that_is_down_is_grounded(fleet: Fleet, online: Maker, state: Maker) -> None:
     drone_id = await fleet.drone()
 

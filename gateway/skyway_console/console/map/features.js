@@ -55,6 +55,14 @@ export function closureShapes(network, closures) {
   }));
 }
 
+// From a drone in flight to the stations where it could land instead.
+export function alternativeLines(network, drone) {
+  const landings = drone?.safe_landings ?? [];
+  return collection(stationsOf(network)
+    .filter(({properties}) => landings.includes(properties.station_id))
+    .map(({geometry}) => feature(line(drone.position, geometry.coordinates))));
+}
+
 // The flights of a plan: the one under way is flown up to where the drone is.
 export function planLines(mission, drone) {
   if (!mission) return collection([]);

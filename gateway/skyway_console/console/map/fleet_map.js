@@ -5,7 +5,7 @@ import {Map as MapLibreMap, NavigationControl, setWorkerUrl} from "maplibre-gl";
 import {outlines} from "./base_map.js";
 import {onThemeChange} from "./colours.js";
 import {DroneLayer} from "./drone_layer.js";
-import {closureShapes, planLines, segmentLines, stationPoints, stationsOf} from "./features.js";
+import {alternativeLines, closureShapes, planLines, segmentLines, stationPoints, stationsOf} from "./features.js";
 import {mapStyle} from "./layers.js";
 import {readOwnStyle} from "./own_base_map.js";
 import {stationName} from "../words.js";
@@ -64,6 +64,7 @@ export class FleetMap {
 
   showPlan(mission, drone) {
     this.put("plan", planLines(mission, drone));
+    if (this.network) this.put("alternatives", alternativeLines(this.network, drone));
   }
 
   showDraft(ring) {

@@ -1,10 +1,12 @@
-// The layers of the map, from the ground up: outlines, segments, closures, the open plan, stations.
+// The layers of the map, from the ground up: outlines, segments, closures, where the open drone
+// could land instead, its plan, stations.
 
 import {colours} from "./colours.js";
 
 export const NOTHING = {type: "FeatureCollection", features: []};
 
-export const SOURCES = ["countries", "counties", "segments", "closures", "plan", "draft", "stations"];
+export const SOURCES = ["countries", "counties", "segments", "closures", "alternatives", "plan", "draft",
+  "stations"];
 
 const source = (id) => [id, {type: "geojson", data: NOTHING}];
 
@@ -36,6 +38,8 @@ function fleetLayers() {
     {id: "draft", type: "fill", source: "draft",
       paint: {"fill-color": paint.selected, "fill-opacity": 0.3}},
     line("draft-edge", "draft", {"line-color": paint.selected, "line-width": 2}),
+    line("alternatives", "alternatives",
+      {"line-color": paint.segment, "line-width": 2, "line-dasharray": [1, 3]}),
     line("to-come", "plan", {"line-color": paint.planned, "line-width": 3, "line-dasharray": [1, 2]},
       isStatus("PLANNED")),
     line("flown", "plan", {"line-color": paint.flown, "line-width": 4}, isStatus("ENDED")),

@@ -20,6 +20,7 @@ function droneFacts(drone, mission) {
     ["Charge", drone.soc !== undefined && percent(drone.soc)],
     ["At", drone.station_id && stationName(drone.station_id)],
     ["Lands next", landing && `${stationName(landing.station_id)}, ${distanceText(landing.at)}`],
+    ["Could land", drone.safe_landings?.length > 0 && drone.safe_landings.map(stationName).join(", ")],
     ["Must land", drone.must_land_at && distanceText(drone.must_land_at)],
     ["Faults", drone.faults?.length > 0 && drone.faults.map(faultText).join(", ")],
     ["Mission", mission && `${inWords(mission.state)}${mission.is_held ? ", held" : ""}`],
