@@ -192,10 +192,11 @@ def _slot_limits(settings: GatewaySettings) -> SlotLimits:
 
 def _meters(settings: GatewaySettings) -> Meters:
     tenants = Budget("TENANT_REQUESTS", settings.requests_per_s, settings.requests_burst)
+    refusals = Budget("TENANT_REFUSALS", settings.refusals_per_s, settings.refusals_burst)
     addresses = Budget(
         "ADDRESS_REQUESTS", settings.address_requests_per_s, settings.address_requests_burst
     )
-    return Meters(Meter(tenants), Meter(addresses))
+    return Meters(Meter(tenants), Meter(refusals), Meter(addresses))
 
 
 def running_parts(settings: GatewaySettings) -> Parts:

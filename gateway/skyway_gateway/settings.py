@@ -80,6 +80,20 @@ class GatewaySettings(ServiceSettings):
         le=1_000_000,
         description="Requests that a tenant may send together after a pause.",
     )
+    refusals_per_s: float = Field(
+        default=20.0,
+        ge=1.0,
+        le=100_000.0,
+        description="Refused requests a second (400, 403, 404, 405, 413, 415, 422) that each "
+        "customer, provider or drone may send for ever.",
+    )
+    refusals_burst: int = Field(
+        default=1_000,
+        ge=10,
+        le=1_000_000,
+        description="Refused requests that a customer, provider or drone may send together after "
+        "a pause. Then it may send no other request either until some of them are forgotten.",
+    )
     address_requests_per_s: float = Field(
         default=200.0,
         ge=1.0,

@@ -86,14 +86,23 @@ class Meter:
         BudgetSpent
             So much is not left; nothing is taken.
         """
-        before_s = self._lacking_s(who)
-        lacking_s = before_s + cost / self.budget.per_s
-        wait_s = lacking_s - self._refill_s
+        self.require(who, cost)
+        self.charge(who, cost)
+        return self.read(who)
+
+    def require(self, who: str, cost: float = 1.0) -> None:
+        """Take nothing, but demand that so much is left.
+
+        Raises
+        ------
+        BudgetSpent
+            So much is not left.
+        """
+        lacking_s = self._lacking_s(who)
+        wait_s = lacking_s + cost / self.budget.per_s - self._refill_s
         if wait_s > _ROUNDING_S:
-            headers = self._reading(before_s).headers
+            headers = self._reading(lacking_s).headers
             raise BudgetSpent(self.budget.code, wait_s, headers=headers)
-        self._keep(who, lacking_s)
-        return self._reading(lacking_s)
 
     def charge(self, who: str, cost: float) -> None:
         """Take `cost`, or all that is left: for what shows its cost only when it is done.

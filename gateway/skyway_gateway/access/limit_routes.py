@@ -24,8 +24,8 @@ def limit_routes(
 
         Callers: every API key.
         """
-        reading = meters.tenants.read(str(caller))
+        budgets = [UsageBudget.of(meter.read(str(caller))) for meter in meters.of(caller)]
         quotas = [quota for each in counters for quota in await each.usage(caller)]
-        return Limits(budgets=(UsageBudget.of(reading),), quotas=tuple(quotas))
+        return Limits(budgets=tuple(budgets), quotas=tuple(quotas))
 
     return router

@@ -28,10 +28,8 @@ _CALM_MPS: Final = (0.0, 0.0)
 _MOMENT_FLEET_S, _MOMENT_WALL_S = 0.2, 0.05
 
 #: The newest assessment is fresh for this time: seconds of fleet time, or of wall time if longer.
-_FRESH_FLEET_S, _FRESH_WALL_S = 1.0, 0.25
-
-#: Callers do not ask exactly on the tick, so this many times the age still counts as fresh.
-_SLACK: Final = 1.5
+#: What is sent to the cloud is not older, however the guard's rhythm stands to the sender's.
+_FRESH_FLEET_S, _FRESH_WALL_S = 0.4, 0.1
 
 #: The parts of a logbook that a reading and its analysis use.
 _Doing = tuple[object, ...]
@@ -232,7 +230,7 @@ class Lookout:
     def newest(self) -> Assessment:
         """The last assessment, or a new one if it is old or the drone changed what it does."""
         fresh = fleet_margin(self._clock, fleet_s=_FRESH_FLEET_S, wall_s=_FRESH_WALL_S)
-        return self._not_older_than(_SLACK * fresh)
+        return self._not_older_than(fresh)
 
     def consumption_factor(self) -> float:
         """Energy of flights as a multiple of the plan, by the newest assessment."""

@@ -17,10 +17,10 @@ from fastapi.security.utils import get_authorization_scheme_param
 
 from skyway.runtime.errors import BudgetSpent, Unauthenticated
 from skyway.runtime.http.brake import Brake
-from skyway.runtime.http.identity import KeyHolder, RefusedKey, ServiceGate
+from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey, ServiceGate
 from skyway.runtime.http.session_cookie import SESSION_PREFIX, session_in
 from skyway.runtime.http.wrong_keys import WrongKeys
-from skyway.runtime.meter import Meter
+from skyway.runtime.meter import Meter, Reading
 from skyway.runtime.network_address import network_of
 
 #: What a request without a key costs its address, and what it costs if it is refused.
@@ -63,14 +63,40 @@ class Refusals(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Meters:
-    """The budget of requests of each tenant, and of each address without a known key."""
+    """What tenants, and addresses without a known key, may use.
+
+    `tenants` counts the requests of each tenant, `refusals` those that are refused. Operators keep
+    the system, and may be refused as often as they like.
+    """
 
     tenants: Meter
+    refusals: Meter
     addresses: Meter
 
     def charge_refused(self, request: Request) -> None:
         """Have the address pay for a request without a key that was refused after all."""
         self.addresses.charge(address_of(request), REFUSED_COST)
+
+    def of(self, caller: Caller) -> tuple[Meter, ...]:
+        """The meters of this caller."""
+        return (self.tenants,) if caller.role == "operator" else (self.tenants, self.refusals)
+
+    def take_request(self, caller: Caller) -> Reading:
+        """Take a request from the caller's budget.
+
+        Raises
+        ------
+        BudgetSpent
+            The caller has sent too many requests, or too many that were refused.
+        """
+        if self.refusals in self.of(caller):
+            self.refusals.require(str(caller))
+        return self.tenants.take(str(caller))
+
+    def note_refusal(self, caller: Caller) -> None:
+        """Count a request of the caller that was wrong or forbidden."""
+        if self.refusals in self.of(caller):
+            self.refusals.charge(str(caller), 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +125,7 @@ class KeyEntrance:
 
         It sets `request.state.caller` and `request.state.holder`, and
         `request.state.is_still_known` for answers that take long: whether the key is still in use.
+        `request.state.note_refusal` is for the boundary, which knows how the request was answered.
 
         Raises
         ------
@@ -137,7 +164,9 @@ class KeyEntrance:
             raise Unauthenticated(_NO_KEY)
         holder = await self._recognise(request, key, self.keys)
         request.state.is_still_known = partial(self._is_still_known, key)
-        return self.meters.tenants.take(str(holder.caller)).headers
+        reading = self.meters.take_request(holder.caller)
+        request.state.note_refusal = partial(self.meters.note_refusal, holder.caller)
+        return reading.headers
 
     async def _admit_service(self, request: Request) -> None:
         try:

@@ -40,6 +40,10 @@ BODY_LIMIT_BYTES: Final = 256 * 1024
 _DRAINED_BYTES: Final = 8 * 1024 * 1024
 _DRAIN_S: Final = 2.0
 
+#: Answers to requests that were wrong. Others are not counted as refused: a key or a budget has its
+#: own count (401, 429), and honest callers meet a conflict (409, 410, 412).
+_REFUSED: Final = frozenset({400, 403, 404, 405, 413, 415, 422})
+
 _METHODS: Final = frozenset({"GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"})
 
 BodyLimit = Callable[[Request], int]
@@ -119,6 +123,8 @@ class RequestBoundary:
         with tracing(request.headers.get("traceparent"), lambda: _span_name(request)):
             exchange = _Exchange(BODY_LIMIT_BYTES, scope, receive, send)
             await self._serve(request, exchange)
+        if exchange.status in _REFUSED and hasattr(request.state, "note_refusal"):
+            request.state.note_refusal()
         _count_request(request, exchange, started_at)
 
     async def _serve(self, request: Request, exchange: "_Exchange") -> None:

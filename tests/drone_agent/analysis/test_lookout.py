@@ -40,7 +40,7 @@ def test_the_newest_assessment_is_shared(
     lookout = Lookout(recorder, vehicle, virtual_clock)
     guards = lookout.look()
 
-    virtual_clock.move_to(virtual_clock.now() + timedelta(seconds=1))
+    virtual_clock.move_to(virtual_clock.now() + timedelta(seconds=0.4))
 
     assert lookout.newest() is guards
     assert vehicle.reads == 1
@@ -52,7 +52,7 @@ def test_an_old_assessment_is_made_anew(
     lookout = Lookout(recorder, vehicle, virtual_clock)
     lookout.look()
 
-    virtual_clock.move_to(virtual_clock.now() + timedelta(seconds=2))
+    virtual_clock.move_to(virtual_clock.now() + timedelta(seconds=0.5))
 
     assert lookout.newest().at == virtual_clock.now()
     assert vehicle.reads == 2

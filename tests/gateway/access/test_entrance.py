@@ -15,10 +15,13 @@ from skyway.runtime.network_address import network_of
 from tests.gateway.whole_gateway import Gateway
 
 
-def limit(gateway: Gateway, *, tenants: int = 100, addresses: int = 100) -> None:
+def limit(
+    gateway: Gateway, *, tenants: int = 100, refusals: int = 100, addresses: int = 100
+) -> None:
     """Give every tenant and address so many requests, which hardly refill."""
     meters = Meters(
         Meter(Budget("TENANT_REQUESTS", 0.001, tenants)),
+        Meter(Budget("TENANT_REFUSALS", 0.001, refusals)),
         Meter(Budget("ADDRESS_REQUESTS", 0.001, addresses)),
     )
     brake = Brake(held_s=0)
@@ -92,6 +95,39 @@ async def test_a_tenants_answers_say_what_is_left_until_the_budget_is_spent(
     assert refusal.json()["type"] == "urn:skyway:problem:too-many-requests"
     assert int(refusal.headers["retry-after"]) >= 1
     assert refusal.headers["ratelimit-limit"] == "3"
+
+
+@pytest.mark.parametrize(
+    ("method", "path"), [("GET", "/v1/deliveries/dlv_unknown"), ("POST", "/v1/quotes")]
+)
+async def test_a_tenant_that_is_refused_too_often_has_to_wait(
+    gateway: Gateway, method: str, path: str
+) -> None:
+    limit(gateway, refusals=2)
+    calls = [("GET", "/v1/clock"), (method, path), (method, path), ("GET", "/v1/clock")]
+
+    answers = [await gateway.http.request(*call, headers=gateway.customer) for call in calls]
+
+    assert [answer.status_code // 100 for answer in answers] == [2, 4, 4, 4]
+    assert answers[-1].json()["code"] == "TENANT_REFUSALS"
+    assert int(answers[-1].headers["retry-after"]) >= 1
+    assert (await get(gateway, gateway.other)).status_code == 200
+
+
+async def test_operators_may_be_refused_as_often_as_they_like(gateway: Gateway) -> None:
+    limit(gateway, refusals=1)
+
+    for _ in range(3):
+        answer = await gateway.http.get("/v1/deliveries/dlv_unknown", headers=gateway.operator)
+        assert answer.status_code == 404
+
+
+async def test_a_spent_budget_is_not_counted_as_a_refusal(gateway: Gateway) -> None:
+    limit(gateway, tenants=3, refusals=1)
+
+    answers = [await get(gateway, gateway.customer) for _ in range(6)]
+
+    assert [answer.json().get("code") for answer in answers[3:]] == ["TENANT_REQUESTS"] * 3
 
 
 async def test_a_tenant_without_budget_takes_nothing_from_another(gateway: Gateway) -> None:
@@ -188,7 +224,10 @@ async def test_the_limits_are_shown_to_each_role(gateway: Gateway) -> None:
     async def shown(headers: dict[str, str]) -> Any:
         answer = await gateway.http.get("/v1/limits", headers=headers)
         assert answer.status_code == 200
-        return answer.json()["budgets"][0]
+        requests, *refusals = answer.json()["budgets"]
+        shown = [(each["code"], each["left"]) for each in refusals]
+        assert shown == ([] if headers == gateway.operator else [("TENANT_REFUSALS", 100)])
+        return requests
 
     assert await shown(gateway.customer) | {"full_after_s": 0} == {
         "code": "TENANT_REQUESTS",
