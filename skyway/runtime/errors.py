@@ -199,10 +199,14 @@ class UnsafeDatabase(SkywayError):
 
 
 class UnknownRevision(SkywayError):
-    """A database stands at a revision that this version of Skyway does not have."""
+    """A newer version of Skyway has changed a database so that this version cannot use it."""
 
-    def __init__(self, detail: str) -> None:
-        super().__init__(f"another version of Skyway has migrated the database: {detail}")
+    def __init__(self, revision: str, *, newest: str) -> None:
+        super().__init__(
+            f"another version of Skyway has migrated the database: it stands at revision "
+            f"{revision}, this version has {newest} and cannot use its tables. Start the newer "
+            "version again, or restore the backup from before the upgrade"
+        )
 
 
 class ExitCode(IntEnum):

@@ -3,32 +3,42 @@
 A migration replaces a CHECK constraint with `replace_check`, which works on both databases.
 """
 
+import logging
 import re
-from importlib.resources import files
 from typing import Final
 
-from sqlalchemy import event, inspect, text
+from sqlalchemy import event, text
 from sqlalchemy.engine import Connection
 from sqlalchemy.ext.asyncio import AsyncEngine
 
+from skyway.runtime.errors import UnknownRevision
 from skyway.runtime.sql.engines import postgresql_engine, read_url, sqlite_engine
+from skyway.runtime.sql.revisions import read_standing, revisions_of
 from skyway.runtime.sql.trouble import named_trouble, trouble_of_writing
+
+log = logging.getLogger(__name__)
 
 #: Key of the advisory lock under which one replica migrates while the others wait ("skyway").
 _LOCK_KEY: Final = 0x736B79776179
+
+
+#: How long a statement of a migration waits for a table that others use, seconds. Statements of
+#: running replicas queue behind it, so it must fail soon and be tried again.
+_LOCK_TIMEOUT_S: Final = 3
 
 
 async def migrate(db_url: str, package: str) -> None:
     """Upgrade to the newest revision in ``<package>/migrations/versions``, all or nothing.
 
     A package's migrations folder needs no env.py. Replicas that start together wait for the first.
+    A database that a newer version has migrated is left alone.
 
     Raises
     ------
     ServiceUnavailable
         The database cannot be migrated now.
     UnknownRevision
-        Another version of Skyway has migrated it.
+        A newer version of Skyway has migrated it, and this version cannot use its tables.
     """
     engine = _engine(db_url)
     try:
@@ -36,7 +46,8 @@ async def migrate(db_url: str, package: str) -> None:
             async with engine.begin() as connection:
                 if engine.dialect.name == "postgresql":
                     await connection.execute(text(f"SELECT pg_advisory_xact_lock({_LOCK_KEY})"))
-                if not await connection.run_sync(_is_newest, package):
+                    await connection.execute(text(f"SET LOCAL lock_timeout = '{_LOCK_TIMEOUT_S}s'"))
+                if await connection.run_sync(_needs_upgrade, package):
                     from skyway.runtime.sql.upgrade import upgrade
 
                     await connection.run_sync(upgrade, package)
@@ -65,14 +76,22 @@ def _begin_immediate(connection: Connection) -> None:
     connection.exec_driver_sql(f"PRAGMA user_version = {version}")
 
 
-def _is_newest(connection: Connection, package: str) -> bool:
-    """Whether the database stands at the newest migration; files are named by revisions."""
-    if not inspect(connection).has_table("alembic_version"):
-        return False
-    versions = files(package) / "migrations" / "versions"
-    names = [each.name for each in versions.iterdir() if each.name.endswith(".py")]
-    stands_at = connection.execute(text("SELECT version_num FROM alembic_version")).scalars().all()
-    return list(stands_at) == [max(names).split("_")[0].removesuffix(".py")]
+def _needs_upgrade(connection: Connection, package: str) -> bool:
+    """Whether the database lacks a migration of this version.
+
+    Raises
+    ------
+    UnknownRevision
+        A newer version has migrated it, and this version cannot use its tables.
+    """
+    standing, own = read_standing(connection), revisions_of(package)
+    if standing is None or standing.revision in own:
+        return standing is None or standing.revision != own[-1]
+    if standing.oldest_code is None or standing.oldest_code > own[-1]:
+        raise UnknownRevision(standing.revision, newest=own[-1])
+    # A rolled back or restarted replica beside a newer one: the migrations since only added.
+    log.warning("database is newer", extra={"revision": standing.revision, "newest": own[-1]})
+    return False
 
 
 def replace_check(connection: Connection, table: str, name: str, condition: str) -> None:
