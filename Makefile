@@ -62,3 +62,5 @@ lock:
 		--python-version 3.11 --extra image -c requirements.txt pyproject.toml -o requirements-image.txt
 	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
 		--python-version 3.11 --extra peers -c requirements.txt pyproject.toml -o requirements-peers.txt
+	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
+		--python-version 3.11 --extra chart -c requirements.txt pyproject.toml -o requirements-chart.txt

@@ -47,7 +47,7 @@ def findings(source: str) -> Iterator[str]:
 
 def new_columns(tree: ast.Module) -> Iterator[ast.Call]:
     """The columns that `upgrade` makes in tables that exist."""
-    upgrades = [each for each in tree.body if getattr(each, "name", "") == "upgrade"] or [tree]
+    upgrades = [each for each in tree.body if getattr(each, "name", "") == "upgrade"] or tree.body
     calls = [each for top in upgrades for each in ast.walk(top) if isinstance(each, ast.Call)]
     tables = [each for each in calls if name_of(each) == "create_table"]
     in_new_tables = {id(each) for table in tables for each in ast.walk(table)}

@@ -1,0 +1,47 @@
+{{/* The beginning of all names: at most 40 characters, so that every name stays below 63. */}}
+{{- define "skyway.fullname" -}}
+{{- if .Values.fullnameOverride -}}
+{{- .Values.fullnameOverride | trunc 40 | trimSuffix "-" -}}
+{{- else if contains "skyway" .Release.Name -}}
+{{- .Release.Name | trunc 40 | trimSuffix "-" -}}
+{{- else -}}
+{{- printf "%s-skyway" .Release.Name | trunc 40 | trimSuffix "-" -}}
+{{- end -}}
+{{- end -}}
+
+{{/* Labels that select pods; they never change. Arguments: root, name of the part. */}}
+{{- define "skyway.selector" -}}
+app.kubernetes.io/name: skyway
+app.kubernetes.io/instance: {{ .root.Release.Name }}
+app.kubernetes.io/component: {{ .name }}
+{{- end -}}
+
+{{- define "skyway.labels" -}}
+{{ include "skyway.selector" . }}
+app.kubernetes.io/part-of: skyway
+app.kubernetes.io/version: {{ .root.Chart.AppVersion | quote }}
+app.kubernetes.io/managed-by: {{ .root.Release.Service }}
+helm.sh/chart: {{ printf "%s-%s" .root.Chart.Name .root.Chart.Version | replace "+" "_" }}
+{{- end -}}
+
+{{- define "skyway.image" -}}
+{{ .Values.image.repository }}:{{ .Values.image.tag | default .Chart.AppVersion }}
+{{- end -}}
+
+{{/* The broker's listener for services, as everybody but the registry's own pod sees it. */}}
+{{- define "skyway.mqttUrl" -}}
+{{- if eq .Values.broker.mode "sidecar" -}}
+mqtt://{{ include "skyway.fullname" . }}-broker:1884
+{{- else -}}
+{{ ternary "mqtts" "mqtt" .Values.broker.outside.tls }}://{{ .Values.broker.outside.host }}:{{ int .Values.broker.outside.port }}
+{{- end -}}
+{{- end -}}
+
+{{/* The broker's listener for drones inside of the cluster. */}}
+{{- define "skyway.droneMqttUrl" -}}
+{{- if eq .Values.broker.mode "sidecar" -}}
+mqtt://{{ include "skyway.fullname" . }}-broker:1883
+{{- else -}}
+{{ ternary "mqtts" "mqtt" .Values.broker.outside.tls }}://{{ .Values.broker.outside.host }}:{{ int .Values.broker.outside.dronePort }}
+{{- end -}}
+{{- end -}}
