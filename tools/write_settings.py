@@ -25,7 +25,8 @@ them; `docker-compose.yml` shows them for containers. A wrong or missing setting
 The error names the variable, never its value. Secrets are not settings: they are files of one line
 in `SKYWAY_SECRETS_DIR`, as Docker and Kubernetes mount them.
 
-`python tools/write_settings.py` writes this page from the settings classes; a test compares them.
+`python tools/write_settings.py` writes this page from the settings classes, and
+`python tools/write_chart.py` their limits into the [Helm chart](../kubernetes.md#values); tests compare them.
 """
 
 
