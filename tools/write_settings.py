@@ -26,7 +26,8 @@ The error names the variable, never its value. Secrets are not settings: they ar
 in `SKYWAY_SECRETS_DIR`, as Docker and Kubernetes mount them.
 
 `python tools/write_settings.py` writes this page from the settings classes, and
-`python tools/write_chart.py` their limits into the [Helm chart](../kubernetes.md#values); tests compare them.
+`python tools/write_chart.py` their limits into the [Helm chart](../kubernetes.md#values); tests
+compare them.
 """
 
 
