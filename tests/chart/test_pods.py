@@ -162,6 +162,19 @@ def test_paths_are_those_of_the_image_and_of_docker_compose(outcomes: Outcomes, 
     assert "NUMBA_CACHE_DIR=/var/cache/skyway" in DOCKERFILE
 
 
+def test_composition_can_write_where_the_planner_is_compiled(found: Documents) -> None:
+    """Even the command that migrates loads the planner, and fails where it cannot write."""
+    for pod in found.pods():
+        for container in pod.spec["containers"]:
+            if "skyway_composition" in container["command"]:
+                cache = environment(container).get("NUMBA_CACHE_DIR", "/var/cache/skyway")
+                mounts = {each["mountPath"]: each["name"] for each in container["volumeMounts"]}
+                name = mounts.get(cache) or mounts[str(Path(cache).parent)]
+                assert any(
+                    each["name"] == name and "emptyDir" in each for each in pod.spec["volumes"]
+                )
+
+
 def test_commands_exist(found: Documents) -> None:
     for pod in found.pods():
         for container in pod.containers:

@@ -37,6 +37,9 @@ _STATEMENTS: Final = 500
 #: Connections that one process keeps to write, and as many to read.
 _CONNECTIONS: Final = 8
 
+#: How long a statement may take, seconds.
+_STATEMENT_S: Final = 60.0
+
 #: How long a block waits for a free connection, seconds.
 _POOL_TIMEOUT_S: Final = 30.0
 
@@ -138,9 +141,14 @@ def sqlite_survey_engine(url: URL) -> AsyncEngine:
     return sqlite_reader_engine(url, async_creator_fn=aiosqlite.connect)
 
 
-def postgresql_engine(url: URL) -> AsyncEngine:
-    """An engine whose transactions are READ COMMITTED."""
-    return _postgresql_engine(url, isolation_level="READ COMMITTED", settings={})
+def postgresql_engine(url: URL, *, statement_s: float = _STATEMENT_S) -> AsyncEngine:
+    """An engine whose transactions are READ COMMITTED.
+
+    A statement that takes longer than `statement_s` seconds is cancelled.
+    """
+    return _postgresql_engine(
+        url, isolation_level="READ COMMITTED", settings={}, statement_s=statement_s
+    )
 
 
 def postgresql_reader_engine(url: URL) -> AsyncEngine:
@@ -150,7 +158,9 @@ def postgresql_reader_engine(url: URL) -> AsyncEngine:
     around the statements would be two round trips for nothing.
     """
     settings = {"default_transaction_read_only": "on"}
-    return _postgresql_engine(url, isolation_level="AUTOCOMMIT", settings=settings)
+    return _postgresql_engine(
+        url, isolation_level="AUTOCOMMIT", settings=settings, statement_s=_STATEMENT_S
+    )
 
 
 class CommitCheckingConnection(asyncpg.Connection):  # type: ignore[misc]  # asyncpg has no types
@@ -168,7 +178,7 @@ class CommitCheckingConnection(asyncpg.Connection):  # type: ignore[misc]  # asy
 
 
 def _postgresql_engine(
-    url: URL, *, isolation_level: IsolationLevel, settings: Mapping[str, str]
+    url: URL, *, isolation_level: IsolationLevel, settings: Mapping[str, str], statement_s: float
 ) -> AsyncEngine:
     engine = create_async_engine(
         url.set(drivername="postgresql+asyncpg"),
@@ -184,7 +194,7 @@ def _postgresql_engine(
         connect_args={
             "connection_class": CommitCheckingConnection,
             "timeout": 10,
-            "command_timeout": 60,
+            "command_timeout": statement_s,
             "prepared_statement_cache_size": _STATEMENTS,
             "server_settings": {
                 "jit": "off",

@@ -9,7 +9,7 @@ from typing import Final
 
 from sqlalchemy import event, text
 from sqlalchemy.engine import Connection
-from sqlalchemy.ext.asyncio import AsyncEngine
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from skyway.runtime.errors import UnknownRevision
 from skyway.runtime.sql.engines import postgresql_engine, read_url, sqlite_engine
@@ -21,6 +21,12 @@ log = logging.getLogger(__name__)
 #: Key of the advisory lock under which one replica migrates while the others wait ("skyway").
 _LOCK_KEY: Final = 0x736B79776179
 
+
+#: How long a statement of a migration may take, seconds: an index over a large table takes minutes.
+_MIGRATION_S: Final = 3_600.0
+
+#: How long a run waits for the one before it, seconds. Then it says so, and tries again.
+_TURN_S: Final = 60
 
 #: How long a statement of a migration waits for a table that others use, seconds. Statements of
 #: running replicas queue behind it, so it must fail soon and be tried again.
@@ -45,8 +51,7 @@ async def migrate(db_url: str, package: str) -> None:
         with named_trouble(trouble_of_writing):
             async with engine.begin() as connection:
                 if engine.dialect.name == "postgresql":
-                    await connection.execute(text(f"SELECT pg_advisory_xact_lock({_LOCK_KEY})"))
-                    await connection.execute(text(f"SET LOCAL lock_timeout = '{_LOCK_TIMEOUT_S}s'"))
+                    await _lock(connection)
                 if await connection.run_sync(_needs_upgrade, package):
                     from skyway.runtime.sql.upgrade import upgrade
 
@@ -55,10 +60,17 @@ async def migrate(db_url: str, package: str) -> None:
         await engine.dispose()
 
 
+async def _lock(connection: AsyncConnection) -> None:
+    """Wait for the run before this one, then wait for tables only shortly."""
+    await connection.execute(text(f"SET LOCAL lock_timeout = '{_TURN_S}s'"))
+    await connection.execute(text(f"SELECT pg_advisory_xact_lock({_LOCK_KEY})"))
+    await connection.execute(text(f"SET LOCAL lock_timeout = '{_LOCK_TIMEOUT_S}s'"))
+
+
 def _engine(db_url: str) -> AsyncEngine:
     url = read_url(db_url)
     if url.drivername == "postgresql":
-        return postgresql_engine(url)
+        return postgresql_engine(url, statement_s=_MIGRATION_S)
     engine = sqlite_engine(url)
     event.listen(engine.sync_engine, "begin", _begin_immediate)
     return engine

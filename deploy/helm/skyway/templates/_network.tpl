@@ -4,9 +4,8 @@ matchLabels:
 {{- end -}}
 
 {{- define "skyway.toDns" -}}
-- to:
-    - namespaceSelector: {}
-  ports:
+# Anywhere: a resolver on the node itself is no pod to a policy.
+- ports:
     - { protocol: UDP, port: 53 }
     - { protocol: TCP, port: 53 }
 {{- end -}}
