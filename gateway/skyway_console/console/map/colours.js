@@ -16,4 +16,6 @@ const DARK = {
 const darkTheme = matchMedia("(prefers-color-scheme: dark)");
 
 export const colours = () => (darkTheme.matches ? DARK : LIGHT);
+// The colour of an element: the browser changes it with the theme.
+export const colourInBothThemes = (name) => `light-dark(${LIGHT[name]}, ${DARK[name]})`;
 export const onThemeChange = (action) => darkTheme.addEventListener("change", action);

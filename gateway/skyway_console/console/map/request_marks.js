@@ -3,14 +3,14 @@
 
 import {Marker} from "maplibre-gl";
 
-import {colours} from "./colours.js";
+import {colourInBothThemes} from "./colours.js";
 import {stationsOf} from "./features.js";
 
 function mark(text, colour) {
   const element = document.createElement("span");
   element.className = "request-mark";
   element.textContent = text;
-  element.style.background = colour;
+  element.style.background = colourInBothThemes(colour);
   return new Marker({element, anchor: "top", offset: [0, 9]});
 }
 
@@ -25,11 +25,10 @@ export class RequestMarks {
       .map(({geometry, properties}) => [properties.station_id, geometry.coordinates]));
     const destinations = packages.filter(({station_id}) => places[station_id]);
     this.marks.forEach((each) => each.remove());
-    const paint = colours();
     this.marks = [
-      ...(places[pickup] ? [mark("Pickup", paint.selected).setLngLat(places[pickup])] : []),
+      ...(places[pickup] ? [mark("Pickup", "selected").setLngLat(places[pickup])] : []),
       ...destinations.map(({package_id, station_id}) =>
-        mark(package_id, paint.drone).setLngLat(places[station_id])),
+        mark(package_id, "drone").setLngLat(places[station_id])),
     ];
     this.marks.forEach((each) => each.addTo(this.fleetMap.map));
     const straight = destinations.map(({station_id}) => ({isChosen: false, ways: [[pickup, station_id]]}));
