@@ -3,7 +3,6 @@
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Literal
 
 import pytest
 from playwright.sync_api import Browser, Page, ViewportSize, expect, sync_playwright
@@ -41,12 +40,12 @@ class WatchedPage:
         base_url: str,
         *,
         viewport: ViewportSize | None = None,
-        theme: Literal["dark", "light"] = "light",
     ) -> None:
         # Drones that glide would be drawn up to sixty times a second, by the processor.
         context = browser.new_context(
             viewport=viewport or {"width": 390, "height": 844},
-            color_scheme=theme,
+            # Maps are drawn by the processor, with half the pixels in each direction.
+            device_scale_factor=0.5,
             reduced_motion="reduce",
             locale="en-GB",
         )

@@ -1,6 +1,6 @@
 """A console in a browser, as somebody with a key uses it."""
 
-from typing import Any, Literal
+from typing import Any, Final, Literal
 from urllib.parse import urlsplit
 
 from axe_playwright_python.sync_playwright import Axe
@@ -8,18 +8,16 @@ from playwright.sync_api import Browser, Locator, expect
 
 from tests.end_to_end.browser import WatchedPage
 
+_THEMES: Final[tuple[Literal["light", "dark"], ...]] = ("light", "dark")
+
 
 class ConsolePage(WatchedPage):
     """A console that is open in a browser context of its own."""
 
-    def __init__(
-        self, browser: Browser, system: Any, *, theme: Literal["dark", "light"] = "light"
-    ) -> None:
+    def __init__(self, browser: Browser, system: Any) -> None:
         self.gateway_url: str = system.keys["SKYWAY_GATEWAY_URL"]
         self._system = system
-        super().__init__(
-            browser, self.gateway_url, viewport={"width": 1280, "height": 800}, theme=theme
-        )
+        super().__init__(browser, self.gateway_url, viewport={"width": 1280, "height": 800})
 
     def open_with(self, key: str) -> "ConsolePage":
         """Log in by a link of this key, as `skyway console` prints it."""
@@ -47,14 +45,17 @@ class ConsolePage(WatchedPage):
         expect(dialog).to_have_count(0)
 
     def serious_problems(self) -> list[str]:
-        """What axe finds serious in the view that is open, when it has loaded."""
-        found = Axe().run(self.page).response["violations"]
-        return [
-            f"{each['id']}: {node['html'][:120]}"
-            for each in found
-            if each["impact"] in {"serious", "critical"}
-            for node in each["nodes"]
-        ]
+        """What axe finds serious in the view that is open, in both themes, when it has loaded."""
+        problems: list[str] = []
+        for theme in _THEMES:
+            self.page.emulate_media(color_scheme=theme)
+            problems += [
+                f"{theme}: {each['id']}: {node['html'][:120]}"
+                for each in Axe().run(self.page).response["violations"]
+                if each["impact"] in {"serious", "critical"}
+                for node in each["nodes"]
+            ]
+        return problems
 
     def sound(self) -> bool:
         """Whether nothing happened that must not: errors, and requests to other hosts."""

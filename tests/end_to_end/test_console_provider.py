@@ -1,7 +1,7 @@
 """Providers use the console in a browser: drones, enrolment, maintenance, the loading desk."""
 
 from collections.abc import Callable, Iterator
-from typing import Any, Literal
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, expect
@@ -18,8 +18,8 @@ pytestmark = [
     needs_browser,
 ]
 
-#: Opens a console with a key, and a theme if it matters.
-OpenConsole = Callable[..., ConsolePage]
+#: Opens a console with a key.
+OpenConsole = Callable[[str], ConsolePage]
 
 MARKUP = "<img src=x onerror=alert(1)><b>bold</b>"
 
@@ -29,8 +29,8 @@ def opened(browser: Browser, system: Any) -> Iterator[OpenConsole]:
     """Opens consoles; nothing in them may go wrong, and nothing may come from elsewhere."""
     consoles: list[ConsolePage] = []
 
-    def with_key(key: str, theme: Literal["dark", "light"] = "light") -> ConsolePage:
-        consoles.append(ConsolePage(browser, system, theme=theme))
+    def with_key(key: str) -> ConsolePage:
+        consoles.append(ConsolePage(browser, system))
         return consoles[-1].open_with(key)
 
     yield with_key
@@ -150,17 +150,14 @@ def test_a_provider_sees_its_own_fleet_and_an_operator_every_one(
         expect(page.locator("tr[data-drone]")).to_have_attribute("data-drone", drone["drone_id"])
 
 
-@pytest.mark.parametrize("theme", ["dark", "light"])
-def test_the_views_of_providers_are_open_to_everybody(
-    opened: OpenConsole, system: Any, theme: Literal["dark", "light"]
-) -> None:
-    provider = fleet(system, f"{theme}-fleet", loading="CONFIRMED")
-    console = opened(provider["key"], theme)
+def test_the_views_of_providers_are_open_to_everybody(opened: OpenConsole, system: Any) -> None:
+    provider = fleet(system, "accessible-fleet", loading="CONFIRMED")
+    console = opened(provider["key"])
     page = console.show("fleet").page
     page.get_by_role("button", name="Another enrolment token").click()
     expect(page.get_by_role("img", name="as a QR code")).to_be_visible()
     problems = console.serious_problems()
-    system.request_delivery([f"{theme}-fleet-s2"], pickup=f"{theme}-fleet-s1")
+    system.request_delivery(["accessible-fleet-s2"], pickup="accessible-fleet-s1")
     console.show("fleet", "loading")
     expect(page.get_by_role("button", name="Confirm loading")).to_be_visible()
     problems += console.serious_problems()
