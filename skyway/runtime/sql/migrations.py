@@ -5,11 +5,12 @@ A migration replaces a CHECK constraint with `replace_check`, which works on bot
 
 import logging
 import re
+from collections.abc import Callable
 from typing import Final
 
 from sqlalchemy import event, text
 from sqlalchemy.engine import Connection
-from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
+from sqlalchemy.ext.asyncio import AsyncEngine
 
 from skyway.runtime.errors import UnknownRevision
 from skyway.runtime.sql.engines import postgresql_engine, read_url, sqlite_engine
@@ -46,34 +47,40 @@ async def migrate(db_url: str, package: str) -> None:
     UnknownRevision
         A newer version of Skyway has migrated it, and this version cannot use its tables.
     """
-    engine = _engine(db_url)
-    try:
-        with named_trouble(trouble_of_writing):
-            async with engine.begin() as connection:
-                if engine.dialect.name == "postgresql":
-                    await _lock(connection)
-                if await connection.run_sync(_needs_upgrade, package):
-                    from skyway.runtime.sql.upgrade import upgrade
+    url = read_url(db_url)
+    with named_trouble(trouble_of_writing):
+        if url.drivername == "postgresql":
+            # Nearly every start ends here; a server that hangs is noticed within a minute.
+            if await _run(postgresql_engine(url), _needs_upgrade, package):
+                await _run(postgresql_engine(url, statement_s=_MIGRATION_S), _upgrade, package)
+        else:
+            engine = sqlite_engine(url)
+            event.listen(engine.sync_engine, "begin", _begin_immediate)
+            await _run(engine, _upgrade, package)
 
-                    await connection.run_sync(upgrade, package)
+
+async def _run(engine: AsyncEngine, step: Callable[[Connection, str], bool], package: str) -> bool:
+    """What a step returns, in one transaction and over one connection."""
+    try:
+        async with engine.begin() as connection:
+            return await connection.run_sync(step, package)
     finally:
         await engine.dispose()
 
 
-async def _lock(connection: AsyncConnection) -> None:
-    """Wait for the run before this one, then wait for tables only shortly."""
-    await connection.execute(text(f"SET LOCAL lock_timeout = '{_TURN_S}s'"))
-    await connection.execute(text(f"SELECT pg_advisory_xact_lock({_LOCK_KEY})"))
-    await connection.execute(text(f"SET LOCAL lock_timeout = '{_LOCK_TIMEOUT_S}s'"))
+def _upgrade(connection: Connection, package: str) -> bool:
+    """Run the missing migrations, alone; whether there were any."""
+    if connection.dialect.name == "postgresql":
+        connection.execute(text(f"SET LOCAL lock_timeout = '{_TURN_S}s'"))
+        connection.execute(text(f"SELECT pg_advisory_xact_lock({_LOCK_KEY})"))
+        connection.execute(text(f"SET LOCAL lock_timeout = '{_LOCK_TIMEOUT_S}s'"))
+    # Another run may have done it meanwhile.
+    is_needed = _needs_upgrade(connection, package)
+    if is_needed:
+        from skyway.runtime.sql.upgrade import upgrade
 
-
-def _engine(db_url: str) -> AsyncEngine:
-    url = read_url(db_url)
-    if url.drivername == "postgresql":
-        return postgresql_engine(url, statement_s=_MIGRATION_S)
-    engine = sqlite_engine(url)
-    event.listen(engine.sync_engine, "begin", _begin_immediate)
-    return engine
+        upgrade(connection, package)
+    return is_needed
 
 
 def _begin_immediate(connection: Connection) -> None:
