@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from playwright.sync_api import Browser, Page, ViewportSize, expect, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize, expect, sync_playwright
 
 CHROMIUM = shutil.which("chromium")
 
@@ -31,6 +31,30 @@ def opened_browser() -> Iterator[Browser]:
             browser.close()
 
 
+def log_out(browser: Browser) -> None:
+    """Close all pages and forget who was logged in; compiled scripts stay for the next story."""
+    for context in browser.contexts:
+        for page in context.pages:
+            page.close()
+        context.clear_cookies()
+
+
+def _free_context(browser: Browser) -> BrowserContext:
+    """A context without pages: one of an earlier story, if there is one."""
+    for context in browser.contexts:
+        if not context.pages:
+            return context
+    opened = browser.new_context(
+        # Maps are drawn by the processor, with half the pixels in each direction.
+        device_scale_factor=0.5,
+        # Drones that glide would be drawn up to sixty times a second.
+        reduced_motion="reduce",
+        locale="en-GB",
+    )
+    opened.set_default_timeout(LONGEST_WAIT_MS)
+    return opened
+
+
 class WatchedPage:
     """A page with all that must not happen in it: errors, and requests to other hosts."""
 
@@ -41,16 +65,8 @@ class WatchedPage:
         *,
         viewport: ViewportSize | None = None,
     ) -> None:
-        # Drones that glide would be drawn up to sixty times a second, by the processor.
-        context = browser.new_context(
-            viewport=viewport or {"width": 390, "height": 844},
-            # Maps are drawn by the processor, with half the pixels in each direction.
-            device_scale_factor=0.5,
-            reduced_motion="reduce",
-            locale="en-GB",
-        )
-        context.set_default_timeout(LONGEST_WAIT_MS)
-        self.page: Page = context.new_page()
+        self.page: Page = _free_context(browser).new_page()
+        self.page.set_viewport_size(viewport or {"width": 390, "height": 844})
         self.foreign: list[str] = []
         self.errors: list[str] = []
         self.page.on("request", lambda request: self._note_foreign(request.url, base_url))

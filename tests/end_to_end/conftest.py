@@ -17,7 +17,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from skyway.cli.data_folder import DataFolder
-from tests.end_to_end.browser import opened_browser
+from tests.end_to_end.browser import log_out, opened_browser
 from tests.end_to_end.local_system import LocalSystem
 
 #: Databases with their brokers.
@@ -117,8 +117,7 @@ def chromium() -> Iterator[Browser]:
 def browser(chromium: Browser) -> Iterator[Browser]:
     """A browser that closes its pages after the story: they would go on drawing beside the next."""
     yield chromium
-    for context in chromium.contexts:
-        context.close()
+    log_out(chromium)
 
 
 async def _drop_databases(server: str) -> None:

@@ -216,4 +216,3 @@ def test_the_views_of_customers_are_open_to_everybody(browser: Browser, system: 
 
     assert problems == []
     assert console.sound()
-    console.page.context.close()
