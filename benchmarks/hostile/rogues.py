@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass, field
-from itertools import islice
 from typing import Final
 
 import aiohttp
@@ -137,20 +136,15 @@ def _known(cast: Cast) -> dict[str, tuple[str, ...]]:
 
 
 @asynccontextmanager
-async def attacking(
-    cast: Cast, rogues: Rogues, *, seed: int, most_calls: int | None
-) -> AsyncIterator[Answers]:
-    """Let all rogues call and publish while the block lasts, but send at most so many calls each.
-
-    None is no limit.
-    """
+async def attacking(cast: Cast, rogues: Rogues, *, seed: int) -> AsyncIterator[Answers]:
+    """Let all rogues call and publish while the block lasts."""
     answers = Answers()
     calls = all_calls()
     answers.variants = sum(1 for call in calls for _ in every_variant(call))
     calling = []
     for rogue in rogues.callers:
         chance = random.Random(f"{rogue.name} {seed}")
-        forged = islice(forged_calls(calls, rogues.known, chance), most_calls)
+        forged = forged_calls(calls, rogues.known, chance)
         calling += [
             asyncio.create_task(_call_again_and_again(cast, rogue, forged, answers))
             for _ in range(_TOGETHER)

@@ -108,7 +108,7 @@ async def _played(trial: Trial, cast: Cast) -> Outcome:
     calm = await _phase(trial, cast, seed=trial.seed)
     before = _memory_mib(cast.running.processes)
     rogues = await register_rogues(cast)
-    async with attacking(cast, rogues, seed=trial.seed, most_calls=trial.calls) as answers:
+    async with attacking(cast, rogues, seed=trial.seed) as answers:
         attacked = await _phase(trial, cast, seed=trial.seed + 1)
     after = _memory_mib(cast.running.processes)
     await settled(cast)

@@ -20,8 +20,6 @@ class Trial:
     clock_rate: float
     #: How many times slower the attack may make what honest people do, by the median.
     most_times: float
-    #: How many calls each rogue sends at most; None: as many as it can while it attacks.
-    calls: int | None
 
     @property
     def phase_s(self) -> float:
@@ -67,8 +65,5 @@ def read_trial(arguments: list[str]) -> Trial:
     parser.add_argument("--clock-rate", type=float, default=600.0)
     parser.add_argument(
         "--most-times", type=float, default=2.0, help="slower, by the median, is a flaw"
-    )
-    parser.add_argument(
-        "--calls", type=int, help="of each rogue, at most; without it, as many as it can"
     )
     return Trial(**vars(parser.parse_args(arguments)))
