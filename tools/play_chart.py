@@ -36,6 +36,8 @@ _VALUES: Final[Document] = {
     "agents": {"enabled": True, "drones": 4},
 }
 _PORTS: Final = (8000, 8001, 8002)
+#: The commands that the page runs in pods.
+_EXEC: Final = re.compile(r"exec deployment/(\S+) -- (.+)")
 _REQUEST: Final = {
     "pickup": {"station_id": "san-marcos"},
     "qos": {"objective": "fastest"},
@@ -87,8 +89,8 @@ def _play(folder: Path) -> None:
         machine.start(pods["skyway-agents"])
         _until(lambda: "AVAILABLE" in _call("/v1/drones", operator)[1])
         print("the simulated drones are available")
-        _until_dispatched(_request(customer), customer)
-        print("a delivery is dispatched")
+        _until_planned(_request(customer), customer)
+        print("a delivery is planned")
         began = time.monotonic()
         machine.stop("skyway-registry")
         delivery_id = _request(customer)
@@ -96,8 +98,11 @@ def _play(folder: Path) -> None:
         machine.start(pods["skyway-registry"])
         _until(_are_ready)
         print(f"a new pod is ready after {time.monotonic() - began:.1f} s")
-        _until_dispatched(delivery_id, customer)
-        print(f"the delivery is dispatched after {time.monotonic() - began:.1f} s")
+        _until_planned(delivery_id, customer)
+        print(f"the delivery is planned after {time.monotonic() - began:.1f} s")
+        for name, command in _EXEC.findall(_PAGE.read_text(encoding="utf-8")):
+            machine.execute(pods[name], command.split())
+            print(f"{command} finds nothing")
     finally:
         machine.stop_all()
 
@@ -227,8 +232,8 @@ def _request(key: str) -> str:
     return str(answer["delivery_id"])
 
 
-def _until_dispatched(delivery_id: str, key: str) -> None:
-    states = ("DISPATCHED", "LOADING", "IN_PROGRESS")
+def _until_planned(delivery_id: str, key: str) -> None:
+    states = ("PLANNED", "DISPATCHED", "LOADING", "IN_PROGRESS")
     _until(lambda: json.loads(_call(f"/v1/deliveries/{delivery_id}", key)[1])["state"] in states)
 
 

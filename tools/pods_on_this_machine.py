@@ -81,6 +81,19 @@ class Machine:
                 process = self._open(name, container, spec, volumes)
                 self._running.setdefault(name, []).append(process)
 
+    def execute(self, pod: Document, command: Sequence[str]) -> None:
+        """Run a command as in the first container of a pod that runs.
+
+        Raises
+        ------
+        RuntimeError
+            The command failed; the message has the end of its log.
+        """
+        name, spec = pod["metadata"]["name"], pod["spec"]["template"]["spec"]
+        volumes = {each["name"]: self._folder / name / each["name"] for each in spec["volumes"]}
+        container = {**spec["containers"][0], "name": "command", "command": command}
+        self._run(name, container, spec, volumes)
+
     def stop(self, name: str) -> None:
         """Ask the containers of a pod to end, wait for them, and delete its volumes."""
         processes = self._running.pop(name)
