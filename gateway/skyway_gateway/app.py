@@ -198,6 +198,7 @@ def build_app(settings: GatewaySettings) -> FastAPI:
         client_id=f"{SERVICE}-{secrets.token_hex(8)}",
         user_name=SERVICE,
         password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
+        tls=settings.mqtt_tls,
         on_connected=on_connected,
         seal=CloudSeal(read_signing_key(settings.secrets_dir, SERVICE)),
     )

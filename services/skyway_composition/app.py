@@ -149,6 +149,7 @@ def build_app(settings: CompositionSettings) -> FastAPI:
         client_id=replica,
         user_name=SERVICE,
         password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
+        tls=settings.mqtt_tls,
         on_connected=on_connected,
         seal=CloudSeal(read_signing_key(settings.secrets_dir, SERVICE)),
     )

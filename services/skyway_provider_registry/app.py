@@ -130,6 +130,7 @@ def build_app(settings: RegistrySettings) -> FastAPI:
         client_id=f"{SERVICE}-{secrets.token_hex(8)}",
         user_name=SERVICE,
         password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
+        tls=settings.mqtt_tls,
     )
 
     recorder = TelemetryRecorder(parts.db, parts.clock)

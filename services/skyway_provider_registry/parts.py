@@ -1,10 +1,14 @@
 """The parts of the registry; nothing is opened here."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final
 
 from skyway.announced_networks import NetworkLearner, stations_from
 from skyway.broker_setup.certificates import CertificateAuthority
+from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
+from skyway.broker_setup.nats_accounts import NatsAccounts
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.gauges import Gauges
 from skyway.runtime.http.client import ServiceClient
@@ -17,19 +21,26 @@ from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile
 from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates.fleet_view import FleetView
-from skyway_provider_registry.enrolment.password_file import PasswordFile
+from skyway_provider_registry.enrolment.password_file import BrokerAccounts, PasswordFile
 from skyway_provider_registry.enrolment.stored_keys import StoredKeys
 from skyway_provider_registry.fleets.issue_credentials import Issuer
 from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.fleets.registration import CompositionStations, StationLookup
 from skyway_provider_registry.presence.no_quarantine import NoQuarantine
-from skyway_provider_registry.settings import RegistrySettings
+from skyway_provider_registry.settings import BrokerKind, RegistrySettings
 
 SERVICE: Final = "registry"
 
 #: Seconds of wall time between two reads of the changes. Under load several callers share one;
 #: after a pause no caller waits.
 _REFRESH_EVERY_S: Final = 0.1
+
+
+#: How each kind of broker reads its accounts.
+_BROKERS: Final[Mapping[BrokerKind, Callable[[Path], BrokerAccounts]]] = {
+    "mosquitto": MosquittoAccounts,
+    "nats": NatsAccounts,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +80,12 @@ def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Par
     authority = None
     if settings.drone_ca_dir is not None:
         authority = CertificateAuthority.load(settings.drone_ca_dir)
+    password_file = PasswordFile(
+        _BROKERS[settings.broker_kind](settings.broker_password_file),
+        db=db,
+        secrets_dir=settings.secrets_dir,
+        broker_pid_file=settings.broker_pid_file,
+    )
     return Parts(
         db=db,
         gate=ServiceGate(settings.secrets_dir, allowed=("gateway", "composition")),
@@ -77,13 +94,8 @@ def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Par
         mint=mint,
         stations=CompositionStations(composition),
         networks=NetworkLearner(stations_from(composition)),
-        password_file=PasswordFile(
-            settings.broker_password_file,
-            db=db,
-            secrets_dir=settings.secrets_dir,
-            broker_pid_file=settings.broker_pid_file,
-        ),
-        issuer=Issuer(authority, cloud_keys),
+        password_file=password_file,
+        issuer=Issuer(authority, cloud_keys, password_file.hash_password),
         cloud_keys=cloud_keys,
         signatures=SignatureCheck(KeyBook(StoredKeys(db, clock), clock), NoQuarantine()),
         drone_limit=DroneLimit(db, settings.drones_per_provider),

@@ -1,11 +1,13 @@
 """The settings that the registry reads from its environment."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from skyway.runtime.settings import ServiceSettings
+
+BrokerKind = Literal["mosquitto", "nats"]
 
 
 class RegistrySettings(ServiceSettings):
@@ -16,6 +18,11 @@ class RegistrySettings(ServiceSettings):
         ge=0,
         le=65535,
         description="Port on which it listens. 0 takes any free port.",
+    )
+    broker_kind: BrokerKind = Field(
+        default="mosquitto",
+        description="For which broker it writes accounts; the embedded broker reads Mosquitto's. "
+        "Credentials that were issued for one cannot log in at the other.",
     )
     broker_password_file: Path = Field(
         description="The broker's accounts. The registry alone writes this file."

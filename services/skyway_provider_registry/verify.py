@@ -11,6 +11,7 @@ from typing import Final
 from sqlalchemy import Column, ColumnElement, and_, func, literal, or_, select
 
 from skyway.bounds import LATEST
+from skyway.broker_setup.nats_accounts import is_nats_hash
 from skyway.broker_setup.passwords import read_hash
 from skyway.contracts.drone_alarm import DroneAlarm
 from skyway.contracts.mission import LIVE_MISSION_STATES
@@ -101,17 +102,24 @@ _HINTS: Final = (
     ),
 )
 
+
+def _read_password_hash(hashed: str) -> None:
+    """Read a hash for one of the brokers; ValueError if it is for none."""
+    if not is_nats_hash(hashed):
+        read_hash(hashed)
+
+
 _FORMS: Final = form_rule(
     {
         providers.c.tariff: Tariff.read,
         drone_models.c.model: DroneModel.read,
         presence.c.condition: Condition.read,
         waiting_alarms.c.alarm: DroneAlarm.read,
-        broker_accounts.c.password_hash: read_hash,
+        broker_accounts.c.password_hash: _read_password_hash,
         enrolment_tokens.c.token_hash: read_sha256,
         drone_keys.c.key_hash: read_sha256,
         drone_keys.c.next_key_hash: read_sha256,
-        drone_keys.c.next_password_hash: read_hash,
+        drone_keys.c.next_password_hash: _read_password_hash,
         drone_signing_keys.c.public_key: public_key_bytes,
         drone_signing_keys.c.next_public_key: public_key_bytes,
         idempotency.c.key_hash: read_sha256,

@@ -102,16 +102,27 @@ class CertificateAuthority:
 
     def sign_drone(self, drone_id: str) -> SignedKey:
         """A new key for a drone, valid only for connecting as a client."""
-        return self._sign(drone_id, ExtendedKeyUsageOID.CLIENT_AUTH, (), life=_CLIENT_LIFE)
+        return self._sign(drone_id, [ExtendedKeyUsageOID.CLIENT_AUTH], (), life=_CLIENT_LIFE)
 
     def sign_broker(self, names: Iterable[str]) -> SignedKey:
         """A new key for a broker under these host names and addresses."""
         host_names = tuple(names)
         usage = ExtendedKeyUsageOID.SERVER_AUTH
-        return self._sign(host_names[0], usage, host_names, life=_AUTHORITY_LIFE)
+        return self._sign(host_names[0], [usage], host_names, life=_AUTHORITY_LIFE)
+
+    def sign_node(self, names: Iterable[str]) -> SignedKey:
+        """A new key for a node of a broker's cluster, which is server and client of the others."""
+        host_names = tuple(names)
+        usages = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
+        return self._sign(host_names[0], usages, host_names, life=_AUTHORITY_LIFE)
 
     def _sign(
-        self, subject: str, usage: x509.ObjectIdentifier, names: Iterable[str], *, life: timedelta
+        self,
+        subject: str,
+        usages: list[x509.ObjectIdentifier],
+        names: Iterable[str],
+        *,
+        life: timedelta,
     ) -> SignedKey:
         key = ec.generate_private_key(ec.SECP256R1())
         builder = _builder(
@@ -120,7 +131,7 @@ class CertificateAuthority:
         builder = builder.add_extension(x509.BasicConstraints(False, None), critical=True)
         authority = x509.AuthorityKeyIdentifier.from_issuer_public_key(self._key.public_key())
         builder = builder.add_extension(authority, critical=False)
-        builder = builder.add_extension(x509.ExtendedKeyUsage([usage]), critical=False)
+        builder = builder.add_extension(x509.ExtendedKeyUsage(usages), critical=False)
         alternatives = [_alternative(name) for name in names]
         if alternatives:
             builder = builder.add_extension(

@@ -6,7 +6,7 @@ import hmac
 import os
 import secrets
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +18,10 @@ from skyway.errors import InvalidInput
 _ROUNDS: Final = 101
 _SALT_BYTES: Final = 12
 _KEY_BYTES: Final = 64
+
+
+#: Makes of a password what is stored of it.
+PasswordHash = Callable[[str], str]
 
 
 def hash_password(password: str) -> str:

@@ -149,14 +149,15 @@ def _broker(folder: DataFolder, *, is_running: bool) -> Finding:
 
 
 async def _log_in(url: str, password: str) -> None:
-    """Connect to the broker as the operator, and leave it again."""
+    """Connect to every node of the broker as the operator, and leave it again."""
     login = Login(f"doctor-{secrets.token_hex(8)}", DEPLOYMENT_OPERATOR, password, keepalive_s=10)
-    link = MqttConnection(login, will=None, on_message=lambda _name, _payload, _retained: None)
-    try:
-        async with asyncio.timeout(_ANSWERS_WITHIN_S):
-            await link.open(BrokerAddress.parse(url))
-    finally:
-        link.close()
+    for address in BrokerAddress.parse_all(url):
+        link = MqttConnection(login, will=None, on_message=lambda _name, _payload, _retained: None)
+        try:
+            async with asyncio.timeout(_ANSWERS_WITHIN_S):
+                await link.open(address)
+        finally:
+            link.close()
 
 
 def _gateway(folder: DataFolder) -> tuple[bool, Finding]:

@@ -88,13 +88,22 @@ class BrokerRules:
 
     def readable(self, user_name: str) -> tuple[str, ...]:
         """Filters, none with `#`, outside of which this account may read nothing."""
+        return self._filters(user_name, "read")
+
+    def writable(self, user_name: str) -> tuple[str, ...]:
+        """Filters, none with `#`, outside of which this account may write nothing."""
+        return self._filters(user_name, "write")
+
+    def _filters(self, user_name: str, wanted: Access) -> tuple[str, ...]:
         if not USER_NAME.fullmatch(user_name):
             return ()
-        return tuple(
+        has_own = self._has_own_branch(user_name)
+        filters = [
             allowed.replace(_OWN_NAME, user_name)
             for access, allowed in self._given_to(user_name)
-            if access == "read"
-        )
+            if access == wanted and (has_own or _OWN_NAME not in allowed)
+        ]
+        return tuple(dict.fromkeys(filters))
 
     def client_acl(self, operators: Iterable[str] = ()) -> str:
         """The rights of drones, customers and operators as an ACL file of Mosquitto.

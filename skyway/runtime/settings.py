@@ -1,5 +1,6 @@
 """What a cloud service reads from its environment; each service adds its own fields."""
 
+import ssl
 from pathlib import Path
 from typing import Self
 
@@ -45,7 +46,13 @@ class ServiceSettings(DatabaseSettings):
     # Not shown: it may hold a password.
     mqtt_url: str = Field(
         repr=False,
-        description="`mqtt://HOST:PORT` or `mqtts://...`: the broker's listener for services.",
+        description="`mqtt://HOST:PORT` or `mqtts://...`: the broker's listener for services. "
+        "Several, parted by commas, for the nodes of a cluster; NATS's begin with `mqtt+nats://`.",
+    )
+    mqtt_ca_file: Path | None = Field(
+        default=None,
+        description="The authority that signed the broker's certificate (PEM). Without it the "
+        "system's roots are trusted.",
     )
     secrets_dir: Path = Field(description="Folder with one file for each secret.")
     clock_file: Path | None = Field(
@@ -120,3 +127,20 @@ class ServiceSettings(DatabaseSettings):
         default="http://127.0.0.1:8002",
         description="Where the other services find composition.",
     )
+
+    @property
+    def mqtt_tls(self) -> ssl.SSLContext | None:
+        """What an encrypted connection to the broker trusts; None for the system's roots.
+
+        Raises
+        ------
+        InvalidSettings
+            There is no such file, or no certificate in it.
+        """
+        if self.mqtt_ca_file is None:
+            return None
+        try:
+            return ssl.create_default_context(cafile=str(self.mqtt_ca_file))
+        except OSError as error:  # ssl.SSLError is one
+            fault = f"SKYWAY_MQTT_CA_FILE: {self.mqtt_ca_file} holds no certificate: {error}"
+            raise InvalidSettings(fault) from error

@@ -16,6 +16,7 @@ from skyway_provider_registry.parts import Parts
 from skyway_provider_registry.presence.no_quarantine import NoQuarantine
 
 from skyway.announced_networks import NetworkLearner
+from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
 from skyway.contracts.station_check import NetworkStations, StationCheck
 from skyway.geo import Position
@@ -149,7 +150,10 @@ def networks(stations: KnownStations) -> NetworkLearner:
 @pytest.fixture
 def password_file(db: Database, secrets_dir: Path, tmp_path: Path) -> PasswordFile:
     return PasswordFile(
-        tmp_path / "passwords", db=db, secrets_dir=secrets_dir, broker_pid_file=None
+        MosquittoAccounts(tmp_path / "passwords"),
+        db=db,
+        secrets_dir=secrets_dir,
+        broker_pid_file=None,
     )
 
 
@@ -171,7 +175,7 @@ async def api(
         stations=stations,
         networks=networks,
         password_file=password_file,
-        issuer=Issuer(None, CloudKeyFile(secrets_dir / CLOUD_KEYS)),
+        issuer=Issuer(None, CloudKeyFile(secrets_dir / CLOUD_KEYS), password_file.hash_password),
         cloud_keys=CloudKeyFile(secrets_dir / CLOUD_KEYS),
         signatures=SignatureCheck(unsigned_book(clock), NoQuarantine()),
         drone_limit=DroneLimit(db, 6_000),

@@ -6,12 +6,9 @@ import os
 import signal
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
 
-from skyway.broker_setup.account_files import client_files, service_files
-from skyway.broker_setup.passwords import hash_password, write_password_file
-from skyway.broker_setup.private_file import write_private
-from skyway.contracts.broker_rules import DEPLOYMENT_OPERATOR, BrokerRules, is_operator
+from skyway.contracts.broker_rules import DEPLOYMENT_OPERATOR
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.identity import read_secret
 from skyway.runtime.peer_secrets import account_file
@@ -27,11 +24,20 @@ _SERVICES: Final = ("gateway", "registry", "composition")
 _LOOKS_UNTIL_REMINDER: Final = 2
 
 
+class BrokerAccounts(Protocol):
+    """The files in which a broker reads its accounts."""
+
+    def hash_password(self, password: str) -> str:
+        """The hash of a password, as this broker reads it."""
+        ...
+
+    def write(self, accounts: Mapping[str, str], services: Mapping[str, str]) -> None:
+        """Replace the files by these accounts, user name to hash."""
+        ...
+
+
 class PasswordFile:
     """Keeps the broker's files equal to the accounts; only this service writes them.
-
-    The services' accounts are in a file of their own, beside that of all others: Mosquitto lets
-    services log in at their own listener only. A third file says what operators may read.
 
     Parameters
     ----------
@@ -41,9 +47,15 @@ class PasswordFile:
     """
 
     def __init__(
-        self, path: Path, *, db: Database, secrets_dir: Path, broker_pid_file: Path | None
+        self,
+        broker: BrokerAccounts,
+        *,
+        db: Database,
+        secrets_dir: Path,
+        broker_pid_file: Path | None,
     ) -> None:
-        self._path = path
+        self.hash_password = broker.hash_password
+        self._broker = broker
         self._db = db
         self._secrets_dir = secrets_dir
         self._broker_pid_file = broker_pid_file
@@ -94,24 +106,17 @@ class PasswordFile:
             accounts = await credential_store.every_hash(connection)
         accounts[DEPLOYMENT_OPERATOR] = self._operator_hash
         try:
-            await asyncio.to_thread(self._write_files, accounts)
+            await asyncio.to_thread(self._broker.write, accounts, self._service_hashes)
         except OSError as error:
             raise ServiceUnavailable("broker accounts", f"not written: {error}") from error
         self._written = covers
         self._looks_until_reminder = _LOOKS_UNTIL_REMINDER
         self._notify_broker()
 
-    def _write_files(self, accounts: Mapping[str, str]) -> None:
-        operators = filter(is_operator, accounts)
-        acl = BrokerRules().client_acl(operators)
-        write_private(client_files(self._path).acl_file, acl)
-        write_password_file(service_files(self._path).password_file, self._service_hashes)
-        write_password_file(self._path, accounts)
-
     def _hash_of_secret(self, name: str) -> str:
         if (self._secrets_dir / account_file(name)).exists():
             return read_secret(self._secrets_dir, account_file(name))
-        return hash_password(read_secret(self._secrets_dir, f"mqtt_{name}"))
+        return self.hash_password(read_secret(self._secrets_dir, f"mqtt_{name}"))
 
     def _notify_broker(self) -> None:
         if self._broker_pid_file is None:

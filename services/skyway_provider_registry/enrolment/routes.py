@@ -6,7 +6,6 @@ from typing import Annotated, Final
 from fastapi import Depends, Response
 from pydantic import Field
 
-from skyway.broker_setup.passwords import hash_password
 from skyway.contracts.broker_rules import (
     DEPLOYMENT_OPERATOR,
     SERVICE_ACCOUNTS,
@@ -42,9 +41,7 @@ _DRONE_PREFIX: Final = "drn_"
 class BrokerPassword(WireModel):
     """The password of a customer's or an operator's broker account."""
 
-    password: Annotated[
-        str, Field(min_length=16, max_length=200, description="16 to 200 characters")
-    ]
+    password: Annotated[str, Field(min_length=16, max_length=72, description="16 to 72 characters")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +52,7 @@ class _People:
     password_file: PasswordFile
 
     async def open(self, kind: PersonKind, user_name: str, password: BrokerPassword) -> Response:
-        hashed = hash_password(password.password)
+        hashed = self.password_file.hash_password(password.password)
         async with self.db.write() as tx:
             await credential_store.put_person(tx, kind, user_name, password_hash=hashed)
         await self.password_file.refresh()

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from skyway.bounds import Moment
 from skyway.broker_setup.certificates import CertificateAuthority
-from skyway.broker_setup.passwords import hash_password
+from skyway.broker_setup.passwords import PasswordHash
 from skyway.contracts.broker_rules import drone_account
 from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.contracts.message import Soc
@@ -119,9 +119,18 @@ class Enrolment(Credentials):
 
 
 class Issuer:
-    """Makes credentials; with an authority they include a certificate."""
+    """Makes credentials; with an authority they include a certificate.
 
-    def __init__(self, authority: CertificateAuthority | None, cloud_keys: CloudKeyFile) -> None:
+    `hash_password` makes of a broker password what is stored.
+    """
+
+    def __init__(
+        self,
+        authority: CertificateAuthority | None,
+        cloud_keys: CloudKeyFile,
+        hash_password: PasswordHash,
+    ) -> None:
+        self.hash_password = hash_password
         self._authority = authority
         self._cloud_keys = cloud_keys
 
@@ -174,7 +183,7 @@ async def enrol(
     drone = (await store.by_id(tx.connection, drone_id)).shown(moment.wall_at)
     made = issuer.make(drone.provider_id, drone_id)
     await credential_store.set_password(
-        tx, drone_id, password_hash=hash_password(made.mqtt.password)
+        tx, drone_id, password_hash=issuer.hash_password(made.mqtt.password)
     )
     await credential_store.put_key(tx, drone_id, key_hash=_key_hash(made.key))
     await signing_store.put_key(tx, drone_id, requested.public_key)
@@ -213,7 +222,7 @@ async def rotate(
         tx,
         drone_id,
         key_hash=_key_hash(made.key),
-        password_hash=hash_password(made.mqtt.password),
+        password_hash=issuer.hash_password(made.mqtt.password),
     )
     if not has_key:
         raise AccessDenied(f"drone {drone_id} has no credentials to rotate")
@@ -236,8 +245,10 @@ def _new_password() -> str:
     return secrets.token_urlsafe(_SECRET_BYTES)
 
 
-def new_passwords(drone_ids: Iterable[DroneId]) -> tuple[dict[DroneId, str], dict[DroneId, str]]:
-    """A random broker password for each drone, and its hash; 5,000 of them take 0.3 s."""
+def new_passwords(
+    drone_ids: Iterable[DroneId], hash_password: PasswordHash
+) -> tuple[dict[DroneId, str], dict[DroneId, str]]:
+    """A random broker password for each drone, and its hash; 5,000 take 0.3 s, for NATS 5 s."""
     passwords = {drone_id: _new_password() for drone_id in drone_ids}
     return passwords, {drone: hash_password(password) for drone, password in passwords.items()}
 

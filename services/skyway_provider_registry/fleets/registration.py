@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Protocol
 
+from skyway.broker_setup.passwords import PasswordHash
 from skyway.contracts.signature import CloudKeys
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.drone.model import DroneModel
@@ -70,6 +71,7 @@ def prepare(
     mint: Mint,
     clock: FleetClock,
     cloud_keys: CloudKeys,
+    hash_password: PasswordHash,
 ) -> PreparedDrones:
     """The drones as they will be stored; this only computes, so run it in a thread."""
     now, wall_now = clock.now(), clock.wall_now()
@@ -90,7 +92,7 @@ def prepare(
         )
         for new_drone in new_drones
     )
-    passwords, hashes = new_passwords(drone.drone_id for drone in drones)
+    passwords, hashes = new_passwords((drone.drone_id for drone in drones), hash_password)
     shown_tokens = {drone.drone_id: new_token() for drone in drones}
     return PreparedDrones(
         drones=drones,

@@ -225,6 +225,7 @@ def registration_routes(
             mint=mint,
             clock=clock,
             cloud_keys=cloud_keys.read(),
+            hash_password=password_file.hash_password,
         )
 
     @router.post(

@@ -53,13 +53,19 @@ async def _demo(folder: DataFolder, *, stay: bool) -> None:
     ports = Ports() if stay else Ports(gateway=0, broker=0)
     with DemoScreen(console) as screen, asked_to_stop() as asked:
         screen.starting(planned_s=planned_s, rate=rate)
-        starting = running_system(folder, rate=rate, ports=ports, say=console.print)
-        async with starting as system:
-            if stay:
-                screen.watch_at(await login_link(system))
-            await first_of(play(system, screen), asked.wait(), system.supervisor.failed())
-            if asked.is_set():
-                raise SkywayError("stopped before the scenario ended")
-            if stay:
-                announce(console, system, link=await login_link(system))
-                await first_of(asked.wait(), system.supervisor.failed())
+        has_ended = asyncio.Event()
+
+        async def run() -> None:
+            starting = running_system(folder, rate=rate, ports=ports, say=console.print)
+            async with starting as system:
+                if stay:
+                    screen.watch_at(await login_link(system))
+                await first_of(play(system, screen), system.supervisor.failed())
+                has_ended.set()
+                if stay:
+                    announce(console, system, link=await login_link(system))
+                    await system.supervisor.failed()
+
+        await first_of(asked.wait(), run())
+        if not has_ended.is_set():
+            raise SkywayError("stopped before the scenario ended")

@@ -97,7 +97,8 @@ def environment(folder: DataFolder, sockets: Mapping[str, socket.socket]) -> dic
         settings["SKYWAY_MQTT_URL"] = f"mqtt://{_HOST}:{_port(sockets['broker'])}"
     else:
         settings["SKYWAY_MQTT_URL"] = broker
-        settings["SKYWAY_BROKER_PID_FILE"] = str(folder.broker_pid.resolve())
+        if not is_nats():
+            settings["SKYWAY_BROKER_PID_FILE"] = str(folder.broker_pid.resolve())
     return settings
 
 
@@ -137,6 +138,11 @@ def named_broker() -> str | None:
     """The URL of an external broker; None when `skyway up` starts the embedded broker."""
     url = os.environ.get("SKYWAY_MQTT_URL")
     return None if url == os.environ.get(OWN_BROKER_URL) else url
+
+
+def is_nats() -> bool:
+    """Whether the external broker is NATS, whose nodes watch their accounts by themselves."""
+    return os.environ.get("SKYWAY_BROKER_KIND") == "nats"
 
 
 def listen(host: str, port: int, *, purpose: str) -> socket.socket:

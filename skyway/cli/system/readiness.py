@@ -87,14 +87,17 @@ async def _in_words(lacks: Mapping[str, str | None]) -> list[str]:
 async def _trouble_with(broker: str) -> str:
     """Why the services are not connected to an external broker."""
     named = f"The broker that SKYWAY_MQTT_URL names, {broker},"
-    address = BrokerAddress.parse(broker)
-    try:
-        async with asyncio.timeout(_ANSWERS_WITHIN_S):
-            _, writer = await asyncio.open_connection(address.host, address.port)
-    except OSError:
+    for address in BrokerAddress.parse_all(broker):
+        try:
+            async with asyncio.timeout(_ANSWERS_WITHIN_S):
+                _, writer = await asyncio.open_connection(address.host, address.port)
+        except OSError:
+            continue
+        writer.close()
         return (
-            f"{named} is not running: start it, or `unset SKYWAY_MQTT_URL`, and Skyway starts"
-            " one of its own."
+            f"{named} answers, but does not let them in: does it use the accounts of this folder?"
         )
-    writer.close()
-    return f"{named} answers, but does not let them in: does it use the accounts of this folder?"
+    return (
+        f"{named} is not running: start it, or `unset SKYWAY_MQTT_URL`, and Skyway starts"
+        " one of its own."
+    )

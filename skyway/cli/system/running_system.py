@@ -10,7 +10,14 @@ from pathlib import Path
 
 from skyway.cli.data_folder import DataFolder, held
 from skyway.cli.system.broker_files import write_mosquitto_files
-from skyway.cli.system.children import Ports, bind_when_free, child, environment, service_urls
+from skyway.cli.system.children import (
+    Ports,
+    bind_when_free,
+    child,
+    environment,
+    is_nats,
+    service_urls,
+)
 from skyway.cli.system.databases import database_urls
 from skyway.cli.system.fleet_time import anchor_clock, keep_heartbeat
 from skyway.cli.system.log_rotation import keep_logs_small
@@ -67,7 +74,7 @@ async def running_system(
         anchor_clock(folder, rate=rate)
         sockets = await bind_when_free(ports, opened, say=say)
         settings = environment(folder, sockets)
-        if "broker" not in sockets:
+        if "broker" not in sockets and not is_nats():
             write_mosquitto_files(folder)
         databases = await until_done(lambda: database_urls(folder), say=say)
         system = System(

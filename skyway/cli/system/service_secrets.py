@@ -3,9 +3,11 @@
 from pathlib import Path
 from typing import Final
 
+from skyway.broker_setup.nats_accounts import hash_for_nats
 from skyway.broker_setup.passwords import hash_password
 from skyway.broker_setup.private_file import write_private
 from skyway.cli.data_folder import DataFolder
+from skyway.cli.system.children import is_nats
 from skyway.runtime.metrics import METRICS_KEY
 from skyway.runtime.peer_secrets import account_file, peer_file, peer_hash
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS
@@ -53,8 +55,9 @@ def write_service_secrets(folder: DataFolder, target: Path) -> None:
         passfile = folder.secrets / f"pgpass_{service}"
         if passfile.exists():
             write_private(place / "pgpass", passfile.read_text())
+    hash_for_broker = hash_for_nats if is_nats() else hash_password
     for account in _ACCOUNTS:
-        hashed = hash_password(_secret(folder, f"mqtt_{account}"))
+        hashed = hash_for_broker(_secret(folder, f"mqtt_{account}"))
         write_private(target / "registry" / account_file(account), hashed + "\n")
     (target / _COMMANDS).mkdir(exist_ok=True, mode=0o700)
     write_private(target / _COMMANDS / "keys.env", folder.keys_file.read_text())

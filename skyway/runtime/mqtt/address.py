@@ -1,4 +1,8 @@
-"""Where a broker listens: `mqtt://host:port`, or `mqtts://` with the system's trusted roots."""
+"""Where a broker listens: `mqtt://host:port`, or `mqtts://` with the system's trusted roots.
+
+A cluster has an address for each node, parted by commas. `mqtt+nats://` and `mqtts+nats://` name
+nodes of NATS.
+"""
 
 import asyncio
 import socket
@@ -10,15 +14,22 @@ from urllib.parse import urlsplit
 from skyway.errors import InvalidInput
 
 _DEFAULT_PORTS = {"mqtt": 1883, "mqtts": 8883}
+_NATS = "+nats"
 
 
 @dataclass(frozen=True, slots=True)
 class BrokerAddress:
-    """A broker's host and port, and whether the connection is encrypted."""
+    """A broker's host and port, and whether the connection is encrypted.
+
+    `most_qos` is the highest `mqtt_qos` to subscribe with. It is 0 for NATS: that keeps a stored
+    consumer for each filter of a higher one, and a client whose consumers a dead node took along is
+    not let in. Our clients have no sessions that outlive a connection, so they lose nothing.
+    """
 
     host: str
     port: int
     is_encrypted: bool
+    most_qos: int = 1
 
     @classmethod
     def parse(cls, url: str) -> Self:
@@ -27,13 +38,29 @@ class BrokerAddress:
         Raises
         ------
         InvalidInput
-            The scheme is neither mqtt nor mqtts, or there is no host.
+            The scheme is neither mqtt nor mqtts, with or without +nats, or there is no host.
         """
         parts = urlsplit(url)
-        if parts.scheme not in _DEFAULT_PORTS or not parts.hostname:
+        scheme = parts.scheme.removesuffix(_NATS)
+        if scheme not in _DEFAULT_PORTS or not parts.hostname:
             raise InvalidInput("mqtt_url", "must look like mqtt://host:port or mqtts://host:port")
-        port = parts.port or _DEFAULT_PORTS[parts.scheme]
-        return cls(host=parts.hostname, port=port, is_encrypted=parts.scheme == "mqtts")
+        return cls(
+            host=parts.hostname,
+            port=parts.port or _DEFAULT_PORTS[scheme],
+            is_encrypted=scheme == "mqtts",
+            most_qos=0 if parts.scheme.endswith(_NATS) else 1,
+        )
+
+    @classmethod
+    def parse_all(cls, urls: str) -> tuple[Self, ...]:
+        """The addresses in URLs that are parted by commas: of the nodes of a cluster.
+
+        Raises
+        ------
+        InvalidInput
+            The scheme of one is not known, or there is no host.
+        """
+        return tuple(cls.parse(url.strip()) for url in urls.split(","))
 
     async def open_socket(self, tls: ssl.SSLContext | None = None) -> socket.socket:
         """A connected, non-blocking socket; OSError when the broker does not listen.

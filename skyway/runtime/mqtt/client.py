@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import hashlib
 import itertools
 import logging
 import random
@@ -32,6 +33,9 @@ _CONNECT_TIMEOUT_S: Final = 10.0
 _FIRST_PAUSE_S: Final = 0.1
 _LONGEST_PAUSE_S: Final = 2.0
 
+#: Hexadecimal digits of a client id that only who knows the password can tell.
+_ID_DIGITS: Final = 32
+
 Will = Callable[[], tuple[Address[Any], Message]]
 
 
@@ -41,7 +45,11 @@ class MqttClient:
     Parameters
     ----------
     url
-        ``mqtt://host:port`` or ``mqtts://host:port``.
+        ``mqtt://host:port`` or ``mqtts://host:port`` (`BrokerAddress`); those of a cluster's nodes
+        are parted by commas. The first connection goes to any of them, the next one to another.
+    client_id
+        Its name in logs. At the broker it ends with a hash of the password: some brokers let
+        anybody take the connection of a client whose id he knows.
     will
         Asked before every attempt to connect: a last will is fixed at CONNECT.
     on_connected
@@ -73,10 +81,14 @@ class MqttClient:
         tls: ssl.SSLContext | None = None,
         seal: Seal | None = None,
     ) -> None:
-        self._broker = BrokerAddress.parse(url)
+        brokers = BrokerAddress.parse_all(url)
+        # Clients that lose a node together spread over the others.
+        self._brokers = itertools.cycle(random.sample(brokers, len(brokers)))
+        self._broker = brokers[0]
         self._tls = tls
         self._seal = seal or NoSeal()
-        self._login = Login(client_id, user_name, password, keepalive_s)
+        self._name = client_id
+        self._login = Login(_unguessable(client_id, password), user_name, password, keepalive_s)
         self._will = will
         self._on_connected = on_connected
         self._link: MqttConnection | None = None
@@ -89,7 +101,7 @@ class MqttClient:
         self._running: asyncio.Task[Never] | None = None
 
     async def __aenter__(self) -> Self:
-        self._running = asyncio.create_task(self._run(), name=f"mqtt {self._login.client_id}")
+        self._running = asyncio.create_task(self._run(), name=f"mqtt {self._name}")
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -138,7 +150,7 @@ class MqttClient:
     ) -> None:
         """Publish the bytes of a JSON object, as `publish` does."""
         if self._link is None:
-            raise MqttUnavailable(f"{self._login.client_id} is not connected to the broker")
+            raise MqttUnavailable(f"{self._name} is not connected to the broker")
         try:
             async with asyncio.timeout(timeout_s):
                 await self._link.publish(self._sealed(name, payload, mqtt_qos, retained))
@@ -202,7 +214,7 @@ class MqttClient:
                 pause_s, logged_reason = _FIRST_PAUSE_S, ""
             if reason != logged_reason:
                 logged_reason = reason
-                who = {"client_id": self._login.client_id, "reason": reason}
+                who = {"client_id": self._name, "reason": reason}
                 log.warning("no connection to the broker", extra=who)
             await asyncio.sleep(pause_s * random.uniform(0.5, 1.0))  # noqa: S311 - only jitter
             pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
@@ -212,6 +224,7 @@ class MqttClient:
         greeting: asyncio.Task[None] | None = None
         try:
             async with asyncio.timeout(_CONNECT_TIMEOUT_S):
+                self._broker = next(self._brokers)
                 await link.open(self._broker, self._tls)
                 await self._renew_subscriptions(link)
             self._link = link
@@ -246,7 +259,10 @@ class MqttClient:
         while self._subscribed < len(self._inboxes):
             fresh = self._inboxes[self._subscribed :]
             self._subscribed = len(self._inboxes)
-            filters = {name: qos for inbox in fresh for name, qos in inbox.filters.items()}
+            most_qos = self._broker.most_qos
+            filters = {
+                name: min(qos, most_qos) for inbox in fresh for name, qos in inbox.filters.items()
+            }
             await link.subscribe(filters)
         self._has_new_inbox.clear()
 
@@ -254,7 +270,7 @@ class MqttClient:
         """Run `on_connected` until it succeeds, or until the connection is lost."""
         if self._on_connected is None:
             return
-        missing = MissingParts(f"greeting of {self._login.client_id}")
+        missing = MissingParts(f"greeting of {self._name}")
         for failures in itertools.count(1):
             try:
                 await self._on_connected()
@@ -266,6 +282,11 @@ class MqttClient:
             else:
                 missing.are_back()
                 return
+
+
+def _unguessable(client_id: str, password: str) -> str:
+    digest = hashlib.sha256(f"{client_id}:{password}".encode()).hexdigest()
+    return f"{client_id}-{digest[:_ID_DIGITS]}"
 
 
 def _payload(message: BaseModel) -> bytes:

@@ -6,6 +6,7 @@ import getpass
 import shutil
 import signal
 import socket
+import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -19,7 +20,10 @@ from skyway_broker.limits import Limits
 
 from skyway.broker_setup.account_files import client_files, service_files
 from skyway.broker_setup.mosquitto import mosquitto_conf
+from skyway.broker_setup.nats import NatsNode, nats_conf
+from skyway.broker_setup.nats_accounts import hash_for_nats, nats_accounts
 from skyway.broker_setup.passwords import hash_password, write_password_file
+from skyway.broker_setup.private_file import write_private
 from skyway.contracts.broker_rules import BrokerRules, is_operator
 from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
 from skyway.contracts.drone_report import Ack, Connection
@@ -28,6 +32,7 @@ from skyway.contracts.world import ClockAnchor, StationState
 from skyway.runtime.mqtt.client import MqttClient, Received
 
 SERVICES = ("gateway", "registry", "composition")
+NATS_SERVER = Path(sys.executable).with_name("nats-server")
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 CLIENTS = (
     "operator/olga",
@@ -45,6 +50,7 @@ class RunningBroker(Protocol):
 
     port: int
     service_port: int
+    sends_will_of_replaced: bool
 
     async def start(self) -> None: ...
 
@@ -54,6 +60,8 @@ class RunningBroker(Protocol):
 
 
 class EmbeddedBroker:
+    sends_will_of_replaced = True
+
     def __init__(self, folder: Path, limits: Limits | None = None) -> None:
         self.port = self.service_port = free_port()
         self._limits = limits
@@ -76,6 +84,8 @@ class EmbeddedBroker:
 
 
 class Mosquitto:
+    sends_will_of_replaced = True
+
     def __init__(self, folder: Path, program: str) -> None:
         self.port, self.service_port = free_port(), free_port()
         self._folder = folder
@@ -134,6 +144,38 @@ class Mosquitto:
         write_accounts(self._passwords, self._hashes)
         if self._process is not None:
             self._process.send_signal(signal.SIGHUP)
+
+
+class Nats:
+    """A node of NATS that runs alone."""
+
+    sends_will_of_replaced = False
+
+    def __init__(self, folder: Path) -> None:
+        self.port = self.service_port = free_port()
+        self._accounts = folder / "nats_accounts.conf"
+        self._configuration = folder / "nats.conf"
+        self._hashes: dict[str, str] = {}
+        self._process: asyncio.subprocess.Process | None = None
+        node = NatsNode("node", "127.0.0.1", self.port, 0, folder / "jetstream")
+        conf = nats_conf(node, nodes=(), accounts_file=self._accounts.name)
+        self._configuration.write_text(conf)
+
+    async def start(self) -> None:
+        self._process = await asyncio.create_subprocess_exec(
+            *("sh", "deploy/nats/start.sh", self._configuration, self._accounts, NATS_SERVER),
+            stderr=asyncio.subprocess.DEVNULL,
+        )
+
+    async def stop(self) -> None:
+        if self._process is not None:
+            self._process.terminate()
+            await self._process.wait()
+            self._process = None
+
+    async def set_accounts(self, names: tuple[str, ...]) -> None:
+        self._hashes = {name: self._hashes.get(name) or hash_for_nats(name) for name in names}
+        write_private(self._accounts, nats_accounts(self._hashes, BrokerRules()))
 
 
 def write_accounts(passwords: Path, hashes: dict[str, str]) -> None:
@@ -372,11 +414,13 @@ async def mosquitto(tmp_path: Path) -> AsyncIterator[Mosquitto]:
     await running.stop()
 
 
-@pytest.fixture(params=["embedded", pytest.param("mosquitto", marks=pytest.mark.integration)])
+@pytest.fixture(params=["embedded", "mosquitto", "nats"])
 async def broker(request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[RunningBroker]:
     running: RunningBroker
     if request.param == "embedded":
         running = EmbeddedBroker(tmp_path)
+    elif request.param == "nats":
+        running = Nats(tmp_path)
     else:
         running = Mosquitto(tmp_path, mosquitto_program())
     await running.set_accounts((*SERVICES, *CLIENTS))

@@ -11,6 +11,7 @@ import pytest
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 
+from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
 from skyway.broker_setup.passwords import hash_password, matches, read_password_file
 from skyway.runtime.errors import InvalidSettings, ServiceUnavailable
 from skyway.runtime.sql.database import Database
@@ -108,7 +109,12 @@ async def test_a_file_that_cannot_be_written_is_written_later(
     db: Database, secrets_dir: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "later" / "passwords"
-    password_file = PasswordFile(path, db=db, secrets_dir=secrets_dir, broker_pid_file=None)
+    password_file = PasswordFile(
+        MosquittoAccounts(path),
+        db=db,
+        secrets_dir=secrets_dir,
+        broker_pid_file=None,
+    )
 
     with pytest.raises(ServiceUnavailable):
         await password_file.refresh()
@@ -135,7 +141,12 @@ async def test_the_hash_of_a_password_is_enough(
     (secrets_dir / "mqtt_operator").unlink()
     (secrets_dir / "mqtt_operator.hash").write_text(hash_password("of the operator") + "\n")
     path = tmp_path / "passwords"
-    password_file = PasswordFile(path, db=db, secrets_dir=secrets_dir, broker_pid_file=None)
+    password_file = PasswordFile(
+        MosquittoAccounts(path),
+        db=db,
+        secrets_dir=secrets_dir,
+        broker_pid_file=None,
+    )
 
     await password_file.refresh()
 
@@ -145,7 +156,12 @@ async def test_the_hash_of_a_password_is_enough(
 async def test_a_missing_secret_is_named(db: Database, secrets_dir: Path, tmp_path: Path) -> None:
     (secrets_dir / "mqtt_operator").unlink()
     path = tmp_path / "passwords"
-    password_file = PasswordFile(path, db=db, secrets_dir=secrets_dir, broker_pid_file=None)
+    password_file = PasswordFile(
+        MosquittoAccounts(path),
+        db=db,
+        secrets_dir=secrets_dir,
+        broker_pid_file=None,
+    )
 
     with pytest.raises(InvalidSettings, match="mqtt_operator"):
         await password_file.refresh()
@@ -158,7 +174,10 @@ def named_file(
     pid_file = tmp_path / "broker.pid"
     pid_file.write_text(f"{broker.pid}\n")
     return PasswordFile(
-        tmp_path / "passwords", db=db, secrets_dir=secrets_dir, broker_pid_file=pid_file
+        MosquittoAccounts(tmp_path / "passwords"),
+        db=db,
+        secrets_dir=secrets_dir,
+        broker_pid_file=pid_file,
     )
 
 
@@ -198,7 +217,10 @@ async def test_a_broker_that_is_not_there_is_no_error(
     if content is not None:
         pid_file.write_text(content)
     password_file = PasswordFile(
-        tmp_path / "passwords", db=db, secrets_dir=secrets_dir, broker_pid_file=pid_file
+        MosquittoAccounts(tmp_path / "passwords"),
+        db=db,
+        secrets_dir=secrets_dir,
+        broker_pid_file=pid_file,
     )
 
     await password_file.refresh()

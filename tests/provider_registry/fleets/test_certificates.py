@@ -9,6 +9,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from skyway_provider_registry.fleets.issue_credentials import Issuer
 
 from skyway.broker_setup.certificates import CertificateAuthority
+from skyway.broker_setup.passwords import hash_password
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile
@@ -25,7 +26,7 @@ def cloud_keys(folder: Path) -> CloudKeyFile:
 def test_a_drones_certificate_names_it_and_is_signed_for_clients(tmp_path: Path) -> None:
     authority = CertificateAuthority.make(tmp_path / "ca")
 
-    made = Issuer(authority, cloud_keys(tmp_path)).make(PROVIDER, DRONE).certificate
+    made = Issuer(authority, cloud_keys(tmp_path), hash_password).make(PROVIDER, DRONE).certificate
 
     assert made is not None
     certificate = x509.load_pem_x509_certificate(made.certificate_pem.encode())
@@ -39,7 +40,7 @@ def test_a_drones_certificate_names_it_and_is_signed_for_clients(tmp_path: Path)
 
 
 def test_credentials_are_unique_and_hidden_in_representations(tmp_path: Path) -> None:
-    issuer = Issuer(CertificateAuthority.make(tmp_path / "ca"), cloud_keys(tmp_path))
+    issuer = Issuer(CertificateAuthority.make(tmp_path / "ca"), cloud_keys(tmp_path), hash_password)
 
     one, other = issuer.make(PROVIDER, DRONE), issuer.make(PROVIDER, DRONE)
 
@@ -52,7 +53,9 @@ def test_credentials_are_unique_and_hidden_in_representations(tmp_path: Path) ->
 
 
 def test_without_an_authority_there_is_no_certificate(tmp_path: Path) -> None:
-    assert Issuer(None, cloud_keys(tmp_path)).make(PROVIDER, DRONE).certificate is None
+    assert (
+        Issuer(None, cloud_keys(tmp_path), hash_password).make(PROVIDER, DRONE).certificate is None
+    )
 
 
 def test_an_authority_is_made_once_and_only_this_user_can_read_it(tmp_path: Path) -> None:

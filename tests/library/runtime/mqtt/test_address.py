@@ -15,6 +15,8 @@ from skyway.runtime.mqtt.address import BrokerAddress
         ("mqtt://broker:1900", BrokerAddress("broker", 1900, is_encrypted=False)),
         ("mqtt://broker", BrokerAddress("broker", 1883, is_encrypted=False)),
         ("mqtts://broker", BrokerAddress("broker", 8883, is_encrypted=True)),
+        ("mqtt+nats://node:1900", BrokerAddress("node", 1900, is_encrypted=False, most_qos=0)),
+        ("mqtts+nats://node", BrokerAddress("node", 8883, is_encrypted=True, most_qos=0)),
         ("mqtt://[::1]:1900", BrokerAddress("::1", 1900, is_encrypted=False)),
     ],
 )
@@ -22,7 +24,15 @@ def test_a_url_names_host_port_and_encryption(url, expected):
     assert BrokerAddress.parse(url) == expected
 
 
-@pytest.mark.parametrize("url", ["", "broker:1883", "http://broker", "mqtt://"])
+def test_the_nodes_of_a_cluster_are_parted_by_commas():
+    addresses = BrokerAddress.parse_all("mqtt+nats://a:1, mqtt+nats://b:2")
+
+    assert [(each.host, each.port) for each in addresses] == [("a", 1), ("b", 2)]
+    with pytest.raises(InvalidInput, match="mqtt_url"):
+        BrokerAddress.parse_all("mqtt://a,")
+
+
+@pytest.mark.parametrize("url", ["", "broker:1883", "http://broker", "mqtt://", "nats://a"])
 def test_an_invalid_broker_url_is_refused(url):
     with pytest.raises(InvalidInput, match="mqtt_url"):
         BrokerAddress.parse(url)

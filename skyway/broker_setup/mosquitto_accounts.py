@@ -1,0 +1,41 @@
+"""The accounts of Mosquitto and of the embedded broker, in three files beside each other."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from skyway.broker_setup.account_files import client_files, service_files
+from skyway.broker_setup.passwords import hash_password, write_password_file
+from skyway.broker_setup.private_file import write_private
+from skyway.contracts.broker_rules import BrokerRules, is_operator
+
+
+@dataclass(frozen=True, slots=True)
+class MosquittoAccounts:
+    """Writes the password file, and beside it that of services and the rights of operators.
+
+    The services' accounts are in a file of their own: Mosquitto lets services log in at their own
+    listener only.
+    """
+
+    password_file: Path
+
+    def hash_password(self, password: str) -> str:
+        """The hash that is stored of a password."""
+        return hash_password(password)
+
+    def write(self, accounts: Mapping[str, str], services: Mapping[str, str]) -> None:
+        """Replace the files by these accounts, user name to hash.
+
+        Raises
+        ------
+        InvalidInput
+            A user name is not an identifier.
+        OSError
+            A file cannot be written.
+        """
+        acl = BrokerRules().client_acl(filter(is_operator, accounts))
+        write_private(client_files(self.password_file).acl_file, acl)
+        write_password_file(service_files(self.password_file).password_file, services)
+        # Last: whoever watches this file then finds the others written.
+        write_password_file(self.password_file, accounts)
