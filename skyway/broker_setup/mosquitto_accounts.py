@@ -37,5 +37,5 @@ class MosquittoAccounts:
         acl = BrokerRules().client_acl(filter(is_operator, accounts))
         write_private(client_files(self.password_file).acl_file, acl)
         write_password_file(service_files(self.password_file).password_file, services)
-        # Last: whoever watches this file then finds the others written.
+        # Last: when this file has changed, the others are written.
         write_password_file(self.password_file, accounts)

@@ -36,9 +36,9 @@ _WILDCARDS: Final = {"+": "*", "#": ">"}
 
 
 #: No account can have this name.
-_NOBODY: Final = "."
+_PLACEHOLDER: Final = "."
 
-#: What NATS is told of an account that may write nothing: an empty list would allow everything.
+#: The rights of an account that may write nothing: an empty list would allow everything.
 _WRITES_NOTHING: Final = {"deny": ">"}
 
 
@@ -65,14 +65,14 @@ class NatsAccounts:
         OSError
             The file cannot be written.
         """
-        everybody = {**accounts, **services}
-        of_another_broker = sum(not is_nats_hash(hashed) for hashed in everybody.values())
+        all_hashes = {**accounts, **services}
+        of_another_broker = sum(not is_nats_hash(hashed) for hashed in all_hashes.values())
         if of_another_broker:
             log.warning(
                 "accounts without a password for NATS: rotate or renew their credentials",
                 extra={"accounts": of_another_broker},
             )
-        write_private(self.file, nats_accounts(everybody, BrokerRules()))
+        write_private(self.file, nats_accounts(all_hashes, BrokerRules()))
 
 
 def hash_for_nats(password: str) -> str:
@@ -108,16 +108,16 @@ def nats_accounts(hashes: Mapping[str, str], rules: BrokerRules) -> str:
         A user name is not an identifier: it would be read as a wildcard.
     """
     readable = {name: hashed for name, hashed in sorted(hashes.items()) if is_nats_hash(hashed)}
-    users = [_nobody(), *(_user(*account, rules) for account in readable.items())]
+    users = [_placeholder(), *(_user(*account, rules) for account in readable.items())]
     lines = ",\n".join(json.dumps(user) for user in users)
     return f'"accounts": {{"{_ACCOUNT}": {{"jetstream": "enabled", "users": [\n{lines}\n]}}}}\n'
 
 
-def _nobody() -> dict[str, Any]:
+def _placeholder() -> dict[str, Any]:
     """A user of whom nobody knows the password: without any user NATS would let everybody in."""
     hashed = hash_for_nats(secrets.token_urlsafe(32))
     denied = {"publish": _WRITES_NOTHING, "subscribe": _WRITES_NOTHING}
-    return {"user": _NOBODY, "password": hashed, "permissions": denied}
+    return {"user": _PLACEHOLDER, "password": hashed, "permissions": denied}
 
 
 def _user(name: str, hashed: str, rules: BrokerRules) -> dict[str, Any]:

@@ -141,13 +141,13 @@ def faults_of(
     new_drones: Sequence[NewDrone],
     *,
     models: Collection[DroneModelId],
-    unknown_stations: Collection[StationId],
+    unknown: Collection[StationId],
 ) -> list[RegistrationFault]:
     """All faults, in the order of the drones."""
     return [
         RegistrationFault(index, field, detail)
         for index, drone in enumerate(new_drones)
-        for field, detail in _of_one(drone, models=models, unknown_stations=unknown_stations)
+        for field, detail in _of_one(drone, models=models, unknown=unknown)
     ] + list(_repeated_registrations(new_drones))
 
 
@@ -155,11 +155,11 @@ def _of_one(
     drone: NewDrone,
     *,
     models: Collection[DroneModelId],
-    unknown_stations: Collection[StationId],
+    unknown: Collection[StationId],
 ) -> Iterator[tuple[str, str]]:
     if drone.model_id not in models:
         yield "model_id", f"no drone model is called {drone.model_id!r}"
-    if drone.home_station_id in unknown_stations:
+    if drone.home_station_id in unknown:
         yield "home_station_id", f"no station is called {drone.home_station_id!r}"
 
 

@@ -213,8 +213,7 @@ def registration_routes(
             await providers.of_caller(connection, caller, provider_id=provider_id)
             models = await every_model(connection)
         check = await stations.check(drone.home_station_id for drone in new_drones)
-        faults = faults_of(new_drones, models=models, unknown_stations=set(check.unknown))
-        _refuse(faults, raw=raw)
+        _refuse(faults_of(new_drones, models=models, unknown=set(check.unknown)), raw=raw)
         # In a thread: the passwords of 5,000 drones take 0.3 s of hashing.
         return await asyncio.to_thread(
             prepare,

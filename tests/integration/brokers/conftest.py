@@ -6,7 +6,6 @@ import getpass
 import shutil
 import signal
 import socket
-import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -20,19 +19,16 @@ from skyway_broker.limits import Limits
 
 from skyway.broker_setup.account_files import client_files, service_files
 from skyway.broker_setup.mosquitto import mosquitto_conf
-from skyway.broker_setup.nats import NatsNode, nats_conf
-from skyway.broker_setup.nats_accounts import hash_for_nats, nats_accounts
 from skyway.broker_setup.passwords import hash_password, write_password_file
-from skyway.broker_setup.private_file import write_private
 from skyway.contracts.broker_rules import BrokerRules, is_operator
 from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
 from skyway.contracts.drone_report import Ack, Connection
 from skyway.contracts.instruction import ReportInstruction
 from skyway.contracts.world import ClockAnchor, StationState
 from skyway.runtime.mqtt.client import MqttClient, Received
+from tests.integration.brokers.nats_alone import NatsAlone
 
 SERVICES = ("gateway", "registry", "composition")
-NATS_SERVER = Path(sys.executable).with_name("nats-server")
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 CLIENTS = (
     "operator/olga",
@@ -144,38 +140,6 @@ class Mosquitto:
         write_accounts(self._passwords, self._hashes)
         if self._process is not None:
             self._process.send_signal(signal.SIGHUP)
-
-
-class Nats:
-    """A node of NATS that runs alone."""
-
-    sends_will_of_replaced = False
-
-    def __init__(self, folder: Path) -> None:
-        self.port = self.service_port = free_port()
-        self._accounts = folder / "nats_accounts.conf"
-        self._configuration = folder / "nats.conf"
-        self._hashes: dict[str, str] = {}
-        self._process: asyncio.subprocess.Process | None = None
-        node = NatsNode("node", "127.0.0.1", self.port, 0, folder / "jetstream")
-        conf = nats_conf(node, nodes=(), accounts_file=self._accounts.name)
-        self._configuration.write_text(conf)
-
-    async def start(self) -> None:
-        self._process = await asyncio.create_subprocess_exec(
-            *("sh", "deploy/nats/start.sh", self._configuration, self._accounts, NATS_SERVER),
-            stderr=asyncio.subprocess.DEVNULL,
-        )
-
-    async def stop(self) -> None:
-        if self._process is not None:
-            self._process.terminate()
-            await self._process.wait()
-            self._process = None
-
-    async def set_accounts(self, names: tuple[str, ...]) -> None:
-        self._hashes = {name: self._hashes.get(name) or hash_for_nats(name) for name in names}
-        write_private(self._accounts, nats_accounts(self._hashes, BrokerRules()))
 
 
 def write_accounts(passwords: Path, hashes: dict[str, str]) -> None:
@@ -420,7 +384,7 @@ async def broker(request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterato
     if request.param == "embedded":
         running = EmbeddedBroker(tmp_path)
     elif request.param == "nats":
-        running = Nats(tmp_path)
+        running = NatsAlone(tmp_path, port=free_port())
     else:
         running = Mosquitto(tmp_path, mosquitto_program())
     await running.set_accounts((*SERVICES, *CLIENTS))

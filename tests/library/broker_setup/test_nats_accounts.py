@@ -72,12 +72,12 @@ def test_accounts_of_another_broker_are_left_out_and_counted(
 
 
 def test_without_accounts_nats_still_asks_for_a_password() -> None:
-    [nobody] = json.loads("{" + nats_accounts({}, BrokerRules()) + "}")["accounts"]["SKYWAY"][
+    [placeholder] = json.loads("{" + nats_accounts({}, BrokerRules()) + "}")["accounts"]["SKYWAY"][
         "users"
     ]
 
-    assert is_nats_hash(nobody["password"])
-    assert nobody["permissions"] == {"publish": {"deny": ">"}, "subscribe": {"deny": ">"}}
+    assert is_nats_hash(placeholder["password"])
+    assert placeholder["permissions"] == {"publish": {"deny": ">"}, "subscribe": {"deny": ">"}}
 
 
 def test_a_hash_is_salted_and_checked_by_bcrypt() -> None:
