@@ -1,9 +1,11 @@
 """What a service reads from its environment."""
 
+import ssl
 from pathlib import Path
 
 import pytest
 
+from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.settings import ServiceSettings
 
@@ -43,3 +45,30 @@ def test_a_wrong_variable_is_named_without_its_value(monkeypatch: pytest.MonkeyP
 
 def test_settings_do_not_show_passwords() -> None:
     assert "hunter2" not in repr(ServiceSettings.load())
+
+
+def test_the_brokers_authority_is_trusted_instead_of_the_systems_roots(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    assert ServiceSettings.load().mqtt_tls is None
+    authority = CertificateAuthority.make(tmp_path / "ca")
+    monkeypatch.setenv("SKYWAY_MQTT_CA_FILE", str(tmp_path / "ca" / "ca.pem"))
+
+    context = ServiceSettings.load().mqtt_tls
+
+    assert context is not None
+    [trusted] = context.get_ca_certs(binary_form=True)
+    assert trusted == ssl.PEM_cert_to_DER_cert(authority.certificate_pem)
+
+
+@pytest.mark.parametrize("content", [None, "", "no certificate"])
+def test_a_file_without_a_certificate_is_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, content: str | None
+) -> None:
+    path = tmp_path / "ca.pem"
+    if content is not None:
+        path.write_text(content)
+    monkeypatch.setenv("SKYWAY_MQTT_CA_FILE", str(path))
+
+    with pytest.raises(InvalidSettings, match=r"SKYWAY_MQTT_CA_FILE: .*ca\.pem holds no"):
+        _ = ServiceSettings.load().mqtt_tls

@@ -12,6 +12,7 @@ from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 
 from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
+from skyway.broker_setup.nats_accounts import NatsAccounts, is_nats_hash
 from skyway.broker_setup.passwords import hash_password, matches, read_password_file
 from skyway.runtime.errors import InvalidSettings, ServiceUnavailable
 from skyway.runtime.sql.database import Database
@@ -122,6 +123,25 @@ async def test_a_file_that_cannot_be_written_is_written_later(
     await password_file.step()
 
     assert "operator/deployment" in read_password_file(path)
+
+
+async def test_for_nats_the_file_holds_services_and_drones_with_their_rights(
+    db: Database, secrets_dir: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "accounts"
+    password_file = PasswordFile(
+        NatsAccounts(path),
+        db=db,
+        secrets_dir=secrets_dir,
+        broker_pid_file=None,
+    )
+
+    await password_file.refresh()
+
+    text = path.read_text()
+    for name in ("gateway", "registry", "composition", "operator/deployment"):
+        assert f'"user": "{name}"' in text
+    assert is_nats_hash(password_file.hash_password("secret"))
 
 
 async def test_nothing_is_written_when_nothing_has_changed(
