@@ -20,8 +20,8 @@ from skyway.runtime.sql.database import Database
 from skyway_gateway.deliveries.booking.queue_store import waiting_networks, wake_first
 from skyway_gateway.quotes.store import has_hold_ended
 
-#: Shortest and longest wait for the next try, wall time.
-_SHORTEST: Final = timedelta(seconds=0.5)
+#: The first tries after a wake, wall time since it; after the last of them every `_LONGEST`.
+_FIRST_TRIES: Final = tuple(timedelta(seconds=each) for each in (0.5, 1, 2, 4, 8))
 _LONGEST: Final = timedelta(seconds=10)
 
 #: Composition holds an offer so much longer than its quote says.
@@ -29,12 +29,18 @@ _GRACE: Final = timedelta(seconds=HOLD_GRACE_S)
 
 
 def next_try_at(*, woken_at: datetime, now: datetime) -> datetime:
-    """When a request that found no drone is tried again: after as long as it was since its wake.
+    """When a request that found no drone is tried again.
 
-    So the tries after a wake come after 0.5, 1, 2, 4 and 8 seconds: other services learn of the
-    change a little later than this one. After that they come every 10 seconds.
+    The tries come 0.5, 1, 2, 4 and 8 seconds after its wake: other services learn of the change a
+    little later than this one. After that they come every 10 seconds. Requests that were woken
+    together are due at the same moments, so that each time they are tried in their order.
     """
-    return now + min(max(now - woken_at, _SHORTEST), _LONGEST)
+    since = max(now - woken_at, timedelta())
+    for wait in _FIRST_TRIES:
+        if since < wait:
+            return woken_at + wait
+    tens = (since - _FIRST_TRIES[-1]) // _LONGEST + 1
+    return woken_at + _FIRST_TRIES[-1] + tens * _LONGEST
 
 
 class Waker:

@@ -59,11 +59,28 @@ async def test_a_waiting_request_shows_when_the_first_drone_is_free(gateway: Gat
 
 
 @pytest.mark.parametrize(
-    ("since_s", "wait_s"), [(0, 0.5), (0.5, 0.5), (1, 1), (4, 4), (8, 8), (11, 10), (1e9, 10)]
+    ("since_s", "next_s"),
+    [
+        (-1.0, 0.5),
+        (0.0, 0.5),
+        (0.01, 0.5),
+        (0.5, 1.0),
+        (0.51, 1.0),
+        (1.2, 2.0),
+        (3.0, 4.0),
+        (4.0, 8.0),
+        (8.0, 18.0),
+        (8.01, 18.0),
+        (18.3, 28.0),
+        (100.0, 108.0),
+    ],
 )
-def test_tries_after_a_wake_are_further_and_further_apart(since_s: float, wait_s: float) -> None:
-    woken_at = NOON - timedelta(seconds=since_s)
-    assert next_try_at(woken_at=woken_at, now=NOON) == NOON + timedelta(seconds=wait_s)
+def test_requests_woken_together_are_tried_at_the_same_moments(
+    since_s: float, next_s: float
+) -> None:
+    now = NOON + timedelta(seconds=since_s)
+
+    assert next_try_at(woken_at=NOON, now=now) == NOON + timedelta(seconds=next_s)
 
 
 async def test_waiting_requests_show_their_place_and_since_when_they_wait(
