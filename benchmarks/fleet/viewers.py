@@ -23,6 +23,8 @@ _READING: Final = 50
 _PER_ADDRESS: Final = 100
 #: Wall seconds until all viewers have their snapshots.
 _ALL_BY_S: Final = 20.0
+#: Wall seconds after the last snapshot: what waited behind the snapshots of all is not steady.
+_SETTLE_S: Final = 3.0
 _CHUNK_BYTES: Final = 64 * 1024
 
 
@@ -55,6 +57,7 @@ async def watch(url: str, keys: Sequence[str], *, count: int, seconds: float) ->
         async with asyncio.timeout(_ALL_BY_S):
             for each in looking:
                 await each.wait()
+    await asyncio.sleep(_SETTLE_S)
     seen.since_s = time.monotonic()
     print("all look", file=sys.stderr, flush=True)
     await asyncio.sleep(seconds)

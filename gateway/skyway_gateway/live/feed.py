@@ -20,9 +20,9 @@ from skyway_gateway.live.view import View
 log = logging.getLogger(__name__)
 
 #: Wall seconds between two looks.
-LOOK_EVERY_S: Final = 0.5
+LOOK_EVERY_S: Final = 0.3
 #: Looks that a view, and the picture, are kept after their last viewer has left: a minute.
-_KEPT_LOOKS: Final = 120
+_KEPT_LOOKS: Final = 200
 #: Views that are kept without viewers, for those who come back.
 _MOST_LEFT_VIEWS: Final = 50
 

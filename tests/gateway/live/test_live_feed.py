@@ -95,7 +95,7 @@ async def test_the_picture_is_forgotten_a_minute_after_the_last_viewer() -> None
     async with viewed(feed):
         pass
 
-    for _ in range(130):
+    for _ in range(210):
         await feed.step()
     looks = source.looks
     await feed.step()
