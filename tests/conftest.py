@@ -136,7 +136,7 @@ def postgresql_server(aside: asyncio.Runner) -> Iterator[Server]:
     # A socket's path has at most about 100 characters, so pytest's deep folders are too long.
     folder = Path(tempfile.mkdtemp(prefix="skyway-pg-"))
     data = folder / "data"
-    user = _postgresql_user()
+    user = unprivileged_user()
     if user is not None:
         os.chown(folder, user.pw_uid, user.pw_gid)
     log = (folder / "commands.log").open("ab")
@@ -182,7 +182,8 @@ def _postgresql_binaries() -> Path | None:
     return next(complete, None)
 
 
-def _postgresql_user() -> pwd.struct_passwd | None:
+def unprivileged_user() -> pwd.struct_passwd | None:
+    """Who runs what refuses to run as root; None when the tests do not run as root."""
     if os.geteuid() != 0:
         return None
     users = {user.pw_name: user for user in pwd.getpwall()}

@@ -103,11 +103,13 @@ async def _postgresql(url: str) -> Finding:
     """Whether the PostgreSQL server of this URL lets us in, and its version."""
     import asyncpg
 
+    from skyway.runtime.sql.server_url import driver_url
+
     parts = urlsplit(url)
     where = f"PostgreSQL at {parts.hostname or 'a local socket'}"
     try:
         async with asyncio.timeout(_ANSWERS_WITHIN_S):
-            connection = await asyncpg.connect(url)
+            connection = await asyncpg.connect(driver_url(url))
             try:
                 answer = await connection.fetchval("SHOW server_version")
             finally:
@@ -116,7 +118,7 @@ async def _postgresql(url: str) -> Finding:
         return Finding("database", f"{where} does not answer", is_trouble=True)
     except OSError as error:
         return Finding("database", f"{where} does not answer: {error}", is_trouble=True)
-    except (ValueError, asyncpg.PostgresError, asyncpg.InterfaceError) as error:
+    except (ValueError, SkywayError, asyncpg.PostgresError, asyncpg.InterfaceError) as error:
         return Finding("database", f"{where} refuses the connection: {error}", is_trouble=True)
     return Finding("database", f"{where} answers: version {answer}")
 

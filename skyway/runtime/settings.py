@@ -18,7 +18,9 @@ class DatabaseSettings(BaseSettings):
     # Not shown: it may hold a password.
     database_url: str = Field(
         repr=False,
-        description="`sqlite:///FILE` or `postgresql://...`: the database of this service alone.",
+        description="`sqlite:///FILE` or `postgresql://...`: the database of this service alone. "
+        "Several servers, parted by commas: the primary is used. `?connections=8`: connections to "
+        "write, and as many to read (1 to 64). `?pooling=transaction`: behind PgBouncer.",
     )
 
     @classmethod

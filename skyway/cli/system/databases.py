@@ -46,10 +46,11 @@ def _with_database(server: SplitResult, database: str) -> str:
 async def _create_missing(server: SplitResult, databases: list[str]) -> None:
     import asyncpg
 
+    from skyway.runtime.sql.server_url import driver_url
+
     try:
-        connection = await asyncpg.connect(
-            _with_database(server, server.path.lstrip("/") or "postgres"), timeout=10
-        )
+        url = _with_database(server, server.path.lstrip("/") or "postgres")
+        connection = await asyncpg.connect(driver_url(url), timeout=10)
         try:
             rows = await connection.fetch("SELECT datname FROM pg_database")
             present = {row["datname"] for row in rows}

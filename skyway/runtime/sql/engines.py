@@ -8,19 +8,20 @@ awaited. Only those that wait for the disk or for the lock of another process ru
 import asyncio
 import sqlite3
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, Final, Literal, cast
 
 import aiosqlite
 import asyncpg
-from sqlalchemy import event, make_url
+from sqlalchemy import event
 from sqlalchemy.engine import URL, AdaptedConnection, Connection, ExceptionContext
 from sqlalchemy.engine.interfaces import DBAPIConnection, IsolationLevel
-from sqlalchemy.exc import ArgumentError, DisconnectionError
+from sqlalchemy.exc import DisconnectionError
 from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
 from sqlalchemy.pool import AsyncAdaptedQueuePool
 
-from skyway.errors import InvalidInput
 from skyway.runtime.errors import ServiceUnavailable, UnsafeDatabase
+from skyway.runtime.sql.server_url import PostgresqlServer
 
 #: The statements that wait: for the writer's lock, and for the disk.
 _WAITING: Final = (("BEGIN IMMEDIATE",), ("COMMIT",))
@@ -33,9 +34,6 @@ _BUSY_TIMEOUT_S: Final = 10
 
 #: Statements that a connection to PostgreSQL keeps prepared: more than a service has.
 _STATEMENTS: Final = 500
-
-#: Connections that one process keeps to write, and as many to read.
-_CONNECTIONS: Final = 8
 
 #: How long a statement may take, seconds.
 _STATEMENT_S: Final = 60.0
@@ -79,26 +77,6 @@ def connect(database: str, **options: Any) -> PromptConnection:
     # A forgotten connection must not keep the process alive. SQLAlchemy sets this for its own.
     connection._thread.daemon = True
     return connection
-
-
-def read_url(text: str) -> URL:
-    """The URL of a database, without a driver.
-
-    Raises
-    ------
-    InvalidInput
-        It is neither ``sqlite:///path`` nor ``postgresql://...``; the message holds no password.
-    """
-    try:
-        url = make_url(text)
-    except (ArgumentError, ValueError) as error:
-        raise InvalidInput("database_url", "not a URL") from error
-    dialect = url.get_backend_name()
-    if dialect not in ("sqlite", "postgresql") or (dialect == "sqlite" and not url.database):
-        raise InvalidInput(
-            "database_url", f"{dialect}: only sqlite:///path and postgresql://... are supported"
-        )
-    return url.set(drivername=dialect)
 
 
 def sqlite_engine(url: URL, **driver: Any) -> AsyncEngine:
@@ -146,20 +124,24 @@ def postgresql_engine(url: URL, *, statement_s: float = _STATEMENT_S) -> AsyncEn
 
     A statement that takes longer than `statement_s` seconds is cancelled.
     """
-    return _postgresql_engine(
-        url, isolation_level="READ COMMITTED", settings={}, statement_s=statement_s
-    )
+    server = PostgresqlServer.of(url)
+    return _postgresql_engine(server, settings={}, statement_s=statement_s)
 
 
 def postgresql_reader_engine(url: URL) -> AsyncEngine:
     """An engine that cannot write, and where each statement is its own transaction.
 
     READ COMMITTED lets each statement see the data of its own moment anyway, so BEGIN and ROLLBACK
-    around the statements would be two round trips for nothing.
+    around the statements would be two round trips for nothing. Behind a pooler they are needed: the
+    driver prepares a statement and runs it in two steps, which must meet the same server.
     """
-    settings = {"default_transaction_read_only": "on"}
+    server = PostgresqlServer.of(url)
+    if server.has_pooler:
+        return _postgresql_engine(server, execution_options={"postgresql_readonly": True})
     return _postgresql_engine(
-        url, isolation_level="AUTOCOMMIT", settings=settings, statement_s=_STATEMENT_S
+        server,
+        isolation_level="AUTOCOMMIT",
+        settings={"default_transaction_read_only": "on"},
     )
 
 
@@ -177,37 +159,69 @@ class CommitCheckingConnection(asyncpg.Connection):  # type: ignore[misc]  # asy
         return status
 
 
+class PooledConnection(CommitCheckingConnection):
+    """A connection to a pooler, which may lend another server for each transaction."""
+
+    async def set_type_codec(self, typename: str, **codec: Any) -> None:
+        """Look the type up in one transaction, so with one server. Any: the driver's options."""
+        async with self.transaction():
+            await super().set_type_codec(typename, **codec)
+
+
 def _postgresql_engine(
-    url: URL, *, isolation_level: IsolationLevel, settings: Mapping[str, str], statement_s: float
+    server: PostgresqlServer,
+    *,
+    isolation_level: IsolationLevel = "READ COMMITTED",
+    settings: Mapping[str, str] = MappingProxyType({}),
+    statement_s: float = _STATEMENT_S,
+    execution_options: Mapping[str, Any] = MappingProxyType({}),
 ) -> AsyncEngine:
+    """Any: each execution option has a type of its own."""
     engine = create_async_engine(
-        url.set(drivername="postgresql+asyncpg"),
+        server.url.set(drivername="postgresql+asyncpg"),
         isolation_level=isolation_level,
+        execution_options=dict(execution_options),
         hide_parameters=True,  # in the text of errors: some parameters are addresses
         skip_autocommit_rollback=True,
         poolclass=AsyncAdaptedQueuePool,
-        pool_size=_CONNECTIONS,
+        pool_size=server.connections,
         max_overflow=0,
         pool_timeout=_POOL_TIMEOUT_S,
         # The connection used last has the most statements prepared.
         pool_use_lifo=True,
         connect_args={
-            "connection_class": CommitCheckingConnection,
             "timeout": 10,
             "command_timeout": statement_s,
-            "prepared_statement_cache_size": _STATEMENTS,
-            "server_settings": {
-                "jit": "off",
-                # The data lies in memory, where random reads cost as much as sequential ones. The
-                # default makes the server read whole tables to avoid disk seeks.
-                "random_page_cost": "1.1",
-                "default_transaction_isolation": "read committed",
-                **settings,
-            },
+            **(_KEEP_NOTHING if server.has_pooler else _keep_all(settings)),
         },
     )
     event.listen(engine.sync_engine, "checkout", _refuse_unusable)
     return engine
+
+
+def _keep_all(settings: Mapping[str, str]) -> dict[str, Any]:
+    """Options of a driver that has the server for itself. Any: each has a type of its own."""
+    return {
+        "connection_class": CommitCheckingConnection,
+        "prepared_statement_cache_size": _STATEMENTS,
+        "server_settings": {
+            "jit": "off",
+            # The data lies in memory, where random reads cost as much as sequential ones. The
+            # default makes the server read whole tables to avoid disk seeks.
+            "random_page_cost": "1.1",
+            "default_transaction_isolation": "read committed",
+            **settings,
+        },
+    }
+
+
+#: Options of a driver behind a pooler: no settings of the session, no statements with a name.
+#: Any: each has a type of its own.
+_KEEP_NOTHING: Final[Mapping[str, Any]] = {
+    "connection_class": PooledConnection,
+    "prepared_statement_cache_size": 0,
+    "statement_cache_size": 0,
+}
 
 
 def _refuse_unusable(connection: DBAPIConnection, _record: Any, _proxy: Any) -> None:

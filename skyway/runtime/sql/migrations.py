@@ -13,8 +13,9 @@ from sqlalchemy.engine import Connection
 from sqlalchemy.ext.asyncio import AsyncEngine
 
 from skyway.runtime.errors import UnknownRevision
-from skyway.runtime.sql.engines import postgresql_engine, read_url, sqlite_engine
+from skyway.runtime.sql.engines import postgresql_engine, sqlite_engine
 from skyway.runtime.sql.revisions import read_standing, revisions_of
+from skyway.runtime.sql.server_url import read_url
 from skyway.runtime.sql.trouble import named_trouble, trouble_of_writing
 
 log = logging.getLogger(__name__)

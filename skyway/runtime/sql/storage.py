@@ -18,6 +18,7 @@ from skyway.runtime.sql.engines import (
     sqlite_reader_engine,
     sqlite_survey_engine,
 )
+from skyway.runtime.sql.server_url import PostgresqlServer
 from skyway.runtime.sql.sqlite_writer import SqliteWriter
 from skyway.runtime.sql.trouble import (
     NameTrouble,
@@ -89,6 +90,8 @@ class PostgresqlStorage:
     def __init__(self, url: URL) -> None:
         self._readers = postgresql_reader_engine(url)
         self._writers = postgresql_engine(url)
+        has_pooler = PostgresqlServer.of(url).has_pooler
+        self._block = _PostgresqlBlock if has_pooler else _DirectBlock
         self._is_open = False
 
     async def __aenter__(self) -> Self:
@@ -114,7 +117,7 @@ class PostgresqlStorage:
     @asynccontextmanager
     async def write(self) -> AsyncIterator[BlockConnection]:
         """A connection in a transaction of its own, which begins with the first statement."""
-        block = _PostgresqlBlock(self._writers)
+        block = self._block(self._writers)
         async with _connect(block, trouble_of_writing):
             yield block
             await block.commit_block()
@@ -122,6 +125,16 @@ class PostgresqlStorage:
 
 class _PostgresqlBlock(BlockConnection):
     """The connection of a write block on PostgreSQL."""
+
+    async def commit_block(self) -> None:
+        """Commit everything that the block has written."""
+        transaction = self.get_transaction()
+        if transaction is not None:
+            await transaction.commit()
+
+
+class _DirectBlock(_PostgresqlBlock):
+    """The connection of a write block without a pooler between it and the server."""
 
     async def execute_last(
         self, statement: Executable, parameters: Values | Sequence[Values]
@@ -134,12 +147,6 @@ class _PostgresqlBlock(BlockConnection):
         if not self.in_transaction():
             await self.execution_options(isolation_level="AUTOCOMMIT")
         return await self.execute(statement, parameters)
-
-    async def commit_block(self) -> None:
-        """Commit everything that the block has written."""
-        transaction = self.get_transaction()
-        if transaction is not None:
-            await transaction.commit()
 
 
 ConnectionT = TypeVar("ConnectionT", bound=AsyncConnection)

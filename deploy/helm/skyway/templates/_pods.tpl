@@ -64,7 +64,7 @@ topologySpreadConstraints:
 {{- define "skyway.databaseEnv" -}}
 {{- $database := .root.Values.database -}}
 - name: SKYWAY_DATABASE_URL
-  value: postgresql://skyway_{{ .name }}@{{ $database.host }}:{{ int $database.port }}/skyway_{{ .name }}
+  value: postgresql://skyway_{{ .name }}@{{ $database.host }}:{{ int $database.port }}/skyway_{{ .name }}?connections={{ int $database.connections }}{{ if $database.pooler }}&pooling=transaction{{ end }}
 - name: PGPASSFILE
   value: /var/run/passfile/pgpass
 - name: PGSSLMODE
