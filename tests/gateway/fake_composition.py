@@ -29,8 +29,8 @@ from skyway.geo import Position
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import Conflict, ServiceUnavailable
 
-#: Stations of the fake network; "island" exists, but no path leads there.
-STATIONS = ("san-marcos", "mcqueeney", "bulverde", "san-antonio", "island")
+#: Stations of the fake networks. No path leads to "island"; "dallas" lies in another network.
+STATIONS = ("san-marcos", "mcqueeney", "bulverde", "san-antonio", "island", "dallas")
 
 
 def make_mission(
@@ -154,10 +154,10 @@ class FakeComposition:
             raise Conflict("NO_NETWORK", "no network is published: skyway network import bundled")
         known = [one for one in query.station_ids if one in STATIONS]
         return StationCheck(
-            network_ids=dict.fromkeys(known, "corridor"),
+            network_ids={one: "north" if one == "dallas" else "corridor" for one in known},
             positions={one: Position(-98.0, 29.0 + STATIONS.index(one)) for one in known},
             unknown=tuple(one for one in query.station_ids if one not in STATIONS),
-            unreachable=tuple(one for one in known if one == "island"),
+            unreachable=tuple(one for one in known if one in ("island", "dallas")),
         )
 
     async def quote(self, query: QuoteQuery) -> QuoteAnswer:

@@ -242,6 +242,10 @@ def _check_station(
 ) -> None:
     if station_id in found.unknown:
         raise InvalidInput(field, f"station {station_id!r} is unknown")
+    networks = found.network_ids[pickup], found.network_ids[station_id]
+    if networks[0] != networks[1]:
+        detail = f"{station_id!r} lies in the network {networks[1]!r}, the pickup {pickup!r} in "
+        raise InvalidInput(field, f"{detail}{networks[0]!r}: no delivery goes between networks")
     if station_id in found.unreachable:
         detail = f"no path of segments leads from {pickup!r} to {station_id!r}"
         raise InvalidInput(field, detail)

@@ -43,6 +43,12 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
         "no path of segments",
     ),
     (
+        "destination in another network",
+        {"packages": [_package(destination={"station_id": "dallas"})]},
+        "packages.0.destination.station_id",
+        "'dallas' lies in the network 'north', the pickup 'san-marcos' in 'corridor'",
+    ),
+    (
         "destination at the pickup",
         {"packages": [_package(destination={"station_id": "san-marcos"})]},
         "packages.0.destination.station_id",
