@@ -44,7 +44,7 @@ _MOST_WAVES: Final = 20
 
 async def run(burst: Burst) -> Outcome:
     """The run from its first process to its last; of one that goes wrong the logs are kept."""
-    with _folder() as folder:
+    with load_folder() as folder:
         # Counting takes some of the time that is measured, so only who looks for it has it.
         options = () if burst.profile is None else SERVER_OPTIONS
         with storage_pair(burst.storage, folder, postgresql_options=options) as servers:
@@ -63,7 +63,7 @@ async def run(burst: Burst) -> Outcome:
 
 
 @contextmanager
-def _folder() -> Iterator[DataFolder]:
+def load_folder() -> Iterator[DataFolder]:
     """A data folder for the length of the block."""
     with tempfile.TemporaryDirectory(prefix="skyway-load-") as name:
         folder = DataFolder(Path(name))
@@ -110,7 +110,7 @@ async def _measured(
             busy_s=ended_s - started_s,
         ),
         counted={name: value - counted.get(name, 0.0) for name, value in after.items()},
-        violations=await asyncio.to_thread(_verify, system.folder),
+        violations=await asyncio.to_thread(verify, system.folder),
     )
 
 
@@ -153,7 +153,7 @@ def _python_only(pids: Mapping[str, int]) -> dict[str, int]:
     return {name: pid for name, pid in pids.items() if name not in ("postgresql", "mosquitto")}
 
 
-def _verify(folder: DataFolder) -> str:
+def verify(folder: DataFolder) -> str:
     """What `skyway verify` says last, of the databases as they stand."""
     command = [sys.executable, "-m", "skyway.cli", "verify", "--data", str(folder.path)]
     checked = subprocess.run(

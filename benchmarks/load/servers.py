@@ -95,8 +95,8 @@ def run_as(
 
 def make_postgresql(folder: Path, *, options: Sequence[str] = ()) -> Server:
     """A new cluster in this empty folder, started, and reached through a socket there."""
-    binaries = _postgresql_program("initdb").parent
-    user, log, data = _server_user(), folder / "log", folder / "data"
+    binaries = postgresql_program("initdb").parent
+    user, log, data = server_user(), folder / "log", folder / "data"
     if user is not None:
         os.chown(folder, user.pw_uid, user.pw_gid)
     made = run_as(user, [str(binaries / "initdb"), "-D", str(data), *_INITDB], log)
@@ -129,7 +129,8 @@ def _until_accepting(pg_isready: Path, folder: Path) -> None:
     raise SkywayError("PostgreSQL does not accept connections")
 
 
-def _postgresql_program(name: str) -> Path:
+def postgresql_program(name: str) -> Path:
+    """Where this program of PostgreSQL is."""
     folders = sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
     path = os.pathsep.join([os.environ["PATH"], *map(str, folders)])
     found = shutil.which(name, path=path)
@@ -138,7 +139,8 @@ def _postgresql_program(name: str) -> Path:
     return Path(found).resolve()
 
 
-def _server_user() -> pwd.struct_passwd | None:
+def server_user() -> pwd.struct_passwd | None:
+    """Who runs what refuses to run as root; None when this process does not run as root."""
     if os.geteuid() != 0:
         return None
     known = {user.pw_name: user for user in pwd.getpwall()}
