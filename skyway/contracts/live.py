@@ -1,6 +1,6 @@
 """What the gateway reads from registry and composition for its live picture of the fleet.
 
-The gateway asks every half second, and shows what it has seen before, so it gets only changes.
+The gateway asks at each look, and shows what it has seen before, so it gets only changes.
 Both services answer from their databases alone, so any replica may answer, and a restart of either
 side changes nothing.
 """

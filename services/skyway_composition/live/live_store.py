@@ -10,12 +10,14 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.contracts.live import MissionVersion
 from skyway.ids import MissionId
 from skyway.runtime.sql.in_list import in_list
+from skyway.runtime.sql.text_size import text_size
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.row import read_record
 from skyway_composition.missions.mission.step_store import StepRecord, step_record
 from skyway_composition.tables import alarms, is_open, mission_steps, missions
 
-#: What every change of a mission changes; none of it is long, and it is read every half second.
+#: What every change of a mission changes; little of it is long, as it is read at each look of the
+#: gateway. A hold is only in the mission's JSON: "true" and "false" differ in size.
 _OPEN_MISSIONS: Final = (
     select(
         missions.c.mission_id,
@@ -23,8 +25,9 @@ _OPEN_MISSIONS: Final = (
         missions.c.report_seq,
         missions.c.next_end_ms,
         missions.c.loading,
-        missions.c.trouble.is_not(None).label("has_trouble"),
-        missions.c.stuck.is_not(None).label("is_stuck"),
+        missions.c.trouble,
+        missions.c.stuck,
+        text_size(missions.c.body),
     )
     .where(is_open)
     .order_by(missions.c.mission_id)

@@ -3,6 +3,7 @@
 from typing import Any
 
 from tests.composition.conftest import GATEWAY, OPERATOR
+from tests.composition.missions.conftest import accepted, loaded
 
 WORLD, MISSIONS = "/internal/live/world", "/internal/live/missions"
 
@@ -50,6 +51,55 @@ async def test_each_step_of_a_mission_changes_its_version(composition: Any, dron
     (mission,) = await missions(composition, versions[0][0]["mission_id"])
     assert mission["is_carrying"]
     assert [step["status"] for step in mission["steps"]][:3] == ["ENDED", "ENDED", "PLANNED"]
+
+
+async def version_of(composition: Any) -> str:
+    (mission,) = (await world(composition))["missions"]
+    return str(mission["version"])
+
+
+async def test_a_hold_its_refusal_and_its_end_change_the_version(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    instruction = await accepted(composition, drone, make)
+    path = f"/v1/missions/{instruction.mission_id}/commands"
+    versions = [await version_of(composition)]
+
+    await composition(OPERATOR, "POST", path, {"command": "HOLD", "reason": "a crowd below"})
+    versions.append(await version_of(composition))
+    (shown,) = await missions(composition, instruction.mission_id)
+    assert shown["is_held"]
+    hold = (await composition.sent())[-1]
+    await composition.receive(drone.ack(hold, "REJECTED", code="EXPIRED"))
+    versions.append(await version_of(composition))
+    await composition(OPERATOR, "POST", path, {"command": "HOLD", "reason": "a crowd below"})
+    await composition(OPERATOR, "POST", path, {"command": "RESUME", "reason": "it has left"})
+    versions.append(await version_of(composition))
+
+    before, while_held, after_refusal, resumed = versions
+    assert while_held not in (before, after_refusal)
+    assert resumed not in (before, while_held, after_refusal)
+
+
+async def test_a_trouble_that_replaces_another_changes_the_version(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    instruction = await loaded(composition, drone, make)
+    wanted = {"mission_id": instruction.mission_id, "code": "PLAN_WANTED", "detail": "head wind"}
+    await composition.receive(drone.event("ALARM", **wanted))
+    path = f"/v1/missions/{instruction.mission_id}/commands"
+    await composition(OPERATOR, "POST", path, {"command": "HOLD", "reason": "a storm"})
+    before = await version_of(composition)
+    (shown,) = await missions(composition, instruction.mission_id)
+    assert (shown["trouble"], shown["is_held"]) == ("PLAN_WANTED", True)
+
+    divert = {"command": "DIVERT", "reason": "a storm", "station_id": "b"}
+    answer = await composition(OPERATOR, "POST", path, divert)
+    assert answer.status_code == 202, answer.text
+
+    (shown,) = await missions(composition, instruction.mission_id)
+    assert (shown["trouble"], shown["is_held"]) == ("DIVERTED", True)
+    assert await version_of(composition) != before
 
 
 async def test_a_mission_that_is_over_is_shown_no_more(composition: Any, drone: Any) -> None:
