@@ -52,8 +52,8 @@ from skyway_gateway.deliveries.requests.routes import cancelling_routes, deliver
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.gauges import GatewayGauges
-from skyway_gateway.live.feed import LOOK_EVERY_S
 from skyway_gateway.live.routes import live_routes
+from skyway_gateway.live.view import LOOK_EVERY_S
 from skyway_gateway.notifications.delivery_events import EventStream
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
 from skyway_gateway.notifications.routes import (

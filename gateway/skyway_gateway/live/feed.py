@@ -15,14 +15,10 @@ from skyway_gateway.live.documents import service_item
 from skyway_gateway.live.picture import Picture
 from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.sources import Source, show_customers_drones
-from skyway_gateway.live.view import View
+from skyway_gateway.live.view import KEPT_LOOKS, View
 
 log = logging.getLogger(__name__)
 
-#: Wall seconds between two looks.
-LOOK_EVERY_S: Final = 0.3
-#: Looks that a view, and the picture, are kept after their last viewer has left: a minute.
-_KEPT_LOOKS: Final = 200
 #: Views that are kept without viewers, for those who come back.
 _MOST_LEFT_VIEWS: Final = 50
 
@@ -158,7 +154,7 @@ class LiveFeed:
         oldest_first = sorted(self._left_at, key=self._left_at.__getitem__)
         too_many = oldest_first[: max(0, len(oldest_first) - _MOST_LEFT_VIEWS)]
         for scope in oldest_first:
-            if scope in too_many or self._looks - self._left_at[scope] > _KEPT_LOOKS:
+            if scope in too_many or self._looks - self._left_at[scope] > KEPT_LOOKS:
                 del self._left_at[scope], self._views[scope]
 
     def _forget_picture(self) -> None:

@@ -9,8 +9,13 @@ from typing import Final
 from skyway_gateway.live.picture import Change, Key, Kind, Picture, Tick, as_json
 from skyway_gateway.live.scope import Scope
 
-#: The frames that are kept for viewers who were away or are slow, and their size at most.
-_MOST_FRAMES: Final = 120
+#: Wall seconds between two looks.
+LOOK_EVERY_S: Final = 0.3
+#: Wall seconds for which changes are kept for viewers who were away or are slow.
+_KEPT_S: Final = 60.0
+#: The looks of this time; a look makes one frame at most.
+KEPT_LOOKS: Final = round(_KEPT_S / LOOK_EVERY_S)
+#: The size of the frames that are kept, at most.
 _MOST_BYTES: Final = 2 * 2**20
 
 
@@ -113,7 +118,7 @@ class View:
     def _append(self, frame: Frame) -> None:
         self._frames.append(frame)
         self._bytes += len(frame.content)
-        while len(self._frames) > _MOST_FRAMES or (
+        while len(self._frames) > KEPT_LOOKS or (
             self._bytes > _MOST_BYTES and len(self._frames) > 1
         ):
             oldest = self._frames.popleft()

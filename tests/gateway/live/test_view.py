@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from skyway_gateway.live.picture import FLEETS, OPERATORS, Item, Key, Picture, Readers
 from skyway_gateway.live.scope import Scope
-from skyway_gateway.live.view import TooSlow, View
+from skyway_gateway.live.view import LOOK_EVERY_S, TooSlow, View
 
 from skyway.errors import InvalidInput
 from skyway.runtime.http.identity import Caller
@@ -104,6 +104,20 @@ def test_a_viewer_who_is_too_far_behind_is_put_out() -> None:
     with pytest.raises(TooSlow):
         view.frames_after(0)
     assert view.frames_after(299)[0].number == 300
+
+
+def test_a_viewer_may_be_a_minute_behind_if_each_look_brings_a_change() -> None:
+    picture, view = Picture(), View(OPERATOR, "abcdef01")
+    view.begin(picture)
+    looks = round(60 / LOOK_EVERY_S)
+    for number in range(looks):
+        picture.put([(Key("alarms", "a"), Item({"number": number}, OPERATORS))])
+        tick = picture.tick()
+        assert tick is not None
+        view.apply(tick)
+
+    assert len(view.frames_after(0)) == looks
+    assert view.can_resume("abcdef01", 0, latest=picture.number)
 
 
 def test_a_viewer_resumes_only_in_the_same_run_and_within_what_is_kept() -> None:
