@@ -94,7 +94,8 @@ class LiveFeed:
             view.begin(self._picture)
         view.viewers += 1
         self._left_at.pop(scope, None)
-        self.wake.set()
+        if not self._is_complete.is_set():
+            self.wake.set()  # Otherwise the picture is as old as one look at most.
         try:
             await self._first_look()
             yield view
@@ -158,9 +159,13 @@ class LiveFeed:
                 del self._left_at[scope], self._views[scope]
 
     def _forget_picture(self) -> None:
-        """Nobody looks: the next viewer gets a picture that is read anew."""
+        """Nobody looks: the next viewer gets a picture that is read anew.
+
+        Its number is higher, so that nobody goes on from the forgotten one: what has gone meanwhile
+        would stay in the viewer's document.
+        """
         if self._is_complete.is_set():
-            self._picture = Picture(self._picture.number)
+            self._picture = Picture(self._picture.number + 1)
             for source in self.sources:
                 source.forget()
             self._looked_at = None

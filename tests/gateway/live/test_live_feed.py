@@ -9,7 +9,7 @@ from typing import Any
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.picture import OPERATORS, Item, Key, Picture
 from skyway_gateway.live.scope import Scope
-from skyway_gateway.live.view import View
+from skyway_gateway.live.view import KEPT_LOOKS, View
 from skyway_gateway.live.viewer_frames import ViewerFrames, event_seen
 
 from skyway.runtime.errors import ServiceUnavailable
@@ -17,13 +17,19 @@ from skyway.runtime.http.identity import Caller
 from tests.gateway.live.merged import event_of, shown_after
 
 SCOPE = Scope.of(Caller("operator", "op"), kinds=None, bbox=None)
+OTHER_SCOPE = Scope.of(Caller("operator", "op"), kinds="drones", bbox=None)
+
+#: A minute and a little more.
+LOOKS_UNTIL_FORGOTTEN = KEPT_LOOKS + 10
 
 
 @dataclass
 class Counter:
-    """A source with one item, which changes with each look."""
+    """A source with one item, which changes with each look unless it is steady."""
 
     name: str = "registry"
+    drone_id: str = "drn_1"
+    is_steady: bool = False
     is_away: bool = False
     looks: int = 0
     forgotten: int = 0
@@ -32,7 +38,9 @@ class Counter:
         if self.is_away:
             raise ServiceUnavailable(self.name, "it is away in this test")
         self.looks += 1
-        picture.put([(Key("drones", "drn_1"), Item({"looks": self.looks}, OPERATORS))])
+        looks = 1 if self.is_steady else self.looks
+        shown = Key("drones", self.drone_id), Item({"looks": looks}, OPERATORS)
+        picture.put([shown])
 
     def forget(self) -> None:
         self.forgotten += 1
@@ -95,7 +103,7 @@ async def test_the_picture_is_forgotten_a_minute_after_the_last_viewer() -> None
     async with viewed(feed):
         pass
 
-    for _ in range(210):
+    for _ in range(LOOKS_UNTIL_FORGOTTEN):
         await feed.step()
     looks = source.looks
     await feed.step()
@@ -132,6 +140,33 @@ async def test_a_viewer_who_comes_back_misses_and_repeats_nothing() -> None:
 
     assert [event[1] for event in events] == ["change", "change"]
     assert shown_after(viewer.frames + again.frames)["drones"] == {"drn_1": {"looks": 3}}
+
+
+async def test_a_viewer_who_comes_back_to_a_forgotten_picture_gets_a_snapshot() -> None:
+    source = Counter(is_steady=True)
+    feed = LiveFeed((source,))
+    async with viewed(feed) as view:
+        viewer = Viewer(feed, view)
+        number, _, _ = await viewer.read()
+    for _ in range(LOOKS_UNTIL_FORGOTTEN):
+        await feed.step()
+    assert source.forgotten == 1
+    source.drone_id = "drn_2"
+
+    async with viewed(feed) as view:
+        again = Viewer(feed, view, last_event_id=number)
+        await again.read()
+
+    assert set(shown_after(viewer.frames + again.frames)["drones"]) == {"drn_2"}
+
+
+async def test_a_new_viewer_wakes_the_feed_only_until_the_picture_is_complete() -> None:
+    feed = LiveFeed((Counter(),))
+    async with viewed(feed):
+        assert await feed.wake.wait(timeout_s=0.0)
+
+        async with feed.viewing(OTHER_SCOPE):
+            assert not await feed.wake.wait(timeout_s=0.0)
 
 
 async def test_a_viewer_of_an_earlier_run_gets_a_snapshot() -> None:
