@@ -7,6 +7,8 @@ from pydantic import Field
 
 from skyway.contracts.drone_alarm import DRONE_ALARMS, DroneAlarm
 from skyway.contracts.drone_report import AlarmLevel
+from skyway.contracts.message import FleetMoment
+from skyway.errors import InvalidInput
 from skyway.ids import AlarmId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
@@ -34,6 +36,33 @@ class AlarmQuery(PageQuery):
     provider_id: Annotated[
         ProviderId | None, Field(description="Only alarms of this provider; all without it.")
     ] = None
+    from_at: Annotated[
+        FleetMoment | None,
+        Field(alias="from", description="Only alarms from this moment on, fleet time."),
+    ] = None
+    to_at: Annotated[
+        FleetMoment | None,
+        Field(alias="to", description="Only alarms before this moment, fleet time."),
+    ] = None
+
+    def filter(self, provider_id: str | None) -> AlarmFilter:
+        """The alarms that are meant, of this provider; with None, of the one that is named, if any.
+
+        Raises
+        ------
+        InvalidInput
+            The span ends before it begins.
+        """
+        if self.from_at and self.to_at and self.from_at >= self.to_at:
+            detail = f"{self.from_at.isoformat()} must be before `to`, {self.to_at.isoformat()}"
+            raise InvalidInput("from", detail)
+        return AlarmFilter(
+            provider_id=provider_id or self.provider_id,
+            state=self.state,
+            level=self.level,
+            since_ms=None if self.from_at is None else moment_to_ms(self.from_at),
+            before_ms=None if self.to_at is None else moment_to_ms(self.to_at),
+        )
 
 
 class Acknowledgement(JsonModel):
@@ -93,10 +122,7 @@ def alarm_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Servi
         own = None if caller.role == "operator" else caller.subject_id
         if own is not None and query.provider_id not in (None, own):
             raise NotFound("provider", str(query.provider_id))
-        shown = AlarmFilter(
-            provider_id=own or query.provider_id, state=query.state, level=query.level
-        )
-        after = query.after(str)
+        shown, after = query.filter(own), query.after(str)
         async with db.read() as connection:
             rows = await alarm_store.page(
                 connection,

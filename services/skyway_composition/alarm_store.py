@@ -67,11 +67,13 @@ class Alarm(JsonModel):
 
 @dataclass(frozen=True, slots=True)
 class AlarmFilter:
-    """Which alarms a list shows; None means no filter."""
+    """Which alarms a list shows; None means no filter. `before_ms` itself is not in the span."""
 
     provider_id: str | None = None
     state: AlarmState | None = None
     level: AlarmLevel | None = None
+    since_ms: int | None = None
+    before_ms: int | None = None
 
 
 async def add(
@@ -163,6 +165,10 @@ async def page(
     if shown.state is not None:
         is_open = alarms.c.acknowledged_ms.is_(None)
         query = query.where(is_open if shown.state == "OPEN" else ~is_open)
+    if shown.since_ms is not None:
+        query = query.where(alarms.c.at_ms >= shown.since_ms)
+    if shown.before_ms is not None:
+        query = query.where(alarms.c.at_ms < shown.before_ms)
     if before is not None:
         query = query.where(alarms.c.alarm_id < before)
     return [_alarm(row) for row in await connection.execute(query)]

@@ -54,6 +54,41 @@ async def test_operators_see_all_alarms_newest_first_and_can_filter_them(
     assert (ids(urgent), ids(of_one)) == ([second], [first])
 
 
+async def test_the_alarms_of_a_span_are_listed_in_pages_newest_first(composition: Any) -> None:
+    start_ms = moment_to_ms(composition.clock.now())
+    minutes = [
+        await raise_alarm(composition, at_ms=start_ms + minute * 60_000) for minute in range(5)
+    ]
+    span = "from=2026-03-01T12:01:00Z&to=2026-03-01T12:04:00Z"
+
+    first = await composition("operator:op", "GET", f"/v1/alarms?limit=2&{span}")
+    cursor = first.json()["next_cursor"]
+    second = await composition("operator:op", "GET", f"/v1/alarms?limit=2&{span}&cursor={cursor}")
+
+    assert (ids(first), ids(second)) == ([minutes[3], minutes[2]], [minutes[1]])
+    assert second.json()["next_cursor"] is None
+
+
+async def test_a_span_of_alarms_may_be_open_on_either_side(composition: Any) -> None:
+    start_ms = moment_to_ms(composition.clock.now())
+    early = await raise_alarm(composition, at_ms=start_ms)
+    late = await raise_alarm(composition, at_ms=start_ms + 60_000)
+
+    later = await composition("operator:op", "GET", "/v1/alarms?from=2026-03-01T12:00:30Z")
+    earlier = await composition("operator:op", "GET", "/v1/alarms?to=2026-03-01T12:00:30Z")
+
+    assert (ids(later), ids(earlier)) == ([late], [early])
+
+
+async def test_a_span_of_alarms_that_ends_before_it_begins_is_refused(composition: Any) -> None:
+    span = "from=2026-03-01T12:00:00Z&to=2026-03-01T12:00:00Z"
+
+    answer = await composition("operator:op", "GET", f"/v1/alarms?{span}")
+
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == "from"
+
+
 async def test_a_provider_sees_only_its_own_alarms(composition: Any) -> None:
     own = await raise_alarm(composition)
     await raise_alarm(composition, provider_id="prv_2")
