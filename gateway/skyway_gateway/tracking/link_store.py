@@ -1,17 +1,23 @@
 """All SQL of tracking links: which link of a delivery is in use, and what it shows."""
 
 from dataclasses import dataclass
+from datetime import datetime
+from typing import Final
 
 from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.contracts.delivery_event import DeliveryEvent
 from skyway.ids import DeliveryId
 from skyway.runtime.sql.database import Tx
-from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES, Delivery
 from skyway_gateway.deliveries.records.delivery_store import with_parts
 from skyway_gateway.delivery_tables import deliveries
-from skyway_gateway.tables import tracking_links
+from skyway_gateway.tables import events, tracking_links
 from skyway_gateway.tracking_links import FIRST_LINK
+
+#: The types of the events with which a delivery ends; each delivery has one of them at most.
+_ENDS: Final = tuple(f"delivery.{state.lower()}" for state in sorted(TERMINAL_STATES))
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,3 +60,13 @@ async def delivery_named(connection: AsyncConnection, delivery_id: DeliveryId) -
     rows = (await connection.execute(select(deliveries).where(this))).all()
     found = await with_parts(connection, rows)
     return found[0] if found else None
+
+
+async def ended_at(connection: AsyncConnection, delivery_id: DeliveryId) -> datetime | None:
+    """When the delivery ended; None while it is not over.
+
+    Reports of the drone's way home change the delivery's row later.
+    """
+    of_end = (events.c.delivery_id == delivery_id, events.c.type.in_(_ENDS))
+    body = (await connection.execute(select(events.c.body).where(*of_end))).scalar_one_or_none()
+    return None if body is None else DeliveryEvent.read(body).occurred_at

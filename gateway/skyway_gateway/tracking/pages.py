@@ -72,9 +72,6 @@ class TrackingPages:
             if link.is_withdrawn or not is_genuine:
                 return None
             delivery = await link_store.delivery_named(connection, delivery_id)
-        is_old = (
-            delivery is not None
-            and delivery.is_over
-            and self._clock.now() > delivery.updated_at + LINK_LASTS
-        )
+            ended_at = await link_store.ended_at(connection, delivery_id)
+        is_old = ended_at is not None and self._clock.now() > ended_at + LINK_LASTS
         return None if is_old else delivery

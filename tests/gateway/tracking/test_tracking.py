@@ -192,6 +192,22 @@ async def test_a_link_ends_a_day_after_its_delivery(gateway: Gateway) -> None:
     assert await status(gateway, path) == 404
 
 
+async def test_the_way_home_does_not_make_a_link_last_longer(gateway: Gateway) -> None:
+    delivery_id, path = await requested(gateway)
+    while await gateway.book_next():
+        pass
+    for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED", "ACTIVITY"), start=1):
+        await gateway.report(delivery_id, kind, seq=seq)
+    await gateway.report(delivery_id, "DELIVERED", seq=5, package_ids=["p1", "p2"])
+    assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
+
+    gateway.clock.advance(timedelta(hours=23, minutes=59))
+    await gateway.report(delivery_id, "ACTIVITY", seq=6, activity="FLYING")
+    assert await status(gateway, path) == 200
+    gateway.clock.advance(timedelta(minutes=1))
+    assert await status(gateway, path) == 404
+
+
 async def test_a_delivery_has_few_followers(gateway: Gateway) -> None:
     delivery_id, path = await requested(gateway)
     slots = gateway.parts.followers
