@@ -85,6 +85,20 @@ class MissionVersion(WireModel):
     version: str
 
 
+class LivePad(WireModel):
+    """A pad that is reserved now, out of order, or both."""
+
+    taken_until_at: Annotated[
+        FleetMoment | None,
+        Field(description="End of the present reservation; null without one."),
+    ] = None
+    is_out_of_order: bool = False
+    works_again_at: Annotated[
+        FleetMoment | None,
+        Field(description="End of the outage; null without one, or without a known end."),
+    ] = None
+
+
 class LiveStation(WireModel):
     """A station where pads are taken now or reserved for later; all others are free."""
 
@@ -92,8 +106,15 @@ class LiveStation(WireModel):
     network_id: NetworkId
     position: Position
     pads: int
-    pads_taken: int
-    queue: int
+    pads_taken: Annotated[
+        int,
+        Field(
+            description="How many of them are reserved now or out of order, each counted once; "
+            "the station is full when it is `pads`."
+        ),
+    ]
+    taken: Annotated[dict[int, LivePad], Field(description="These pads by their numbers.")]
+    queue: Annotated[int, Field(description="How many reservations begin later.")]
     next_free_at: FleetMoment | None = None
 
 

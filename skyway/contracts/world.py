@@ -24,7 +24,13 @@ class StationState(Message):
 
     station_id: StationId
     pads: Annotated[int, Field(ge=0, description="How many pads the station has.")]
-    pads_taken: Annotated[int, Field(ge=0, description="How many of them are taken now.")]
+    pads_taken: Annotated[
+        int,
+        Field(
+            ge=0,
+            description="How many of them are reserved now or out of order, each counted once.",
+        ),
+    ]
     queue: Annotated[int, Field(ge=0, description="How many reservations have not begun.")] = 0
     next_free_at: FleetMoment | None = None
 

@@ -1,9 +1,16 @@
 """How missions, stations, closures and alarms look in the live picture."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, ReturnStep
-from skyway.contracts.live import LiveAlarm, LiveClosure, LiveMission, LiveStation, LiveStep
+from skyway.contracts.live import (
+    LiveAlarm,
+    LiveClosure,
+    LiveMission,
+    LivePad,
+    LiveStation,
+    LiveStep,
+)
 from skyway.ids import PackageId
 from skyway.units import ms_to_moment
 from skyway_composition.alarm_store import Alarm
@@ -11,7 +18,7 @@ from skyway_composition.closures.closure import Closure
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.networks.station_store import StationRow
-from skyway_composition.pads.occupancy import Occupancy
+from skyway_composition.pads.occupancy import Occupancy, PadUse
 
 
 def live_mission(record: MissionRecord, steps: Sequence[StepRecord]) -> LiveMission:
@@ -99,7 +106,7 @@ def _packages_of(each: StepRecord) -> tuple[PackageId, ...]:
             return ()
 
 
-def live_station(station: StationRow, use: Occupancy) -> LiveStation:
+def live_station(station: StationRow, use: Occupancy, uses: Mapping[int, PadUse]) -> LiveStation:
     """A station with its occupied pads."""
     return LiveStation.model_construct(
         station_id=station.station_id,
@@ -107,8 +114,20 @@ def live_station(station: StationRow, use: Occupancy) -> LiveStation:
         position=station.position,
         pads=use.pads,
         pads_taken=use.pads_taken,
+        # A network that was published again may have fewer pads than are still reserved.
+        taken={pad: _live_pad(each) for pad, each in uses.items() if pad < use.pads},
         queue=use.queue,
         next_free_at=None if use.next_free_ms is None else ms_to_moment(use.next_free_ms),
+    )
+
+
+def _live_pad(use: PadUse) -> LivePad:
+    outage, held_until_ms = use.outage, use.held_until_ms
+    works_again_ms = None if outage is None else outage.until_ms
+    return LivePad.model_construct(
+        taken_until_at=None if held_until_ms is None else ms_to_moment(held_until_ms),
+        is_out_of_order=outage is not None,
+        works_again_at=None if works_again_ms is None else ms_to_moment(works_again_ms),
     )
 
 

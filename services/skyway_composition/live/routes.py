@@ -23,7 +23,8 @@ from skyway_composition.closures.store import not_over
 from skyway_composition.live.live_store import missions_with_steps, open_alarms, open_missions
 from skyway_composition.live.present import live_alarm, live_closure, live_mission, live_station
 from skyway_composition.networks.station_store import stations_named
-from skyway_composition.pads.occupied_store import occupied_stations
+from skyway_composition.pads.occupancy import outages_by_pad, uses_by_pad
+from skyway_composition.pads.occupied_store import held_now, occupied_stations
 
 #: The newest open alarms that are shown; more would not fit on any screen.
 _MOST_ALARMS: Final = 500
@@ -42,16 +43,20 @@ def live_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Servic
             missions = await open_missions(connection)
             occupied = await occupied_stations(connection, at_ms=now_ms)
             stations = await stations_named(connection, occupied) if occupied else {}
+            held = await held_now(connection, at_ms=now_ms)
             closures = await not_over(connection, at_ms=now_ms)
             alarms = await alarm_store.page(
                 connection, AlarmFilter(state="OPEN"), before=None, limit=_MOST_ALARMS
             )
             most_alarms = len(alarms) == _MOST_ALARMS
             open_count = await open_alarms(connection) if most_alarms else len(alarms)
+        uses = uses_by_pad(
+            held, outages_by_pad(each for each in closures if each.from_ms <= now_ms)
+        )
         world = LiveWorld.model_construct(
             missions=missions,
             stations=tuple(
-                live_station(station, occupied[station_id])
+                live_station(station, occupied[station_id], uses.get(station_id, {}))
                 for station_id, station in stations.items()
             ),
             closures=tuple(map(live_closure, closures)),

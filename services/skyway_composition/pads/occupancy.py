@@ -35,9 +35,34 @@ def _lasts_longer(closure: Closure, other: Outage) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
+class PadUse:
+    """Why a pad is occupied: until when it is reserved, its outage, or both."""
+
+    held_until_ms: int | None
+    outage: Outage | None
+
+
+def uses_by_pad(
+    held: Iterable[tuple[StationId, int, int]], broken: Mapping[StationId, Mapping[int, Outage]]
+) -> dict[StationId, dict[int, PadUse]]:
+    """The occupied pads of stations in order of their numbers, each once.
+
+    `held` are the pads that are reserved now, each with the end of its reservation.
+    """
+    ends = {(station_id, pad): end_ms for station_id, pad, end_ms in held}
+    out = {(at, pad): outage for at, pads in broken.items() for pad, outage in pads.items()}
+    uses: dict[StationId, dict[int, PadUse]] = defaultdict(dict)
+    for station_id, pad in sorted(ends.keys() | out.keys()):
+        use = PadUse(ends.get((station_id, pad)), out.get((station_id, pad)))
+        uses[station_id][pad] = use
+    return uses
+
+
+@dataclass(frozen=True, slots=True)
 class Occupancy:
     """A station's pads, how many are occupied, and how many reservations begin later (`queue`).
 
+    A pad that is reserved and out of order is counted once, however many outages it has.
     `next_free_ms` is when the next occupied pad becomes free; None when no pad is occupied, or
     when the end of an outage is not known.
     """

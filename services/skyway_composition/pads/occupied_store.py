@@ -1,11 +1,25 @@
 """Reads at which stations pads are occupied at a moment: reserved, or out of order."""
 
+from typing import Final
+
+from sqlalchemy import bindparam, func, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import StationId
+from skyway.planner.pad_book import OPEN_MS
 from skyway_composition.closures.store import outages
 from skyway_composition.pads.occupancy import Occupancy, outages_by_pad
 from skyway_composition.pads.store import booked_at, pads_of_all, used_stations
+from skyway_composition.tables import pad_reservations
+
+#: Built once, because it runs at each look of the gateway.
+_HELD_NOW: Final = select(
+    pad_reservations.c.station_id, pad_reservations.c.pad, pad_reservations.c.end_ms
+).where(
+    pad_reservations.c.start_ms <= bindparam("at_ms"),
+    pad_reservations.c.end_ms > bindparam("at_ms"),
+    func.coalesce(pad_reservations.c.held_until_ms, OPEN_MS) > bindparam("at_ms"),
+)
 
 
 async def occupied_stations(
@@ -27,3 +41,9 @@ async def occupied_stations(
         ]
         found[station_id] = found[station_id].with_outages(taken, broken[station_id])
     return found
+
+
+async def held_now(connection: AsyncConnection, *, at_ms: int) -> list[tuple[StationId, int, int]]:
+    """The pads that are reserved at a moment, each with the end of its reservation."""
+    found = await connection.execute(_HELD_NOW, {"at_ms": at_ms})
+    return [(row.station_id, row.pad, row.end_ms) for row in found]

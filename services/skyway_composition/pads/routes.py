@@ -48,7 +48,7 @@ class StationPads(JsonModel):
     station_id: Annotated[StationId, Field(description="Id of the station.")]
     pads: Annotated[int, Field(description="Number of pads of the station.")]
     pads_taken: Annotated[
-        int, Field(description="Number of pads that are reserved now or out of order.")
+        int, Field(description="Number of pads that are reserved now or out of order, each once.")
     ]
     at: Annotated[datetime, Field(description="The moment of this answer, fleet time.")]
     items: Annotated[tuple[PadNow, ...], Field(description="Each pad, in order of its number.")]
@@ -90,10 +90,11 @@ def pad_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Service
             )
             broken = outages_by_pad(await outages(connection, at_ms=now_ms, station_id=station_id))
         taken = {each.booked.pad: each for each in coming if each.booked.start_ms <= now_ms}
+        occupied = taken.keys() | broken.get(station_id, {}).keys()
         return StationPads(
             station_id=station_id,
             pads=pads,
-            pads_taken=len(taken.keys() | broken.get(station_id, {}).keys()),
+            pads_taken=sum(pad < pads for pad in occupied),
             at=at,
             items=tuple(
                 _pad_now(pad, taken.get(pad), broken.get(station_id, {}).get(pad), caller)

@@ -1,8 +1,9 @@
 """The gateway reads missions, pads, closures and alarms for its live picture."""
 
+from datetime import datetime
 from typing import Any
 
-from tests.composition.conftest import GATEWAY, OPERATOR
+from tests.composition.conftest import GATEWAY, OPERATOR, make_request
 from tests.composition.missions.conftest import accepted, loaded
 
 WORLD, MISSIONS = "/internal/live/world", "/internal/live/missions"
@@ -132,6 +133,45 @@ async def test_closures_are_shown_until_they_are_lifted(composition: Any) -> Non
     await composition(OPERATOR, "DELETE", f"/v1/stations/c/pads/0/outages/{outage_id}")
     now = await world(composition)
     assert (now["closures"], now["stations"]) == ([], [])
+
+
+def moment(text: str) -> datetime:
+    return datetime.fromisoformat(text)
+
+
+async def outage(composition: Any, pad: int, **body: Any) -> None:
+    answer = await composition(OPERATOR, "POST", f"/v1/stations/c/pads/{pad}/outages", body)
+    assert answer.status_code == 201, answer.text
+
+
+async def test_a_pad_with_two_outages_is_counted_once(composition: Any) -> None:
+    await outage(composition, 0, until="2026-03-01T13:00:00Z")
+    await outage(composition, 0)
+
+    (station,) = (await world(composition))["stations"]
+
+    assert (station["pads"], station["pads_taken"]) == (2, 1)
+    assert station["taken"] == {"0": {"is_out_of_order": True}}
+
+
+async def test_a_reserved_pad_that_is_out_of_order_is_counted_once(composition: Any) -> None:
+    await composition.book(request=make_request("e"))
+    listed = await composition(OPERATOR, "GET", "/v1/stations/c/reservations")
+    reservation = listed.json()["items"][0]
+    composition.clock.advance(moment(reservation["start_at"]) - composition.clock.now())
+    await outage(composition, reservation["pad"], until="2026-03-02T12:00:00Z")
+
+    stations = {each["station_id"]: each for each in (await world(composition))["stations"]}
+    pads = (await composition(OPERATOR, "GET", "/v1/stations/c/pads")).json()
+
+    assert stations["c"]["pads_taken"] == pads["pads_taken"] == 1
+    assert stations["c"]["taken"] == {
+        str(reservation["pad"]): {
+            "taken_until_at": reservation["end_at"],
+            "is_out_of_order": True,
+            "works_again_at": "2026-03-02T12:00:00Z",
+        }
+    }
 
 
 async def test_only_the_gateway_may_ask(composition: Any) -> None:

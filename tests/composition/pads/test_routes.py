@@ -5,6 +5,8 @@ from typing import Any
 
 import pytest
 
+from tests.composition.conftest import make_network
+
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
@@ -58,3 +60,12 @@ async def test_a_pad_that_is_out_of_order_is_taken(composition: Any) -> None:
     assert during["items"][0]["works_again_at"] is not None
     assert during["items"][1]["works_again_at"] is None
     assert [each["is_out_of_order"] for each in after["items"]] == [False, True]
+
+
+async def test_a_pad_that_a_newer_network_no_longer_has_is_not_counted(composition: Any) -> None:
+    await composition("operator:op", "POST", "/v1/stations/b/pads/1/outages", {})
+    await composition.publish(make_network(pads={"b": 1}))
+
+    pads = (await composition("customer:c", "GET", "/v1/stations/b/pads")).json()
+
+    assert (pads["pads"], pads["pads_taken"]) == (1, 0)
