@@ -22,10 +22,15 @@ _OF_STEP_FOR_CUSTOMERS: Final = (
 )
 
 
-def mission_item(mission: Mapping[str, Any]) -> tuple[Key, Item]:
-    """A mission as operators and its provider see it; `mission` is a `LiveMission` as JSON."""
+def mission_item(mission: Mapping[str, Any], promises: JsonObject) -> tuple[Key, Item]:
+    """A mission as operators and its provider see it; `mission` is a `LiveMission` as JSON.
+
+    `promises` says when each of its packages was promised, and nothing of other packages.
+    """
     document = {name: value for name, value in mission.items() if name not in _OUTSIDE_OF_MISSION}
     document["packages"] = {each["package_id"]: each["eta_at"] for each in mission["packages"]}
+    if promises:
+        document["promises"] = promises
     document["steps"] = {
         str(step["step_id"]): {name: value for name, value in step.items() if name != "step_id"}
         for step in mission["steps"]

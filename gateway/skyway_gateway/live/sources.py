@@ -128,7 +128,7 @@ class World:
         )
         missions = answer["missions"]
         await self._find_customers({each["delivery_id"] for each in missions})
-        picture.put(map(mission_item, missions))
+        picture.put([mission_item(each, _promises(picture, each)) for each in missions])
         picture.put(
             customers_mission(each, self._customers[each["delivery_id"]])
             for each in missions
@@ -200,6 +200,19 @@ def _customers_drones(picture: Picture) -> Iterator[tuple[Key, Item]]:
         item = mission and drone and customers_drone(drone, mission, key)
         if mission and item:
             yield Key("drones", mission["drone_id"], key.audience), item
+
+
+def _promises(picture: Picture, mission: _Json) -> JsonObject:
+    """When its packages were promised: as the delivery says, or known from before it was over."""
+    before = _document(picture, "missions", mission["mission_id"]) or {}
+    delivery = _document(picture, "deliveries", mission["delivery_id"]) or {"packages": {}}
+    own = {each["package_id"] for each in mission["packages"]}
+    known: JsonObject = before.get("promises", {})
+    return {**known} | {
+        package_id: package["promised_at"]
+        for package_id, package in delivery["packages"].items()
+        if package_id in own and "promised_at" in package
+    }
 
 
 def _replace(picture: Picture, kind: Kind, items: Iterable[tuple[Key, Item]]) -> None:

@@ -170,6 +170,29 @@ async def test_a_customer_sees_neither_the_way_home_nor_the_charge(
     assert list(whole["steps"]) == ["1", "2", "3", "4"]
 
 
+async def test_a_provider_sees_the_promise_of_its_own_packages_also_on_the_way_home(
+    gateway: Gateway,
+) -> None:
+    fleet = Fleet(await gateway.planned(packages=2))
+    p1, p2 = (await gateway.get(fleet.delivery_id))["packages"]
+    assert p1["promised_at"]
+    assert p2["promised_at"]
+    picture, key = Picture(), Key("missions", "msn_1")
+    async with fleet.client("composition") as composition:
+        world = World(composition, gateway.parts.db)
+        await Deliveries(gateway.parts.db).read(picture)
+        await world.read(picture)
+
+        assert picture.of_kind("missions")[key].document["promises"] == {"p1": p1["promised_at"]}
+
+        picture.remove([*picture.of_kind("deliveries")])
+        fleet.missions = [{"mission_id": "msn_1", "version": "2"}]
+        await world.read(picture)
+
+    assert picture.of_kind("missions")[key].document["promises"] == {"p1": p1["promised_at"]}
+    assert "promises" not in picture.of_kind("missions")[key._replace(audience="alice")].document
+
+
 @pytest.mark.parametrize(
     "change", [{"mission": {"is_carrying": False}}, {"drone": {"mission_id": "msn_2"}}]
 )
