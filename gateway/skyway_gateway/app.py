@@ -52,8 +52,8 @@ from skyway_gateway.deliveries.requests.routes import cancelling_routes, deliver
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.gauges import GatewayGauges
+from skyway_gateway.live.figures import LiveFigures
 from skyway_gateway.live.routes import live_routes
-from skyway_gateway.live.view import LOOK_EVERY_S
 from skyway_gateway.notifications.delivery_events import EventStream
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
 from skyway_gateway.notifications.routes import (
@@ -222,9 +222,9 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             loops.start("networks", parts.networks.run(mqtt))
             loops.start("booking", parts.booking.run(parts.booker))
             loops.start("connections", parts.waker.follow(mqtt.batches(CONNECTION)))
-            live = parts.live
-            looks = repeat("live", live.step, every_s=LOOK_EVERY_S, wake=live.wake)
-            loops.start("live", looks)
+            loops.start("live", parts.live.run())
+            figures = LiveFigures(parts.live, parts.clients, parts.gauges)
+            loops.start("live figures", figures.run())
             loops.start("clock", repeat("clock", repeat_clock, every_s=CLOCK_EVERY_S))
             _start_sweeping(loops, parts)
             yield

@@ -8,12 +8,14 @@ from pydantic_core import to_jsonable_python
 from skyway.ids import DeliveryId
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.live.merge_patch import JsonObject
-from skyway_gateway.live.picture import FLEETS, Bounds, Item, Key, Readers
+from skyway_gateway.live.picture import FLEETS, OPERATORS, Bounds, Item, Key, Readers
 
 #: Members that become keys, or are for the gateway alone.
 _OUTSIDE_OF_MISSION: Final = frozenset({"mission_id", "steps", "packages", "service_steps"})
 #: The audience of tracking links: the name of no customer.
 _LINK: Final = "link/"
+#: The audience of all providers, where operators see more.
+_PROVIDERS: Final = "providers/"
 #: What a customer sees of a mission beside its steps and packages.
 _OF_MISSION_FOR_CUSTOMERS: Final = ("delivery_id", "provider_id", "state", "revision")
 _OF_STEP_FOR_CUSTOMERS: Final = (
@@ -112,9 +114,18 @@ def linked_delivery_item(delivery_id: DeliveryId, version: int) -> tuple[Key, It
     return Key("deliveries", delivery_id, _LINK), Item({"version": version}, readers)
 
 
-def service_item(name: str, *, is_answering: bool) -> tuple[Key, Item]:
-    """Whether a service answers; while it does not, its part of the picture stands still."""
-    return Key("services", name), Item({"is_answering": is_answering}, FLEETS)
+def service_items(
+    name: str, figures: JsonObject, *, is_answering: bool
+) -> tuple[tuple[Key, Item], tuple[Key, Item]]:
+    """Whether a service answers; while it does not, its part of the picture stands still.
+
+    Operators see its figures too.
+    """
+    answering = {"is_answering": is_answering}
+    return (
+        (Key("services", name), Item({**figures, **answering}, OPERATORS)),
+        (Key("services", name, _PROVIDERS), Item(answering, Readers(all_providers=True))),
+    )
 
 
 def _without(members: Mapping[str, Any], name: str) -> JsonObject:

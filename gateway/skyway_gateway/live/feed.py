@@ -10,12 +10,13 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from skyway.runtime.errors import BudgetSpent, ServiceUnavailable
-from skyway.runtime.loops import Wake
-from skyway_gateway.live.documents import service_item
+from skyway.runtime.loops import Wake, repeat
+from skyway_gateway.live.documents import service_items
+from skyway_gateway.live.merge_patch import JsonObject
 from skyway_gateway.live.picture import Picture
 from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.sources import Source, show_customers_drones
-from skyway_gateway.live.view import KEPT_LOOKS, View
+from skyway_gateway.live.view import KEPT_LOOKS, LOOK_EVERY_S, View
 
 log = logging.getLogger(__name__)
 
@@ -46,6 +47,8 @@ class LiveFeed:
     #: How long a viewer waits for the first picture, wall seconds.
     first_look_within_s: float = 15.0
     wake: Wake = field(default_factory=Wake)
+    #: What operators see of each service, beside whether it answers.
+    figures: dict[str, JsonObject] = field(default_factory=dict)
     epoch: str = field(default_factory=lambda: secrets.token_hex(4))
     _picture: Picture = field(default_factory=Picture)
     _views: dict[Scope, View] = field(default_factory=dict)
@@ -115,6 +118,10 @@ class LiveFeed:
         oldest = min(left, key=self._left_at.__getitem__)
         del self._left_at[oldest], self._views[oldest]
 
+    async def run(self) -> None:
+        """Look until cancelled."""
+        await repeat("live", self.step, every_s=LOOK_EVERY_S, wake=self.wake)
+
     async def step(self) -> bool:
         """Step of a loop: look once, if anybody does."""
         self._forget_left_views()
@@ -141,7 +148,8 @@ class LiveFeed:
             is_answering = False
         else:
             is_answering = True
-        self._picture.put([service_item(source.name, is_answering=is_answering)])
+        figures = self.figures.get(source.name, {})
+        self._picture.put(service_items(source.name, figures, is_answering=is_answering))
         return is_answering
 
     async def _first_look(self) -> None:
