@@ -173,6 +173,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 clients=parts.clients,
                 gauges=parts.gauges,
                 small_world=parts.small_world,
+                db=db,
             ),
         ],
         lifespan=lifespan,

@@ -79,10 +79,22 @@ SmallWorldField = Annotated[
 ]
 
 
+#: Processes whose processor and memory no figure counts.
+NotCounted = Literal["BROKER", "DATABASE_SERVER", "OTHER_REPLICAS"]
+
+
 class SystemHealth(JsonModel):
     """All services."""
 
     services: Annotated[tuple[ServiceHealth, ...], Field(description="The services.")]
+    not_counted: Annotated[
+        tuple[NotCounted, ...],
+        Field(
+            description="Processes whose processor and memory are in none of these figures: the "
+            "broker; with PostgreSQL its server, and replicas that did not answer. Planners run in "
+            "threads of composition, and SQLite in the services, so they are counted."
+        ),
+    ] = ()
     small_world: SmallWorldField
 
 

@@ -9,6 +9,7 @@ from fastapi import Depends
 from skyway.contracts.figures import (
     FIGURES,
     Figures,
+    NotCounted,
     RequestedSmallWorld,
     ServiceHealth,
     SystemHealth,
@@ -20,11 +21,18 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.figures_routes import figures_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.engines import Dialect
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.console.small_world import SmallWorld
 
 #: How long a service may take, wall seconds.
 _WITHIN_S: Final = 2.0
+#: SQLite runs in the services, and they have no replicas with it.
+_NOT_COUNTED: Final[Mapping[Dialect, tuple[NotCounted, ...]]] = {
+    "sqlite": ("BROKER",),
+    "postgresql": ("BROKER", "DATABASE_SERVER", "OTHER_REPLICAS"),
+}
 
 
 def system_routes(
@@ -33,6 +41,7 @@ def system_routes(
     clients: Mapping[str, ServiceClient],
     gauges: Gauges,
     small_world: SmallWorld,
+    db: Database,
 ) -> ServiceRouter:
     """GET /v1/system and POST /v1/small-world."""
     router = ServiceRouter(tags=("service",))
@@ -50,7 +59,9 @@ def system_routes(
         own = figures_of(await gauges.read())
         others = await asyncio.gather(*(_health(name, client) for name, client in clients.items()))
         return SystemHealth(
-            services=(_answering("gateway", own), *others), small_world=small_world.state
+            services=(_answering("gateway", own), *others),
+            not_counted=_NOT_COUNTED[db.dialect],
+            small_world=small_world.state,
         )
 
     @router.post("/v1/small-world", status_code=202, responses=conflicts("NO_SMALL_WORLD"))

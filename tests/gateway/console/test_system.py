@@ -36,6 +36,18 @@ async def test_services_that_say_something_else_are_not_answering(gateway: Gatew
     assert FIGURES in {forwarded.path for forwarded in gateway.forwarded}
 
 
+async def test_processes_that_are_not_counted_are_named(gateway_on_both: Gateway) -> None:
+    gateway = gateway_on_both
+
+    answer = await gateway.http.get("/v1/system", headers=gateway.operator)
+
+    expected = {
+        "sqlite": ["BROKER"],
+        "postgresql": ["BROKER", "DATABASE_SERVER", "OTHER_REPLICAS"],
+    }
+    assert answer.json()["not_counted"] == expected[gateway.parts.db.dialect]
+
+
 async def test_a_small_world_is_requested_where_skyway_up_waits_for_it(
     gateway: Gateway, tmp_path: Path
 ) -> None:
