@@ -29,7 +29,7 @@ TERMINAL = ("COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED
 _SERVICES = ("gateway", "registry", "composition")
 
 #: An empty trust store. Calls go over plain HTTP; without it, each would load all certificates.
-_NO_CERTIFICATES = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+NO_CERTIFICATES = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 
 
 @dataclass
@@ -87,7 +87,7 @@ class LocalSystem:
             json=body,
             headers={"Authorization": f"Bearer {key}", **headers},
             timeout=LONGEST_WAIT_S,
-            verify=_NO_CERTIFICATES,
+            verify=NO_CERTIFICATES,
         )
 
     @property
@@ -104,7 +104,7 @@ class LocalSystem:
             f"{self.service_urls[service]}/metrics",
             headers={"Authorization": f"Bearer {key}"},
             timeout=LONGEST_WAIT_S,
-            verify=_NO_CERTIFICATES,
+            verify=NO_CERTIFICATES,
         )
         assert answer.status_code == 200, answer.text
         return answer.text
