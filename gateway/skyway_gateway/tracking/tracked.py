@@ -48,6 +48,9 @@ class TrackedPackage(JsonModel):
     promised_at: FleetMoment | None
     delivered_at: FleetMoment | None
     proof_station_id: StationId | None
+    #: Where the drone stood, and what it measured, when it handed the package over.
+    proof_position: Position | None
+    proof_mass_kg: float | None
     #: Where it goes if nobody takes it at its destination.
     alternative_id: StationId
 
@@ -138,6 +141,7 @@ def _package(
     package: PackageStatus, delivery: Delivery, mission: FlownMission | None
 ) -> TrackedPackage:
     asked = {each.package_id: each for each in delivery.request.packages}[package.package_id]
+    proof = package.proof
     late = timedelta(seconds=0.0 if mission is None else mission.margins.tolerated_lateness_s)
     return TrackedPackage(
         package_id=package.package_id,
@@ -147,7 +151,9 @@ def _package(
         eta_until_at=None if package.eta_at is None else package.eta_at + late,
         promised_at=package.promised_at,
         delivered_at=package.delivered_at,
-        proof_station_id=None if package.proof is None else package.proof.station_id,
+        proof_station_id=None if proof is None else proof.station_id,
+        proof_position=None if proof is None else proof.position,
+        proof_mass_kg=None if proof is None else proof.mass_kg,
         alternative_id=(asked.alternative or delivery.request.pickup).station_id,
     )
 

@@ -61,6 +61,32 @@ async def test_the_state_says_nothing_about_customer_price_and_provider(gateway:
         assert secret not in answer.text
 
 
+async def test_the_proof_shows_place_and_mass_and_nothing_about_the_drone(
+    gateway: Gateway,
+) -> None:
+    delivery_id, path = await requested(gateway)
+    while await gateway.book_next():
+        pass
+    for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
+        await gateway.report(delivery_id, kind, seq=seq)
+    evidence = {
+        "mass_kg": {"p1": 0.52},
+        "load_before_kg": 1.02,
+        "place": {"station_id": "mcqueeney", "position": [-98.0, 29.6]},
+    }
+    place: dict[str, Any] = {"package_ids": ["p1"], "station_id": "mcqueeney", "soc": 0.611}
+    await gateway.report(delivery_id, "DELIVERED", seq=4, **place, data=evidence)
+
+    answer = await gateway.http.get(f"{path}/state")
+
+    delivered, on_its_way = answer.json()["packages"]
+    assert delivered["proof_station_id"] == "mcqueeney"
+    assert (delivered["proof_position"], delivered["proof_mass_kg"]) == ([-98.0, 29.6], 0.52)
+    assert (on_its_way["proof_position"], on_its_way["proof_mass_kg"]) == (None, None)
+    for secret in ("1.02", "0.611", "drn_", "prv_"):
+        assert secret not in answer.text
+
+
 async def test_a_change_is_shown_although_the_page_was_read_a_moment_ago(
     gateway: Gateway,
 ) -> None:
