@@ -2,17 +2,21 @@
 
 import json
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import nullcontext
+from datetime import datetime
 from types import MappingProxyType
 from typing import Annotated, Any, Final
 
 import httpx
 import typer
+from pydantic import TypeAdapter
 from rich.console import Console
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.event_text import event_text
 from skyway.cli.gateway import call_gateway, fail, read_keys
+from skyway.cli.progress_text import progress_line
 from skyway.cli.request_options import (
     CUSTOMER_KEY,
     EarliestPickupOption,
@@ -26,6 +30,7 @@ from skyway.cli.request_options import (
     PriorityOption,
     RequestOptions,
 )
+from skyway.runtime.clock import AnchoredClock
 
 #: The last event of a delivery, and the exit code of the command that followed it.
 _EXIT_CODES: Final = {
@@ -158,34 +163,49 @@ def _create(
 
 
 def _follow(folder: DataFolder, delivery_id: str, *, as_json: bool = False) -> None:
-    """Print events until the delivery ends; ends the command unless the delivery COMPLETED."""
+    """Print events until the delivery ends; ends the command unless the delivery COMPLETED.
+
+    At a terminal, a line below the events says how far the delivery is and when it comes.
+    """
     console = Console()
     call_gateway("GET", f"/v1/deliveries/{delivery_id}", key_name=CUSTOMER_KEY, folder=folder)
     settings = read_keys(folder)
-    url = f"{settings['SKYWAY_GATEWAY_URL']}/v1/deliveries/{delivery_id}/events"
+    url = f"{settings['SKYWAY_GATEWAY_URL']}/v1/deliveries/{delivery_id}"
     headers = {"Authorization": f"Bearer {settings[CUSTOMER_KEY]}"}
-    last_type = ""
-    while last_type not in _EXIT_CODES:
-        try:
-            for event_type in _print_events(console, url, headers, as_json=as_json):
-                last_type = event_type
-                if last_type in _PLAN_EVENTS and not as_json:
-                    _print_proofs(console, folder, delivery_id)
-        except httpx.TransportError as error:
-            # The next stream continues after the last event that was printed.
-            typer.echo(f"{error}; connecting again", err=True)
+    key, last_type = dict(headers), ""
+    has_line = console.is_terminal and not as_json
+    with progress_line(console, _clock(folder)) if has_line else nullcontext() as progress:
+        while last_type not in _EXIT_CODES:
+            try:
+                for event_type in _print_events(console, url, headers, as_json=as_json):
+                    last_type = event_type or last_type
+                    if event_type in _PLAN_EVENTS and not as_json:
+                        _print_proofs(console, folder, delivery_id)
+                    if progress is not None:
+                        progress.show(httpx.get(url, headers=key).raise_for_status().json())
+            except (httpx.TransportError, httpx.HTTPStatusError) as error:
+                # The next stream continues after the last event that was printed.
+                typer.echo(f"{error}; connecting again", err=True)
     if exit_code := _EXIT_CODES[last_type]:
         raise typer.Exit(exit_code)
+
+
+def _clock(folder: DataFolder) -> Callable[[], datetime]:
+    """Fleet time, by this machine's clock and the gateway's anchor."""
+    told = call_gateway("GET", "/v1/clock", key_name=CUSTOMER_KEY, folder=folder)
+    anchor = {name: told[name] for name in ("fleet_at", "wall_at", "rate")}
+    return TypeAdapter(AnchoredClock).validate_python(anchor).now
 
 
 def _print_events(
     console: Console, url: str, headers: dict[str, str], *, as_json: bool
 ) -> Iterator[str]:
-    """Print the events of one stream, and yield the type of each.
+    """Print the events of a delivery's stream, and yield the type of each; "" at a heartbeat.
 
     `headers` keep the id of the last event, so that the next stream continues there.
     """
-    with httpx.stream("GET", url, headers=headers, timeout=httpx.Timeout(10, read=None)) as lines:
+    timeout = httpx.Timeout(10, read=None)
+    with httpx.stream("GET", f"{url}/events", headers=headers, timeout=timeout) as lines:
         for line in lines.iter_lines():
             name, _, value = line.partition(": ")
             if name == "id":
@@ -198,6 +218,8 @@ def _print_events(
                 yield event_type
                 if event_type in _EXIT_CODES:
                     break
+            elif line.startswith(":"):
+                yield ""
 
 
 def _print_proofs(console: Console, folder: DataFolder, delivery_id: str) -> None:

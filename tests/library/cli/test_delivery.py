@@ -93,6 +93,29 @@ def test_the_exit_code_says_how_a_followed_delivery_ended(
     assert runner.invoke(make_app(), command).exit_code == exit_code
 
 
+def test_a_terminal_shows_progress_and_a_program_does_not(
+    gateway: Gateway, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ends_with(gateway, "delivery.completed")
+    gateway.answers["GET", "/v1/clock"] = (
+        200,
+        {"fleet_at": "2026-03-01T12:00:00Z", "wall_at": "2026-03-01T12:00:00Z", "rate": 1.0},
+    )
+    gateway.answers["GET", "/v1/deliveries/dlv_1"] = (
+        200,
+        {"state": "COMPLETED", "activity": None, "packages": []},
+    )
+    assert "of 0 delivered" not in runner.invoke(make_app(), ["track", "dlv_1"]).stdout
+
+    monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes the output for a terminal
+    at_terminal = runner.invoke(make_app(), ["track", "dlv_1"])
+    as_json = runner.invoke(make_app(), ["track", "dlv_1", "--json"])
+
+    assert (at_terminal.exit_code, as_json.exit_code) == (0, 0)
+    assert "completed, 0 of 0 delivered" in at_terminal.stdout
+    assert "delivered" not in as_json.stdout
+
+
 def test_a_request_without_a_network_says_how_to_publish_one(gateway: Gateway) -> None:
     gateway.answers["GET", "/v1/networks"] = NOTHING
 
