@@ -192,8 +192,8 @@ def _follow(folder: DataFolder, delivery_id: str, *, as_json: bool = False) -> N
 
 def _clock(folder: DataFolder) -> Callable[[], datetime]:
     """Fleet time, by this machine's clock and the gateway's anchor."""
-    told = call_gateway("GET", "/v1/clock", key_name=CUSTOMER_KEY, folder=folder)
-    anchor = {name: told[name] for name in ("fleet_at", "wall_at", "rate")}
+    answer = call_gateway("GET", "/v1/clock", key_name=CUSTOMER_KEY, folder=folder)
+    anchor = {name: answer[name] for name in ("fleet_at", "wall_at", "rate")}
     return TypeAdapter(AnchoredClock).validate_python(anchor).now
 
 

@@ -40,9 +40,9 @@ _MEASURED: Final = {
 }
 #: The counters whose rates are shown, over all their labels, and their members.
 _COUNTED: Final = {
-    "skyway_http_requests_total": "requests_per_s",
-    "skyway_outbox_sent_total": "messages_sent_per_s",
-    "skyway_telemetry_written_total": "samples_written_per_s",
+    "skyway_http_requests": "requests_per_s",
+    "skyway_outbox_sends": "messages_sent_per_s",
+    "skyway_telemetry_written": "samples_written_per_s",
 }
 #: Two readings with the same start are of the same process, and not of two replicas.
 _START: Final = "process_start_time_seconds"
@@ -114,10 +114,11 @@ def measured(figures: Iterable[Figure]) -> dict[str, Any]:  # numbers, or object
 def _counters(figures: Iterable[Figure], at_s: float) -> _Counted:
     start, sums = None, dict.fromkeys(_COUNTED, 0.0)
     for each in figures:
-        if each.name == _START:
+        name = each.name.removesuffix("_total")
+        if name == _START:
             start = each.value
-        elif each.name in sums:
-            sums[each.name] += each.value
+        elif name in sums:
+            sums[name] += each.value
     return _Counted(start, at_s, sums)
 
 

@@ -18,7 +18,7 @@ from skyway_composition.closures.closure import Closure
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.networks.station_store import StationRow
-from skyway_composition.pads.occupancy import Occupancy, PadUse
+from skyway_composition.pads.occupancy import Occupancy, PadOccupancy
 
 
 def live_mission(record: MissionRecord, steps: Sequence[StepRecord]) -> LiveMission:
@@ -106,7 +106,9 @@ def _packages_of(each: StepRecord) -> tuple[PackageId, ...]:
             return ()
 
 
-def live_station(station: StationRow, use: Occupancy, uses: Mapping[int, PadUse]) -> LiveStation:
+def live_station(
+    station: StationRow, use: Occupancy, uses: Mapping[int, PadOccupancy]
+) -> LiveStation:
     """A station with its occupied pads."""
     return LiveStation.model_construct(
         station_id=station.station_id,
@@ -121,7 +123,7 @@ def live_station(station: StationRow, use: Occupancy, uses: Mapping[int, PadUse]
     )
 
 
-def _live_pad(use: PadUse) -> LivePad:
+def _live_pad(use: PadOccupancy) -> LivePad:
     outage, held_until_ms = use.outage, use.held_until_ms
     works_again_ms = None if outage is None else outage.until_ms
     return LivePad.model_construct(

@@ -35,7 +35,7 @@ def _lasts_longer(closure: Closure, other: Outage) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class PadUse:
+class PadOccupancy:
     """Why a pad is occupied: until when it is reserved, its outage, or both."""
 
     held_until_ms: int | None
@@ -44,16 +44,16 @@ class PadUse:
 
 def uses_by_pad(
     held: Iterable[tuple[StationId, int, int]], broken: Mapping[StationId, Mapping[int, Outage]]
-) -> dict[StationId, dict[int, PadUse]]:
+) -> dict[StationId, dict[int, PadOccupancy]]:
     """The occupied pads of stations in order of their numbers, each once.
 
     `held` are the pads that are reserved now, each with the end of its reservation.
     """
     ends = {(station_id, pad): end_ms for station_id, pad, end_ms in held}
     out = {(at, pad): outage for at, pads in broken.items() for pad, outage in pads.items()}
-    uses: dict[StationId, dict[int, PadUse]] = defaultdict(dict)
+    uses: dict[StationId, dict[int, PadOccupancy]] = defaultdict(dict)
     for station_id, pad in sorted(ends.keys() | out.keys()):
-        use = PadUse(ends.get((station_id, pad)), out.get((station_id, pad)))
+        use = PadOccupancy(ends.get((station_id, pad)), out.get((station_id, pad)))
         uses[station_id][pad] = use
     return uses
 

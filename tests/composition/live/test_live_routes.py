@@ -86,8 +86,8 @@ async def test_a_trouble_that_replaces_another_changes_the_version(
     composition: Any, drone: Any, make: Any
 ) -> None:
     instruction = await loaded(composition, drone, make)
-    wanted = {"mission_id": instruction.mission_id, "code": "PLAN_WANTED", "detail": "head wind"}
-    await composition.receive(drone.event("ALARM", **wanted))
+    alarm = {"mission_id": instruction.mission_id, "code": "PLAN_WANTED", "detail": "head wind"}
+    await composition.receive(drone.event("ALARM", **alarm))
     path = f"/v1/missions/{instruction.mission_id}/commands"
     await composition(OPERATOR, "POST", path, {"command": "HOLD", "reason": "a storm"})
     before = await version_of(composition)
