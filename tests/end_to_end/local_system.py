@@ -95,7 +95,12 @@ class LocalSystem:
         """The address of each service, as `skyway up` has printed it last."""
         lines = (self.folder.path / "up.log").read_text().splitlines()
         fields = (line.split() for line in lines)
-        return {each[0]: each[1] for each in fields if each and each[0] in _SERVICES}
+        # The log also says when a service was started again.
+        return {
+            each[0]: each[1]
+            for each in fields
+            if len(each) > 1 and each[0] in _SERVICES and each[1].startswith("http")
+        }
 
     def metrics_of(self, service: str) -> str:
         """What a service answers to GET /metrics."""
