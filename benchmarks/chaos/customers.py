@@ -17,7 +17,7 @@ import aiohttp
 
 from benchmarks.chaos.evidence import Requested
 from benchmarks.chaos.streams import Streams
-from benchmarks.load.city import Wanted
+from benchmarks.load.city import DueRequest
 from benchmarks.load.world import Customer
 from skyway.ids import DeliveryId, PackageId, StationId
 
@@ -67,7 +67,9 @@ class Customers:
         self.requests = Requests()
         self.fault = "none"
 
-    async def request_all(self, client: aiohttp.ClientSession, stream: Iterable[Wanted]) -> None:
+    async def request_all(
+        self, client: aiohttp.ClientSession, stream: Iterable[DueRequest]
+    ) -> None:
         """Send each request when it is due, however slow the answers are."""
         started_s = time.monotonic()
         for each in stream:

@@ -14,12 +14,12 @@ from benchmarks.chaos.judgement import Flaw, flaws_in
 from benchmarks.chaos.outcome import Outcome
 from benchmarks.chaos.recovery import Healed, recoveries
 from benchmarks.chaos.schedule import LEAST_CALM_S, faults_for, schedule
+from benchmarks.chaos.service_flaws import answer_flaws, verify_flaws
 from benchmarks.chaos.settling import evidence_of, settled, warmed_up
 from benchmarks.chaos.small_disk import SmallDisk, small_disk
 from benchmarks.chaos.system import chaos_system
 from benchmarks.chaos.traces import keep_databases, keep_traces, run_folder
 from benchmarks.chaos.trial import Trial
-from benchmarks.chaos.verdict import answer_flaws, verify_flaws
 from benchmarks.chaos.webhooks import WebhookServer
 from benchmarks.load.storage_pair import storage_pair
 from skyway.cli.data_folder import DataFolder

@@ -54,7 +54,7 @@ class Trial:
             seconds=self.seconds,
             clock_rate=self.clock_rate,
             agents=self.agents,
-            patience_s=self.quiet_s,
+            longest_wait_s=self.quiet_s,
             seed=self.seed,
         )
 

@@ -80,7 +80,7 @@ async def feed(
         seconds=seconds,
         clock_rate=1.0,
         agents=agents,
-        patience_s=0.0,
+        longest_wait_s=0.0,
         seed=seed,
     )
     with tempfile.TemporaryDirectory(prefix="skyway-fleet-") as name:

@@ -12,16 +12,16 @@ from typing import Final
 from benchmarks.chaos.cast import Cast, cast_for
 from benchmarks.chaos.judgement import Flaw, flaws_in
 from benchmarks.chaos.processes import Processes
+from benchmarks.chaos.service_flaws import answer_flaws, verify_flaws
 from benchmarks.chaos.settling import evidence_of, settled, warmed_up
 from benchmarks.chaos.system import chaos_system
 from benchmarks.chaos.traces import keep_databases, keep_traces, run_folder
-from benchmarks.chaos.verdict import answer_flaws, verify_flaws
 from benchmarks.chaos.webhooks import WebhookServer
 from benchmarks.hostile.judgement import flaws_of
 from benchmarks.hostile.probes import Seconds, deliveries_between, middle, probing
 from benchmarks.hostile.rogues import Answers, attacking, register_rogues
 from benchmarks.hostile.trial import Trial
-from benchmarks.load.city import Wanted
+from benchmarks.load.city import DueRequest
 from benchmarks.load.storage_pair import storage_pair
 from benchmarks.planner.table import Table
 from skyway.cli.system.databases import database_urls
@@ -146,7 +146,7 @@ async def _phase(trial: Trial, cast: Cast, *, seed: int) -> Seconds:
     return {**probes.found, **deliveries_between(cast, started_s, ended_s)}
 
 
-def _without_rogue(each: Wanted, provider_id: ProviderId) -> Wanted:
+def _without_rogue(each: DueRequest, provider_id: ProviderId) -> DueRequest:
     """The same request for other providers: nobody has to trust a provider that never comes."""
     body = json.loads(each.body)
     body["qos"]["providers"] = {"denied": [provider_id]}

@@ -12,7 +12,7 @@ Storage = Literal["embedded", "production"]
 class Burst:
     """One run; times are wall seconds, `clock_rate` is fleet seconds per wall second.
 
-    At production's own clock rate, 1, a drone tells of itself as often as a real one does.
+    At clock rate 1, as in production, a drone sends telemetry as often as a real one does.
     """
 
     storage: Storage
@@ -22,12 +22,12 @@ class Burst:
     rate_per_s: float
     seconds: float
     clock_rate: float
-    #: Processes that host the drones between them.
+    #: Number of processes that host the drones.
     agents: int
-    #: How long the run waits after the last request until all are dispatched or told why not.
-    patience_s: float
+    #: How long the run waits after the last request until all are dispatched or rejected.
+    longest_wait_s: float
     seed: int
-    #: Where py-spy leaves what every process did during the burst, and PostgreSQL its statements.
+    #: Folder for the stacks of every process (py-spy) and for PostgreSQL's statements.
     profile: Path | None = None
 
     def as_text(self) -> str:
@@ -50,7 +50,7 @@ def read_burst(arguments: list[str]) -> Burst:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--clock-rate", type=float, default=1.0)
     parser.add_argument("--agents", type=int, default=2, help="processes that host the drones")
-    parser.add_argument("--patience-s", type=float, default=30.0, help="after the last request")
+    parser.add_argument("--longest-wait-s", type=float, default=30.0, help="after the last request")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--profile", type=Path, metavar="FOLDER", help="stacks, statements")
     return Burst(**vars(parser.parse_args(arguments)))

@@ -25,8 +25,8 @@ _OBJECTIVES: Final = (("fastest", "cheapest", "greenest"), (0.8, 0.1, 0.1))
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
-    """A request and when it comes, wall seconds after the burst began."""
+class DueRequest:
+    """A request and when it is sent, wall seconds after the burst began."""
 
     at_s: float
     body: bytes
@@ -64,12 +64,12 @@ class City:
             for drone in range(number, drones, providers)
         ]
 
-    def requests(self, *, rate_per_s: float, seconds: float, seed: int) -> Iterator[Wanted]:
+    def requests(self, *, rate_per_s: float, seconds: float, seed: int) -> Iterator[DueRequest]:
         """A Poisson stream of local requests."""
         chance = random.Random(seed)
         at_s = chance.expovariate(rate_per_s)
         while at_s < seconds:
-            yield Wanted(at_s, self._request(chance))
+            yield DueRequest(at_s, self._request(chance))
             at_s += chance.expovariate(rate_per_s)
 
     def _request(self, chance: random.Random) -> bytes:

@@ -1,4 +1,4 @@
-"""From what was sent, heard and taken to the table that is printed."""
+"""The printed table, computed from the requests sent, the events received and the samples."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -85,9 +85,9 @@ class Outcome:
         rows.append(("everybody else", "", f"{others_s:.2f}", ""))
         return rows
 
-    def _after_request(self, heard: Mapping[DeliveryId, float]) -> list[float]:
+    def _after_request(self, received_at: Mapping[DeliveryId, float]) -> list[float]:
         asked = self.sent.asked_at
-        return [at_s - asked[one] for one, at_s in heard.items() if one in asked]
+        return [at_s - asked[one] for one, at_s in received_at.items() if one in asked]
 
     def _rate(self, moments: Iterable[float]) -> str:
         within = sum(at_s <= self.started_s + self.burst.seconds for at_s in moments)

@@ -1,4 +1,4 @@
-"""When each delivery was requested, planned, dispatched and ended, as its customer was told."""
+"""When each delivery was requested, planned, dispatched and ended, as its customer learned it."""
 
 import asyncio
 import time
@@ -25,16 +25,16 @@ LAST_EVENTS = {
 
 @dataclass(slots=True)
 class Followed:
-    """What customers heard over MQTT: the first moment of each kind of event, monotonic seconds."""
+    """When customers first received each kind of event over MQTT, monotonic seconds."""
 
-    heard: dict[DeliveryEventType, dict[DeliveryId, float]] = field(default_factory=dict)
+    first_at: dict[DeliveryEventType, dict[DeliveryId, float]] = field(default_factory=dict)
     ended: set[DeliveryId] = field(default_factory=set)
     replanned: int = 0
     rejections: Counter[str] = field(default_factory=Counter)
 
-    def take(self, event: DeliveryEvent, at_s: float) -> None:
-        """Note one event; a copy of one that is known changes nothing but the replannings."""
-        self.heard.setdefault(event.type, {}).setdefault(event.delivery_id, at_s)
+    def note(self, event: DeliveryEvent, at_s: float) -> None:
+        """Note one event; a copy of an earlier event changes only the count of replannings."""
+        self.first_at.setdefault(event.type, {}).setdefault(event.delivery_id, at_s)
         if event.type == DeliveryEventType.REPLANNED:
             self.replanned += 1
         if event.type in LAST_EVENTS and event.delivery_id not in self.ended:
@@ -44,16 +44,16 @@ class Followed:
                 self.rejections[", ".join(sorted(codes)) or "no reason"] += 1
 
     def of(self, kind: DeliveryEventType) -> dict[DeliveryId, float]:
-        """When this was first told, by delivery."""
-        return self.heard.get(kind, {})
+        """When an event of this kind was first received, by delivery."""
+        return self.first_at.get(kind, {})
 
     def dispatched(self) -> int:
-        """How many deliveries a drone has taken."""
+        """How many deliveries were dispatched."""
         return len(self.of(DeliveryEventType.DISPATCHED))
 
-    def are_settled(self, wanted: int) -> bool:
-        """Whether so many deliveries are dispatched, or over without that."""
-        return len(self.of(DeliveryEventType.DISPATCHED).keys() | self.ended) >= wanted
+    def are_settled(self, deliveries: int) -> bool:
+        """Whether so many deliveries are dispatched, or have ended without a dispatch."""
+        return len(self.of(DeliveryEventType.DISPATCHED).keys() | self.ended) >= deliveries
 
 
 @asynccontextmanager
@@ -83,4 +83,4 @@ async def _listen(
     async for batch in batches:
         at_s = time.monotonic()
         for received in batch:
-            followed.take(received.message, at_s)
+            followed.note(received.message, at_s)

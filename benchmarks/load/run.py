@@ -34,8 +34,8 @@ from skyway.runtime.metrics import METRICS_KEY
 #: Wall seconds to find out what the system costs when nothing is asked of it.
 _IDLE_S: Final = 8.0
 
-#: The first requests compile and fill caches, which is not what a burst costs: small waves come
-#: until one of them is dispatched almost at once.
+#: The first requests compile and fill caches, and a burst must not pay for that: small waves are
+#: sent until all requests of one wave are dispatched almost immediately.
 _WAVE_S: Final = 3.0
 _WAVE_PER_S: Final = 3.0
 _WARM_WITHIN_S: Final = 2.0
@@ -95,7 +95,7 @@ async def _measured(
             async with statements_counted(burst.profile, dispatched=followed.dispatched):
                 busy_from, started_s = CpuReading.of(pids), time.monotonic()
                 sent = await send(system.urls["gateway"], world, requests)
-                await _until_settled(followed, len(sent.asked_at), within_s=burst.patience_s)
+                await _until_settled(followed, len(sent.asked_at), within_s=burst.longest_wait_s)
                 busy_to, ended_s = CpuReading.of(pids), time.monotonic()
         after = await counters(system.urls, metrics_key=metrics_key)
     return Outcome(
@@ -115,32 +115,32 @@ async def _measured(
 
 
 async def _idle(pids: Mapping[str, int]) -> tuple[CpuReading, float]:
-    """What is taken while nothing is asked, and in how many seconds."""
+    """Processor time used while no request is sent, and in how many seconds."""
     before, before_s = CpuReading.of(pids), time.monotonic()
     await asyncio.sleep(_IDLE_S)
     return CpuReading.of(pids).since(before), time.monotonic() - before_s
 
 
 async def _warm_up(system: System, world: World, city: City, *, burst: Burst) -> None:
-    wanted = 0
+    requests_sent = 0
     async with following(world, mqtt_url=system.mqtt_url) as followed:
         for wave in range(1, _MOST_WAVES + 1):
             requests = city.requests(
                 rate_per_s=_WAVE_PER_S, seconds=_WAVE_S, seed=burst.seed + wave
             )
             sent = await send(system.urls["gateway"], world, requests)
-            wanted += len(sent.asked_at)
+            requests_sent += len(sent.asked_at)
             ended_s = time.monotonic()
-            await _until_settled(followed, wanted, within_s=burst.patience_s)
+            await _until_settled(followed, requests_sent, within_s=burst.longest_wait_s)
             if time.monotonic() - ended_s < _WARM_WITHIN_S and sent.asked_at:
                 return
     raise SkywayError(f"the system was not warm after {_MOST_WAVES} waves of requests")
 
 
-async def _until_settled(followed: Followed, wanted: int, *, within_s: float) -> None:
+async def _until_settled(followed: Followed, requests_sent: int, *, within_s: float) -> None:
     ends_s = time.monotonic() + within_s
-    while not followed.are_settled(wanted) and time.monotonic() < ends_s:  # noqa: ASYNC110
-        await asyncio.sleep(0.1)  # asked of what others tell us: there is no one event
+    while not followed.are_settled(requests_sent) and time.monotonic() < ends_s:  # noqa: ASYNC110
+        await asyncio.sleep(0.1)  # many events from outside decide this; there is no single one
 
 
 def _pids(system: System, world: World) -> dict[str, int]:

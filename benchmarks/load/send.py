@@ -13,7 +13,7 @@ from typing import Final
 
 import aiohttp
 
-from benchmarks.load.city import Wanted
+from benchmarks.load.city import DueRequest
 from benchmarks.load.world import Customer, World
 from skyway.ids import DeliveryId
 
@@ -36,7 +36,7 @@ class Sent:
     late_s: list[float] = field(default_factory=list)
 
 
-async def send(url: str, world: World, requests: Iterable[Wanted]) -> Sent:
+async def send(url: str, world: World, requests: Iterable[DueRequest]) -> Sent:
     """Send each request when it is due, and wait for all answers."""
     sent = Sent()
     # Customers share the machine with what is measured: aiohttp takes a third of httpx's time.
@@ -48,16 +48,16 @@ async def send(url: str, world: World, requests: Iterable[Wanted]) -> Sent:
         aiohttp.ClientSession(url, connector=connector, timeout=timeout) as client,
         asyncio.TaskGroup() as group,
     ):
-        for wanted in requests:
-            due_s = started_s + wanted.at_s
+        for request in requests:
+            due_s = started_s + request.at_s
             await asyncio.sleep(max(0.0, due_s - time.monotonic()))
             sent.late_s.append(time.monotonic() - due_s)
-            group.create_task(_post(client, sent, wanted, next(customers)))
+            group.create_task(_post(client, sent, request, next(customers)))
     return sent
 
 
 async def _post(
-    client: aiohttp.ClientSession, sent: Sent, wanted: Wanted, customer: Customer
+    client: aiohttp.ClientSession, sent: Sent, request: DueRequest, customer: Customer
 ) -> None:
     headers = {
         "Authorization": f"Bearer {customer.key}",
@@ -66,7 +66,7 @@ async def _post(
     }
     asked_s = time.monotonic()
     try:
-        async with client.post("/v1/deliveries", data=wanted.body, headers=headers) as answer:
+        async with client.post("/v1/deliveries", data=request.body, headers=headers) as answer:
             body = await answer.read()
     except (aiohttp.ClientError, TimeoutError) as error:
         sent.refused[type(error).__name__] += 1

@@ -81,7 +81,7 @@ def _start_agents(
 
 
 async def _until_available(api: GatewayApi, operator_key: str, drones: int) -> None:
-    """Wait until the registry has heard of so many drones that they stand ready."""
+    """Wait until the registry shows so many drones as AVAILABLE."""
     while True:
         fleets = await api.call("GET", "/v1/stats/fleets", key=operator_key)
         if fleets["by_state"].get("AVAILABLE", 0) >= drones:

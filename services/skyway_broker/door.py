@@ -36,7 +36,7 @@ class Door:
     def enter(self, connection: Abortable, address: str) -> bool:
         """Note a new connection; False when it must be closed."""
         try:
-            self._connects.take(address)
+            self._connects.spend(address)
         except BudgetSpent:
             return False
         open_here = self._open_of.get(address, 0)

@@ -24,7 +24,7 @@ class Usage:
     def may_connect(self, user_name: str) -> bool:
         """Whether the account may connect once more now; a connection that may is counted."""
         try:
-            self._connects[self.limits_of(user_name)].take(user_name)
+            self._connects[self.limits_of(user_name)].spend(user_name)
         except BudgetSpent:
             return False
         return True
@@ -38,7 +38,7 @@ class Usage:
         packets = min(packets, limits.packets.burst)
         while True:
             try:
-                self._packets[limits].take(user_name, packets)
+                self._packets[limits].spend(user_name, packets)
             except BudgetSpent as spent:
                 await asyncio.sleep(spent.retry_after_s)
             else:

@@ -57,7 +57,7 @@ class VersionedLandings(LandingSource, Protocol):
         ...
 
 
-#: Makes the link of one drone from its last will and a callback for each connect.
+#: Makes the link of a drone; gets its last will, and a callback for each connect.
 MakeLink = Callable[[Will, Callable[[], Awaitable[None]]], OpenableLink]
 
 

@@ -18,9 +18,10 @@ def client_files(password_file: Path) -> AccountFiles:
 
 
 def service_files(password_file: Path) -> AccountFiles:
-    """The files of services, beside the password file of all others.
+    """The files of services, beside the password file of all other accounts.
 
-    Services have a listener of their own: there nobody else can log in, and they nowhere else.
+    Services have a listener of their own. Only services can log in there, and services can log in
+    only there.
     """
     return AccountFiles(
         password_file.with_name(f"service_{password_file.name}"),

@@ -114,7 +114,7 @@ def nats_accounts(hashes: Mapping[str, str], rules: BrokerRules) -> str:
 
 
 def _placeholder() -> dict[str, Any]:
-    """A user of whom nobody knows the password: without any user NATS would let everybody in."""
+    """A user whose random password is not stored: without users NATS accepts all clients."""
     hashed = hash_for_nats(secrets.token_urlsafe(32))
     denied = {"publish": _WRITES_NOTHING, "subscribe": _WRITES_NOTHING}
     return {"user": _PLACEHOLDER, "password": hashed, "permissions": denied}

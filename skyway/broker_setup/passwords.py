@@ -20,7 +20,7 @@ _SALT_BYTES: Final = 12
 _KEY_BYTES: Final = 64
 
 
-#: Makes of a password what is stored of it.
+#: Hashes a password for storage.
 PasswordHash = Callable[[str], str]
 
 

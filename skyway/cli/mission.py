@@ -157,4 +157,4 @@ def _line(answer: dict[str, Any]) -> str:
         return f"{said}; it waits until the failsafe {waits['failsafe']} ({waits['fault']}) ends"
     if answer["instruction_id"] is None:
         return f"{said}; the drone gets it with its next plan"
-    return f"{said}; the drone is told by {answer['instruction_id']}"
+    return f"{said}; the drone gets instruction {answer['instruction_id']}"

@@ -42,7 +42,7 @@ def quarantine_command(
     for each in items:
         typer.echo(_line(each))
     if not items:
-        typer.echo("every message of the drones was taken")
+        typer.echo("the quarantine is empty")
 
 
 def _line(message: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""The AsyncAPI 3.0 document and the JSON Schema of each message, made from the topics' lines."""
+"""Makes the AsyncAPI 3.0 document and the JSON Schema of each message from the list of topics."""
 
 from collections.abc import Iterable, Iterator
 from typing import Annotated, Any, Final, get_args, get_origin
@@ -27,7 +27,7 @@ _PARAMETERS: Final = {
 
 
 def asyncapi_document(topics: Iterable[Topic[Any]], *, version: str) -> Document:
-    """The document, as seen by the cloud: it sends what it writes, and receives from drones."""
+    """The document from the cloud's point of view: it sends to drones, and receives from drones."""
     topics = tuple(topics)
     messages = _messages_of(topics)
     return {
@@ -35,7 +35,7 @@ def asyncapi_document(topics: Iterable[Topic[Any]], *, version: str) -> Document
         "info": {
             "title": "Skyway over MQTT",
             "version": version,
-            "description": "What the cloud, drones and customers tell one another. Readers ignore "
+            "description": "The messages between the cloud, drones and customers. Readers ignore "
             "fields that they do not know, and expect repeated, reordered and missing messages. "
             "What drones write and what they may read has one more member, the last one: "
             "`signature`, Ed25519 over topic and payload (docs/reference/drone-protocol.md).",

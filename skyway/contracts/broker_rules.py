@@ -1,4 +1,4 @@
-"""Who may read and write which topic, from the topics' own lines: the source of broker ACLs."""
+"""Who may read and write which topic, by the list of topics: the source of broker ACLs."""
 
 import re
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ from skyway.contracts.topics import TOPICS, BrokerRole, Topic
 
 Access = Literal["read", "write"]
 
-#: The accounts that are known by name; every other account is somebody's own.
+#: The accounts with fixed names; every other account belongs to one client.
 SERVICE_ACCOUNTS: Final = frozenset(get_args(BrokerRole)) - {"drone", "customer", "operator"}
 
 #: People whose broker accounts are opened and closed with their API keys.
@@ -17,19 +17,19 @@ AccountRole = Literal["customer", "operator"]
 ACCOUNT_ROLES: Final[tuple[AccountRole, ...]] = get_args(AccountRole)
 
 #: How the user names of operators begin. Names of drones begin with their provider's id, which the
-#: registry makes, and names of customers have no slash: so no name is two of them.
+#: registry makes. Names of customers have no slash. So no name can be of two kinds.
 _OPERATORS: Final = "operator/"
 
-#: What stands for the account's own name in a rule, as Mosquitto writes it.
+#: The placeholder for the account's own name in a rule, as Mosquitto writes it.
 _OWN_NAME: Final = "%u"
 
-#: Where a drone or a customer finds its own name in a topic.
+#: The placeholders of a drone's or a customer's own name in a topic.
 _OWN_PLACEHOLDERS: Final = {"drone": "{p}/{d}", "customer": "{c}"}
 
 #: The user names of drones have two parts, all others one.
 USER_NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,64}(/[A-Za-z0-9_-]{1,64})?")
 
-#: Decisions remembered: about every (account, topic) of a fleet of 5,000.
+#: Cached decisions: about one for every (account, topic) of a fleet of 5,000.
 _REMEMBERED: Final = 65_536
 
 #: The first line of the files for Mosquitto.
@@ -41,7 +41,8 @@ Rule = tuple[Access, str]
 def drone_account(provider_id: str, drone_id: str) -> str:
     """The user name of a drone at the broker: the levels that its own topics begin with.
 
-    So the broker lets a drone write under its own provider only, and nobody else at all.
+    So the broker lets a drone write under its own provider only, and lets no other account write
+    there.
     """
     return f"{provider_id}/{drone_id}"
 
@@ -63,10 +64,10 @@ DEPLOYMENT_OPERATOR: Final = operator_account("deployment")
 class BrokerRules:
     """The rights of every account, for the embedded broker and, as text, for Mosquitto.
 
-    A service account has what its name has in the topics' lines. A drone has the own name in the
-    place of `{p}/{d}`, a customer in the place of `{c}`. Everyone reads what both may read about
-    the world. A service account does not count as a customer of its name. An operator reads what
-    the topics' lines say, and writes nothing.
+    A service account has the rights that the list of topics gives its name. The name of a drone
+    stands in the place of `{p}/{d}`, that of a customer in the place of `{c}`. Everyone may read
+    what both drones and customers may read. A service account does not count as a customer of its
+    name. An operator reads what the list of topics says, and writes nothing.
     """
 
     def __init__(self, topics: Iterable[Topic[Any]] = TOPICS) -> None:
@@ -94,14 +95,14 @@ class BrokerRules:
         """Filters, none with `#`, outside of which this account may write nothing."""
         return self._filters(user_name, "write")
 
-    def _filters(self, user_name: str, wanted: Access) -> tuple[str, ...]:
+    def _filters(self, user_name: str, requested: Access) -> tuple[str, ...]:
         if not USER_NAME.fullmatch(user_name):
             return ()
         has_own = self._has_own_branch(user_name)
         filters = [
             allowed.replace(_OWN_NAME, user_name)
             for access, allowed in self._given_to(user_name)
-            if access == wanted and (has_own or _OWN_NAME not in allowed)
+            if access == requested and (has_own or _OWN_NAME not in allowed)
         ]
         return tuple(dict.fromkeys(filters))
 
@@ -115,7 +116,7 @@ class BrokerRules:
         """
         everyone = dict.fromkeys(self._drones + self._customers)
         lines = [_GENERATED, *(f"pattern {access} {allowed}" for access, allowed in everyone)]
-        # A name without a slash is no drone's: its patterns of drones have a level too few.
+        # A name without a slash is not a drone's: its drone patterns have one level too few.
         lines += [
             f"pattern deny {allowed.replace(_OWN_NAME, '+')}"
             for _, allowed in self._drones
@@ -138,7 +139,7 @@ class BrokerRules:
         return "\n".join(lines) + "\n"
 
     def _section(self, user_name: str) -> list[str]:
-        """How the rights of one name begin: it is no drone and no customer of this name."""
+        """The first lines of a service's rights, which exclude drones and customers of its name."""
         denied = (branch.replace(_OWN_NAME, user_name) for branch in self._own_branches)
         return ["", f"user {user_name}", *(f"topic deny {branch}" for branch in denied)]
 
@@ -191,10 +192,10 @@ def _filter(template: str, own: str | None) -> str:
 
 
 def _matches(allowed: str, topic: str, user_name: str) -> bool:
-    wanted, levels = allowed.replace(_OWN_NAME, user_name).split("/"), topic.split("/")
-    if wanted[-1] == "#":
-        wanted = wanted[:-1]
-        levels = levels[: len(wanted)]
-    return len(wanted) == len(levels) and all(
-        part in ("+", level) for part, level in zip(wanted, levels, strict=True)
+    required, levels = allowed.replace(_OWN_NAME, user_name).split("/"), topic.split("/")
+    if required[-1] == "#":
+        required = required[:-1]
+        levels = levels[: len(required)]
+    return len(required) == len(levels) and all(
+        part in ("+", level) for part, level in zip(required, levels, strict=True)
     )

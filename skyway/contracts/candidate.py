@@ -1,4 +1,4 @@
-"""Gateway asks registry: which drones could fly this request, and why can the others not.
+"""The gateway asks the registry which drones could fly a request, and why others cannot.
 
 The answer is `skyway.contracts.shortlist.Candidates`.
 """
@@ -30,10 +30,10 @@ Standby = Literal["HOME", "STAY", "PARKING"]
 
 
 class CandidateQuery(WireModel):
-    """What must be carried from where, by whom it may be, and which drones refused already.
+    """What must be carried from where, which providers may serve, and which drones have refused.
 
-    A provider of whose drones none lifts `payload_kg` at once sends those that lift `heaviest_kg`,
-    the strongest first: the request may be split over several trips.
+    If no drone of a provider can lift `payload_kg` in one trip, the provider sends its strongest
+    drones that lift `heaviest_kg`: the request may be split over several trips.
     """
 
     pickup_station_id: StationId
@@ -71,8 +71,8 @@ class Candidate(WireModel):
     ] = 0
 
 
-#: NO_DRONES .. LOW_CHARGE come from the registry, the others from the planner and from booking;
-#: DESTINATION_UNREACHABLE from both: of drones that are known to stand in another network.
+#: NO_DRONES to LOW_CHARGE come from the registry, the others from the planner and from booking.
+#: DESTINATION_UNREACHABLE comes from both: the registry names drones in another network.
 ProviderReasonCode = Literal[
     "NO_PROVIDER",
     "NOT_ADMITTED",
@@ -128,7 +128,7 @@ class PayloadLimitQuery(WireModel):
 
 
 class PayloadLimit(WireModel):
-    """None when no admitted provider has a drone; `unknown_provider_ids` exist nowhere."""
+    """None if no admitted provider has a drone; `unknown_provider_ids` are not registered."""
 
     max_payload_kg: Annotated[
         float | None, Field(description="The heaviest payload in kilograms; null without a drone.")

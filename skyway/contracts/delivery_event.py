@@ -10,7 +10,7 @@ from skyway.ids import DeliveryId, EventId
 
 
 class DeliveryEventType(StrEnum):
-    """All that a customer can be told of a delivery."""
+    """The kinds of events that the gateway reports to the customer of a delivery."""
 
     REQUESTED = "delivery.requested"
     SCHEDULED = "delivery.scheduled"
@@ -32,7 +32,7 @@ class DeliveryEventType(StrEnum):
 
 
 class DeliveryEvent(Message):
-    """One happening; `sequence` counts from 1 per delivery, without gaps."""
+    """One event; `sequence` counts from 1 per delivery, without gaps."""
 
     event_id: EventId
     type: DeliveryEventType

@@ -60,7 +60,7 @@ class RequestedData(WireModel):
 
 
 class ScheduledData(WireModel):
-    """From when a drone is looked for; nothing is held before."""
+    """The moment from which a drone is looked for; nothing is held before."""
 
     earliest_pickup_at: Annotated[
         FleetMoment,
@@ -82,7 +82,7 @@ class ExpectedPackage(WireModel):
 
 
 class PlannedData(WireModel):
-    """Who flies it, for how much, and when each package is expected."""
+    """The drone, the price, and when each package is expected."""
 
     attempt: Annotated[int, Field(ge=1, description="The number of this booking, from 1.")]
     provider_id: ProviderId
@@ -222,7 +222,7 @@ class EndedData(WireModel):
 
 
 class RejectedData(WireModel):
-    """Why nobody flies it."""
+    """Why no drone flies it."""
 
     detail: Annotated[str, Field(description="Why, for people.")]
     reasons: Annotated[
@@ -251,7 +251,7 @@ class PackageReturnedData(_FlownBy):
 
 
 class PackageStrandedData(WireModel):
-    """Where a package is that will not be delivered, and why."""
+    """A package that will not be delivered: where it is, and why."""
 
     package_id: PackageId
     station_id: Annotated[
@@ -267,7 +267,7 @@ class PackageStrandedData(WireModel):
 
 
 class PackageCancelledData(WireModel):
-    """Which package stays at the pickup, and why."""
+    """A package that stays at the pickup, and why."""
 
     package_id: PackageId
     station_id: StationId

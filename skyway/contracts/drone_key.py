@@ -1,4 +1,4 @@
-"""Whose key a drone shows, and how many drones a provider has: the gateway asks the registry."""
+"""The gateway asks the registry whose key was shown, and how many drones a provider may have."""
 
 from typing import Annotated, Final
 
@@ -7,7 +7,7 @@ from pydantic import Field
 from skyway.ids import DroneId
 from skyway.json_model import WireModel
 
-#: How every key of a drone begins; all others are keys that the gateway made.
+#: How every key of a drone begins; the gateway made all other keys.
 DRONE_KEY_PREFIX: Final = "dk_"
 
 
@@ -24,13 +24,13 @@ class DroneKeyQuery(WireModel):
 
 
 class DroneKeyAnswer(WireModel):
-    """The drone that may show this key; None when it is nobody's, or not any more."""
+    """The drone that may show this key; None if no drone has this key now."""
 
     drone_id: DroneId | None
 
 
 class DroneQuota(WireModel):
-    """How many drones a provider may have, and has."""
+    """How many drones a provider may have, and how many it has."""
 
     most: int
     used: int

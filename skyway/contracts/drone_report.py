@@ -49,20 +49,20 @@ class Fault(StrEnum):
 
 
 class Failsafe(StrEnum):
-    """What a drone does by itself about a fault, the mildest first."""
+    """The failsafes of a drone against a fault, the mildest first."""
 
     GO_ON = "GO_ON"
     WARN = "WARN"
     STAY = "STAY"  # on the ground: begin nothing
     ASK = "ASK"  # on the ground: fail the step, so that the cloud makes another plan
     WAIT_THEN_ASK = "WAIT_THEN_ASK"
-    LAND_AT_NEXT = "LAND_AT_NEXT"  # fly what is released, land, wait there
+    LAND_AT_NEXT = "LAND_AT_NEXT"  # fly the released steps, land, wait there
     DIVERT = "DIVERT"  # fly to the nearest landing that can be reached, and wait there
-    LAND_NOW = "LAND_NOW"  # here, wherever that is
+    LAND_NOW = "LAND_NOW"  # at this place, even if it is no station
 
 
 class Wind(WireModel):
-    """Where the air goes, as estimated on board from ground against air speed."""
+    """The wind: where the air moves, estimated on board from ground and air speed."""
 
     east_mps: Annotated[
         WindComponent,
@@ -77,9 +77,10 @@ class Wind(WireModel):
 class DroneHealth(WireModel):
     """The results of the analysis on board.
 
-    `soc_error` is one standard deviation of the estimated charge; `consumption_factor` what is
-    used against what the drone model says (1.0: as planned); `range_m` is what can still be flown
-    with this load above the reserve; `safe_landings` are the nearest stations that can be reached.
+    `soc_error` is one standard deviation of the estimated charge. `consumption_factor` is the
+    energy used divided by the energy of the drone model (1.0: as planned). `range_m` is the
+    distance that can still be flown with this load above the reserve. `safe_landings` are the
+    nearest stations in reach.
     """
 
     voltage_v: Annotated[Volts, Field(description="Battery voltage in volts.")]
@@ -109,7 +110,7 @@ class DroneHealth(WireModel):
 
 
 class ActiveFailsafe(WireModel):
-    """What the drone does by itself just now, and where it leads; no station: down on the spot."""
+    """The failsafe that acts now, and where it leads; no station means on the spot."""
 
     fault: Annotated[Fault, Field(description="What is wrong.")]
     failsafe: Annotated[Failsafe, Field(description="What the drone does about it.")]
@@ -158,13 +159,13 @@ class Ack(DroneMessage):
 class DroneEvent(DroneMessage):
     """A step's end or failure, or the mission's end; `seq` goes on across sessions.
 
-    STEP_FAILED leaves the drone waiting at `station_id` for a new revision: that of the step, or
-    another one, when a failsafe has led the drone there. Without a station it is down at
-    `position` and flies no more before people have fetched it. Code UNKNOWN: the drone was
-    restarted within a hand-over, and cannot know whether it was done; it never does it again.
+    After STEP_FAILED the drone waits at `station_id` for a new revision. This is the station of the
+    step, or the one to which a failsafe has led the drone. Without a station the drone is down at
+    `position`, and does not fly until people have fetched it. Code UNKNOWN: the drone was restarted
+    during a hand-over, and cannot know whether the hand-over was done; it never repeats it.
 
-    A step that a DIVERT or RETURN_HOME ended before its time is STEP_ENDED with code CUT and the
-    `mission_revision` that it belonged to; the first new step has the same `step_id`.
+    If a DIVERT or RETURN_HOME ends a step early, the event is STEP_ENDED with code CUT and the
+    `mission_revision` of that step; the first new step has the same `step_id`.
     """
 
     event: Annotated[

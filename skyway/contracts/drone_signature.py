@@ -1,4 +1,4 @@
-"""With which key a drone signs: the services ask the registry."""
+"""The services ask the registry with which key a drone signs its messages."""
 
 from typing import Annotated, Final
 
@@ -19,7 +19,8 @@ class DroneSignature(WireModel):
     """How a drone's messages are proven.
 
     Without `is_signed` the drone has registered no key, and its broker account alone proves them.
-    With `is_signed` and without a key, nothing is believed: it was revoked, or is not registered.
+    With `is_signed` and without a key, no message of the drone is valid: its key was revoked, or
+    the drone is not registered.
     """
 
     drone_id: DroneId
@@ -28,12 +29,12 @@ class DroneSignature(WireModel):
 
 
 class DroneSignatureQuery(WireModel):
-    """The drones that are asked about; none asks for those that changed in the last minute."""
+    """The drones in question; an empty list asks for those that changed in the last minute."""
 
     drone_ids: Annotated[tuple[DroneId, ...], Field(max_length=MOST_ASKED)] = ()
 
 
 class DroneSignatures(WireModel):
-    """The answer: each drone that was asked about, or each that changed in the last minute."""
+    """The answer: each drone in question, or each drone that changed in the last minute."""
 
     signatures: tuple[DroneSignature, ...]

@@ -15,12 +15,12 @@ MOST_DRONES: Final = 1_000
 
 
 class OutOfServiceQuery(WireModel):
-    """The drones that composition wants to send somewhere later."""
+    """The drones that composition plans to send somewhere later."""
 
     drone_ids: Annotated[tuple[DroneId, ...], Field(max_length=MOST_DRONES)]
 
 
 class OutOfServiceAnswer(WireModel):
-    """Those that are in MAINTENANCE, of a SUSPENDED provider, or not registered any more."""
+    """Drones in MAINTENANCE, of a SUSPENDED provider, or not registered any more."""
 
     drone_ids: tuple[DroneId, ...]

@@ -1,4 +1,4 @@
-"""What a service counts and measures, as the gateway asks for it and shows it to operators."""
+"""The counters and gauges of a service, which the gateway reads and shows to operators."""
 
 from typing import Annotated, Final, Literal
 
@@ -7,7 +7,7 @@ from pydantic import Field
 from skyway.contracts.message import WallMoment
 from skyway.json_model import JsonModel, WireModel
 
-#: Where registry and composition say what they count and measure.
+#: Where the registry and composition show their counters and gauges.
 FIGURES: Final = "/internal/figures"
 
 
@@ -40,7 +40,7 @@ class LoggedError(WireModel):
 
 
 class Figures(WireModel):
-    """All numbers of one process, and what it has logged of its errors."""
+    """All numbers of one process, and the last errors in its log."""
 
     figures: tuple[Figure, ...]
     last_errors: tuple[LoggedError, ...] = ()

@@ -1,4 +1,4 @@
-"""The steps of a mission as a drone receives them: all it needs to fly alone."""
+"""The steps of a mission as a drone receives them, with all that it needs to fly alone."""
 
 from typing import Annotated, Literal
 
@@ -11,7 +11,7 @@ from skyway.json_model import WireModel
 
 
 class PackageOnBoard(WireModel):
-    """A package and its mass, as the drone must know it to judge its own energy."""
+    """A package and its mass, from which the drone computes its energy."""
 
     package_id: PackageId
     mass_kg: Annotated[float, Field(ge=0, description="Mass in kilograms.")]
@@ -81,7 +81,8 @@ class RechargeStep(_FlightStep):
 class DeliverStep(_FlightStep):
     """Hand these packages over, which takes `dropoff_s`.
 
-    Nobody there: the drone waits `recipient_wait_s`, then the step fails: RECIPIENT_ABSENT.
+    If the recipient is absent, the drone waits `recipient_wait_s`; then the step fails:
+    RECIPIENT_ABSENT.
     """
 
     kind: Annotated[Literal["DELIVER"], Field(description="Always DELIVER.")] = "DELIVER"

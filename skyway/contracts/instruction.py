@@ -1,4 +1,4 @@
-"""Cloud to drone: missions and immediate instructions, in one gapless order per stream."""
+"""Cloud to drone: missions and immediate instructions, numbered without gaps in each stream."""
 
 from typing import Annotated, Literal
 
@@ -10,7 +10,7 @@ from skyway.ids import DeliveryId, InstructionId, MissionId
 
 
 class _Instruction(Message):
-    """What every instruction carries; composition mints `seq`, without gaps within a `stream`.
+    """The fields of every instruction; composition counts `seq` without gaps within a `stream`.
 
     `events_confirmed_seq`: the drone may forget its events up to this one.
     """
@@ -27,7 +27,7 @@ class _Instruction(Message):
 
 
 class MissionInstruction(_Instruction):
-    """Fly these steps; a later revision replaces what is not released, from `first_step` on.
+    """Fly these steps; a later revision replaces unreleased steps, from `first_step` on.
 
     `loaded` ends a PICK_UP that awaits confirmation: what is on board, with its measured masses.
     """
@@ -47,14 +47,14 @@ class MissionInstruction(_Instruction):
 
 
 class _Replacement(_Instruction):
-    """New steps after `last_valid_step`, instead of released ones too, but not of one that ended.
+    """New steps after `last_valid_step`. They may replace released steps, but not ended steps.
 
-    `last_valid_step` is the step under way or a later one. It may be the one before the step under
-    way, when that is a WAIT, RECHARGE or PICK_UP: it then ends at once. Where a flight is followed
-    by another flight now, it does not land any more.
+    `last_valid_step` is the step under way or a later one. It may be the step before the step under
+    way if the step under way is a WAIT, RECHARGE or PICK_UP, which then ends immediately. A flight
+    that is now followed by another flight does not land any more.
 
-    While a failsafe acts, one that does not override it is refused: FAILSAFE_ACTIVE. Landing at
-    once because no landing can be reached is never overridden.
+    While a failsafe acts, the drone refuses steps that do not override it: FAILSAFE_ACTIVE. If the
+    failsafe lands immediately because no landing can be reached, nothing overrides it.
     """
 
     mission_id: MissionId
@@ -77,13 +77,13 @@ class _Replacement(_Instruction):
 
 
 class DivertInstruction(_Replacement):
-    """Something ahead of a drone, flying or not, is closed or lost: go on differently."""
+    """Something ahead of the drone is closed or lost: continue with these steps."""
 
     kind: Annotated[Literal["DIVERT"], Field(description="Always DIVERT.")] = "DIVERT"
 
 
 class ReturnHomeInstruction(_Replacement):
-    """An operator calls the drone home; what is on board goes where the new steps say."""
+    """An operator calls the drone home; the new steps say where the packages on board go."""
 
     kind: Annotated[Literal["RETURN_HOME"], Field(description="Always RETURN_HOME.")] = (
         "RETURN_HOME"
@@ -91,7 +91,7 @@ class ReturnHomeInstruction(_Replacement):
 
 
 class HoldInstruction(_Instruction):
-    """Begin no further step once the drone stands at a station; pads it charges on stay its own."""
+    """Begin no further step once the drone stands at a station; it keeps its charging pad."""
 
     kind: Annotated[Literal["HOLD"], Field(description="Always HOLD.")] = "HOLD"
     mission_id: MissionId
@@ -120,7 +120,7 @@ class CancelInstruction(_Instruction):
 
 
 class ReportInstruction(_Instruction):
-    """Send your events after this one again; it is about no mission."""
+    """Send your events after this one again; this instruction belongs to no mission."""
 
     kind: Annotated[Literal["REPORT"], Field(description="Always REPORT.")] = "REPORT"
     mission_id: Annotated[None, Field(description="Always null.")] = None

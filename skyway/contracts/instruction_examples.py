@@ -1,4 +1,4 @@
-"""One example of each instruction: one mission, and what may come in its way."""
+"""One example of each instruction, all for one mission."""
 
 from datetime import UTC, datetime, timedelta
 from typing import Final
@@ -191,7 +191,7 @@ def _divert() -> DivertInstruction:
 
 
 def _return_home() -> ReturnHomeInstruction:
-    """Called home while it charges: the RECHARGE under way ends at once."""
+    """The drone is called home while it charges: the RECHARGE under way ends immediately."""
     return ReturnHomeInstruction(
         message_id="msg_14",
         sent_at=after(60),

@@ -1,4 +1,4 @@
-"""What the gateway reads from registry and composition for its live picture of the fleet.
+"""What the gateway reads from the registry and composition for its live picture of the fleet.
 
 The gateway asks at each look, and shows what it has seen before, so it gets only changes.
 Both services answer from their databases alone, so any replica may answer, and a restart of either
@@ -79,7 +79,7 @@ class LiveDrones(WireModel):
 
 
 class MissionVersion(WireModel):
-    """A mission that is not over; another version says that something of it has changed."""
+    """A mission that is not over; its version changes whenever the mission does."""
 
     mission_id: MissionId
     version: str
@@ -204,6 +204,6 @@ class LiveMissionsQuery(WireModel):
 
 
 class LiveMissions(WireModel):
-    """Those of them that are still not over."""
+    """Those of the missions that are still not over."""
 
     missions: tuple[LiveMission, ...]

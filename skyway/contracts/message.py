@@ -1,4 +1,4 @@
-"""What every MQTT message carries, whoever writes it."""
+"""What every MQTT message carries."""
 
 from datetime import datetime
 from typing import Annotated, Literal
@@ -39,7 +39,7 @@ class DroneMessage(Message):
 
 
 def is_newer(candidate: tuple[int, int], known: tuple[int, int] | None) -> bool:
-    """Whether a drone's pair (session, seq) comes after the one already known."""
+    """Whether a drone's pair (session, seq) comes after the last one that was read."""
     return known is None or candidate > known
 
 

@@ -34,7 +34,7 @@ OPEN_MISSION_STATES: tuple[MissionState, ...] = ("QUEUED", *LIVE_MISSION_STATES)
 
 
 class Doubt(WireModel):
-    """Why nobody knows whether the drone flies, or has flown, its mission.
+    """Why it is unknown whether the drone flies, or has flown, its mission.
 
     The mission keeps its drone, its pads and its packages until the drone reports what happened or
     an operator gives the mission up: no other drone may get the packages meanwhile. Reports of the
@@ -62,10 +62,11 @@ class PackageEta(WireModel):
 
 
 class Margins(WireModel):
-    """What a plan was booked with on top of what it needs: a share of energy, time between drones.
+    """The margins of a booked plan: a share of energy, and time between drones.
 
     The plan's energies hold `energy_margin` already; each pad is reserved `pad_gap_s` longer than
-    its session. A drone later than `tolerated_lateness_s` gets a new plan if that loses something.
+    its session. A drone that is later than `tolerated_lateness_s` gets a new plan if the delay
+    costs something.
     """
 
     energy_margin: Annotated[
@@ -84,7 +85,7 @@ class DeliveryMission(WireModel):
     """A plan being flown, up to its last delivery.
 
     `plan` ends with the last delivery and counts seconds from `start_at`. Both are of the present
-    revision: after a re-composition `plan` holds only what was left to deliver then.
+    revision: after replanning, `plan` holds only what was left to deliver.
     """
 
     mission_id: MissionId
@@ -152,7 +153,7 @@ class OfferHold(WireModel):
 
 
 class OfferLimits(WireModel):
-    """What an offer that was taken has promised; a booking keeps it, or there is none.
+    """The promise of an accepted offer: a booking keeps it, or nothing is booked.
 
     `within_s` counts from the mission's start to the last delivery.
     """
@@ -171,7 +172,7 @@ class OfferLimits(WireModel):
         Tariff | None,
         Field(
             description="The provider's tariff when the offer was made: the offer is booked by it, "
-            "whatever the tariff is now. Null for offers of an earlier version."
+            "even if the tariff has changed since. Null for offers of an earlier version."
         ),
     ] = None
 
@@ -204,8 +205,8 @@ class BookMissions(WireModel):
 class Booking(WireModel):
     """BOOKED with its missions, BUSY (ask again later), INFEASIBLE (never), CLOSED (tombstone).
 
-    The packages that the missions of BOOKED do not carry are to be booked by a later attempt; with
-    a price limit or an offer all are booked or none.
+    A later attempt books the packages that the missions of BOOKED do not carry; with a price limit
+    or an offer, all packages are booked or none.
     """
 
     outcome: Annotated[
@@ -234,9 +235,9 @@ class ClosedDelivery(WireModel):
 
 
 class CancelMissions(WireModel):
-    """The body of POST /internal/deliveries/{delivery_id}/cancellations; all when no packages.
+    """The body of POST /internal/deliveries/{delivery_id}/cancellations; no packages mean all.
 
-    The same `cancellation_id` again is answered the same.
+    A repeated `cancellation_id` gets the same answer.
     """
 
     cancellation_id: Annotated[
@@ -250,12 +251,13 @@ class CancelMissions(WireModel):
 
 
 class Cancellation(WireModel):
-    """What a cancellation leads to, package by package; mission reports tell when it has.
+    """What a cancellation leads to, package by package; mission reports say when it has happened.
 
-    `released` surely stay at the pickup: their missions end, or go on without them.
-    `returning` are on board or may be loaded until their drone answers. The report RELEASED follows
-    if they stay; else they come back to the pickup or strand where a drone can land.
-    `too_late` are with their recipients, or are over.
+    `released` packages surely stay at the pickup: their missions end, or go on without them.
+    `returning` packages are on board, or may be loaded until their drone answers. The report
+    RELEASED follows for packages that stay; the others come back to the pickup, or strand where a
+    drone can land.
+    `too_late` packages are delivered, or their delivery has ended in another way.
     """
 
     released: Annotated[

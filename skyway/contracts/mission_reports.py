@@ -13,12 +13,12 @@ from skyway.geo import Position
 from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, ProviderId, StationId
 from skyway.json_model import WireModel
 
-#: Where a report goes alone, and where several do, with the gateway and with the registry.
+#: Paths for one report and for several, at the gateway and at the registry.
 MISSION_REPORTS: Final = "/internal/mission-reports"
 MANY_MISSION_REPORTS: Final = "/internal/mission-reports/many"
 
 
-#: Codes of REFUSED that a QUEUED mission gets from composition: its drone has not refused it.
+#: Codes of REFUSED for a QUEUED mission: composition has given it up, its drone has not refused it.
 CALENDAR_CODES: Final = ("CALENDAR_CHANGED", "DRONE_NOT_FREE", "CANCELLED")
 
 
@@ -129,6 +129,6 @@ class TracedReport(WireModel):
 
 
 class MissionReports(WireModel):
-    """Reports of different missions; when one is refused, each is to be sent again alone."""
+    """Reports of different missions; if one is refused, each must be sent again alone."""
 
     reports: Annotated[tuple[TracedReport, ...], Field(description="The reports, in order.")]

@@ -17,8 +17,8 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId, DroneModelId, HoldId, ProviderId, StationId, SubjectId
 from skyway.json_model import WireModel
 
-#: Wall seconds for which composition holds an offer longer than the customer is told, so that an
-#: offer that is accepted at its last moment is still held when composition is asked to keep it.
+#: Wall seconds for which composition holds an offer longer than the offer says, so that an offer
+#: that is accepted at its last moment is still held when composition is asked to keep it.
 HOLD_GRACE_S: Final = 5.0
 
 #: Why a booking did not use the drones and pads that were held for its offer.
@@ -28,7 +28,7 @@ HoldLoss = Literal[
 
 
 class HoldTerms(WireModel):
-    """For whom offers are held, and how long."""
+    """The customer for whom offers are held, and the time."""
 
     hold_id: Annotated[HoldId, Field(description="Id for the new hold.")]
     customer_id: Annotated[SubjectId, Field(description="The customer who asks.")]
@@ -54,7 +54,7 @@ class QuoteQuery(WireModel):
 
 
 class OfferTerms(WireModel):
-    """What one provider offers: its best drone's plan, or those of several trips, added up.
+    """The offer of one provider: the plan of its best drone, or the sum of several trips.
 
     `delivery_time_s` counts from the start of the first drone's plan, which may begin with a flight
     to the pickup, to the last delivery. Offers are ranked by `score`, the lower the better: the
@@ -101,7 +101,7 @@ class OfferTerms(WireModel):
 
 
 class QuoteAnswer(WireModel):
-    """One offer per provider, the best first, and why the other providers make none."""
+    """One offer per provider, the best first, and why other providers make no offer."""
 
     offers: Annotated[
         tuple[OfferTerms, ...], Field(description="One offer of each provider, the best first.")
@@ -137,7 +137,7 @@ class KeepOffer(WireModel):
 
 
 class KeptOffer(WireModel):
-    """The hold that keeps the offer until it is booked; or null, and why it cannot be kept."""
+    """The hold that keeps the offer until it is booked; or null, and why it is lost."""
 
     hold: Annotated[
         OfferHold | None, Field(description="What is held; null if the offer cannot be kept.")

@@ -15,8 +15,8 @@ RENEWALS: Final = "/internal/renewed-credentials"
 class Renewal(WireModel):
     """The credentials of a drone have changed, or were revoked.
 
-    Somebody else may have sent messages with the earlier ones. Their numbers (session, seq, stream)
-    say nothing about the messages that come with the later ones.
+    Another sender may have used the earlier credentials. The numbers of its messages (session, seq,
+    stream) say nothing about the messages that come with the new credentials.
     """
 
     drone_id: DroneId

@@ -1,4 +1,4 @@
-"""The values of which the examples of the REST documents are put together: one short story.
+"""The values in the examples of the REST documents, all from one short story.
 
 River Books has one package flown from San Marcos to McQueeney by a drone of Hill Country Drones.
 """
@@ -8,7 +8,7 @@ from typing import Any, Final
 
 #: An example by the name of its property, wherever it fits the property's type. Any: any JSON.
 BY_NAME: Final[Mapping[str, Any]] = {
-    # Who and what.
+    # Names and ids.
     "alarm_id": "alm_01kq3w8x5v9m2n4p6r7s8t9v0w",
     "attempt_id": "att_01kq3w8x5v9m2n4p6r7s8t9v0w",
     "closure_id": "clo_01kq3w8x5v9m2n4p6r7s8t9v0w",

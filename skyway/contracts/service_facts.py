@@ -1,4 +1,4 @@
-"""What services say of the same things, for `skyway verify` to compare.
+"""Facts that several services store about the same things; `skyway verify` compares them.
 
 Each service writes its facts sorted by their keys. A fact says what its service has stored, and
 what is still on its way from there to another service.
@@ -25,7 +25,7 @@ class CustodyLink(WireModel):
 
 
 class PackageFacts(WireModel):
-    """A package of a delivery, and who had it."""
+    """A package of a delivery, and its custodians."""
 
     package_id: PackageId
     chain: tuple[CustodyLink, ...]
@@ -76,7 +76,7 @@ class DeliveryFacts(WireModel):
 
 
 class HintFacts(WireModel):
-    """A mission as far as it makes its drone busy, by composition or registry."""
+    """A mission that makes its drone busy, by composition or the registry."""
 
     mission_id: MissionId
     drone_id: DroneId

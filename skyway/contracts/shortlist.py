@@ -1,8 +1,8 @@
-"""Registry to gateway to composition: the candidates of a request, in the form that travels.
+"""Registry to gateway to composition: the candidates of a request, in a compact form.
 
 Sixty candidates of a few models and providers pass through three processes for each delivery. So
-each model and each provider's terms come once, and what differs from drone to drone in columns,
-which the gateway and composition read without making a value of each.
+each model and each provider's terms are sent once. The values that differ between drones are
+columns, which the gateway and composition read without making an object for each drone.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -105,7 +105,7 @@ class Shortlist(WireModel):
 
     @property
     def is_empty(self) -> bool:
-        """Whether nobody could fly."""
+        """Whether no drone could fly."""
         return not self.drone_ids
 
     @cached_property
@@ -125,11 +125,11 @@ class Shortlist(WireModel):
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
-        """Each drone by itself, nearest first."""
+        """The drones one by one, nearest first."""
         return tuple(self.candidate(row) for row in range(len(self.drone_ids)))
 
     def candidate(self, row: int) -> Candidate:
-        """The drone of one row by itself."""
+        """The drone of one row."""
         terms = self.terms_of[self.provider_ids[row]]
         return Candidate(
             provider_id=terms.provider_id,

@@ -55,7 +55,7 @@ class SignedPayload(NamedTuple):
 
 
 def signed_bytes(topic_name: str, head: bytes) -> bytes:
-    """What is signed of a payload that begins with `head` on this topic."""
+    """The signed bytes of a payload that begins with `head` on this topic."""
     return b"".join((_DOMAIN, topic_name.encode(), b"\n", head))
 
 

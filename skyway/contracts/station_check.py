@@ -1,4 +1,4 @@
-"""Gateway and registry ask composition: which stations exist, where, and are they connected."""
+"""The gateway and the registry ask composition which stations exist, where, and how connected."""
 
 from typing import Annotated
 
@@ -17,10 +17,10 @@ class StationCheckQuery(WireModel):
 
 
 class StationCheck(WireModel):
-    """What is known of the stations asked for.
+    """The answer about the requested stations.
 
-    `network_ids` and `positions` hold the known ones; `unreachable` are known, but no path leads
-    there from `reachable_from` (another network counts as unreachable too).
+    `network_ids` and `positions` hold the stations that exist. `unreachable` stations exist, but no
+    path leads there from `reachable_from` (stations of another network are unreachable too).
     """
 
     network_ids: Annotated[
@@ -37,10 +37,10 @@ class StationCheck(WireModel):
 
 
 class NetworkStations(WireModel):
-    """All stations of a network's current version, a place in the lists for each.
+    """All stations of a network's current version; each list has one entry for each station.
 
-    From a station a path leads to all others of the same part; to other parts it may or may not.
-    A network too large to be told at once is told without any.
+    A path leads from each station to all others of the same part; to other parts there may be none.
+    The lists are empty if the network is too large for one answer.
     """
 
     network_id: NetworkId

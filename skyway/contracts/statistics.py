@@ -13,7 +13,7 @@ from skyway.ids import ProviderId
 from skyway.json_model import JsonModel
 from skyway.units import moment_to_ms, ms_to_moment
 
-#: How far back statistics look when nothing is said.
+#: How far back statistics look by default.
 _DEFAULT_SPAN: Final = timedelta(hours=24)
 
 
@@ -41,14 +41,14 @@ class Span:
 
 
 class SpanQuery(JsonModel):
-    """``?from=&to=&provider_id=``: up to now, and a day, unless said otherwise."""
+    """``?from=&to=&provider_id=``; by default the day up to now."""
 
     from_at: Annotated[FleetMoment | None, Field(alias="from")] = None
     to_at: Annotated[FleetMoment | None, Field(alias="to")] = None
     provider_id: ProviderId | None = None
 
     def span(self, now: datetime) -> Span:
-        """The span that is meant.
+        """The requested span.
 
         Raises
         ------

@@ -15,7 +15,7 @@ from skyway.contracts.world import ClockAnchor, NetworkVersion, StationState
 
 M = TypeVar("M", bound=BaseModel)
 
-#: Who holds a broker account: a kind of client, or one service by its name.
+#: The holder of a broker account: a kind of client, or one service by its name.
 BrokerRole = Literal["drone", "customer", "operator", "gateway", "registry", "composition"]
 
 
@@ -42,8 +42,8 @@ class Topic(Generic[M]):
     readers: tuple[BrokerRole, ...]
     about: str
     _adapter: TypeAdapter[M] = field(init=False, repr=False, compare=False)
-    #: Where placeholders and words stand in the template, looked at for each message: most topics
-    #: differ in their last word.
+    #: The positions of placeholders and words in the template. Words are compared from the last
+    #: one, because most topics differ in it.
     _places: tuple[int, ...] = field(init=False, repr=False, compare=False)
     _words: tuple[tuple[int, str], ...] = field(init=False, repr=False, compare=False)
 
@@ -68,7 +68,7 @@ class Topic(Generic[M]):
         return "/".join("+" if part.startswith("{") else part for part in self.template.split("/"))
 
     def ids_in(self, name: str) -> tuple[str, ...] | None:
-        """The ids that a concrete name holds, or None when it is not of this topic."""
+        """The ids in a concrete name; None if the name is not of this topic."""
         levels = name.split("/")
         if len(levels) != len(self._places) + len(self._words):
             return None

@@ -1,4 +1,4 @@
-"""Where a delivery's drones have been, are and will be: composition tells the gateway."""
+"""Where a delivery's drones have been, are and will be: composition answers the gateway."""
 
 from typing import Annotated, Literal
 
@@ -32,7 +32,7 @@ class TrackedStep(WireModel):
 
 
 class TrackedMission(WireModel):
-    """One drone's part: what it flew, where it is now, what it will fly up to its last delivery."""
+    """What one drone flew, where it is now, and what it will fly up to its last delivery."""
 
     mission_id: MissionId
     provider_id: ProviderId

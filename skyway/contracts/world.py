@@ -1,4 +1,4 @@
-"""Cloud to everybody, retained: the fleet clock, pads of a station, version of a network."""
+"""Cloud to all clients, retained: the fleet clock, pads of a station, version of a network."""
 
 from typing import Annotated
 
@@ -17,7 +17,7 @@ class ClockAnchor(Message):
 
 
 class StationState(Message):
-    """How taken a station's pads are now, and when the next reservation of a taken pad ends.
+    """How many pads of a station are taken now, and when the next reservation ends.
 
     `queue` counts the reservations that have not begun.
     """

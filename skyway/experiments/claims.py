@@ -42,7 +42,7 @@ HOW_TESTED = (
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class ClaimResult:
     """A claim in one cell: what was measured, in words, and whether the claim holds.
 
     The claim holds when it holds on the whole 95 % interval, fails when it fails on the whole
@@ -56,7 +56,7 @@ class Verdict:
         return f"{self.measured}: {self.answer}"
 
 
-def grows_exponentially(contest: Contest, *, seed: int) -> Verdict:
+def grows_exponentially(contest: Contest, *, seed: int) -> ClaimResult:
     """Whether the exhaustive time doubles at least every `DOUBLING_STATIONS` stations.
 
     The slope of ln(time) over stations, through all runs; a run that its limit ended counts as
@@ -68,21 +68,21 @@ def grows_exponentially(contest: Contest, *, seed: int) -> Verdict:
         np.log([run.elapsed_s for run in runs]),
         np.array([run.is_censored for run in runs]),
     )
-    if not times.tells_a_slope:
-        return Verdict("too few runs finished", OPEN)
+    if not times.has_a_slope:
+        return ClaimResult("too few runs finished", OPEN)
     random = np.random.default_rng(seed)
     resamples = (times.drawn(random.integers(0, len(runs), len(runs))) for _ in range(_RESAMPLES))
-    slopes = [growth_per_station(drawn) for drawn in resamples if drawn.tells_a_slope]
+    slopes = [growth_per_station(drawn) for drawn in resamples if drawn.has_a_slope]
     low, high = (float(end) for end in np.quantile(slopes, (0.025, 0.975)))
     slope = Estimate(growth_per_station(times), low, high)
     factors = [f"{math.exp(10 * end):.3g}" for end in (slope.value, low, high)]
-    return Verdict(
+    return ClaimResult(
         f"× {factors[0]} every 10 stations ({factors[1]} to {factors[2]})",
         _answer(slope, at_least=math.log(2) / DOUBLING_STATIONS),
     )
 
 
-def is_far_faster(contest: Contest, *, seed: int) -> Verdict:
+def is_far_faster(contest: Contest, *, seed: int) -> ClaimResult:
     """How many times faster the heuristic is on the same instances, at the median.
 
     Where the limit ended the exhaustive run, the true ratio is at least the measured one.
@@ -92,17 +92,17 @@ def is_far_faster(contest: Contest, *, seed: int) -> Verdict:
     median = ratios.median(seed=seed)
     is_at_least = contest.times(EXHAUSTIVE).share_finished < 1
     measured = Estimate(median.value, median.low, median.high, is_at_least)
-    return Verdict(
+    return ClaimResult(
         estimated(measured, lambda ratio: f"{ratio:.3g} times"),
         _answer(measured, at_least=FAR_FASTER),
     )
 
 
-def is_near_optimal(gaps: Sample, *, seed: int) -> Verdict:
+def is_near_optimal(gaps: Sample, *, seed: int) -> ClaimResult:
     """Whether the gap is small at the median and at p95."""
     median, p95 = gaps.median(seed=seed), gaps.quantile(0.95, seed=seed)
     answers = {_answer(median, at_most=NEAR_AT_MEDIAN), _answer(p95, at_most=NEAR_AT_P95)}
-    return Verdict(
+    return ClaimResult(
         f"p50 {percent(median.value)}, p95 {percent(p95.value)}",
         next(answer for answer in (FAILS, OPEN, HOLDS) if answer in answers),
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from skyway.experiments.claims import (
     FAILS,
     HOLDS,
-    Verdict,
+    ClaimResult,
     grows_exponentially,
     is_far_faster,
     is_near_optimal,
@@ -46,14 +46,14 @@ def open_settings(laboratory: Laboratory) -> Section:
         for number in range(laboratory.size(quick=2, full=stations // 2))
     ]
     contest = hold(laboratory, "open-settings", trials)
-    verdicts = {
-        cell.name: _verdicts(_of_cell(contest, cell), largest=sizes[-1], seed=laboratory.seed)
+    found_of = {
+        cell.name: _findings(_of_cell(contest, cell), largest=sizes[-1], seed=laboratory.seed)
         for cell in cells
     }
     finished = {
         cell.name: _of_cell(contest, cell).times(EXHAUSTIVE).share_finished for cell in cells
     }
-    return _section(verdicts, finished, sizes, limit_s)
+    return _section(found_of, finished, sizes, limit_s)
 
 
 def _cells(laboratory: Laboratory) -> list[Cell]:
@@ -73,7 +73,7 @@ def _of_cell(contest: Contest, cell: Cell) -> Contest:
     return contest.select(lambda setting: replace(setting, stations=30) == cell.setting)
 
 
-def _verdicts(contest: Contest, *, largest: int, seed: int) -> Sequence[Verdict]:
+def _findings(contest: Contest, *, largest: int, seed: int) -> Sequence[ClaimResult]:
     on_largest = contest.select(lambda setting: setting.stations == largest)
     return (
         grows_exponentially(contest, seed=seed),
@@ -83,7 +83,7 @@ def _verdicts(contest: Contest, *, largest: int, seed: int) -> Sequence[Verdict]
 
 
 def _section(
-    verdicts: dict[str, Sequence[Verdict]],
+    found_of: dict[str, Sequence[ClaimResult]],
     finished: dict[str, float],
     sizes: Sequence[int],
     limit_s: float,
@@ -91,7 +91,7 @@ def _section(
     claims = ("grows exponentially", "heuristic far faster", "heuristic near-optimal")
     findings = []
     for number, claim in enumerate(claims):
-        answers = [of_cell[number].answer for of_cell in verdicts.values()]
+        answers = [of_cell[number].answer for of_cell in found_of.values()]
         findings.append(
             SummaryLine(
                 f"{claim}",
@@ -100,8 +100,8 @@ def _section(
             )
         )
     rows = [
-        (name, percent(finished[name]), *(str(verdict) for verdict in of_cell))
-        for name, of_cell in verdicts.items()
+        (name, percent(finished[name]), *(str(finding) for finding in of_cell))
+        for name, of_cell in found_of.items()
     ]
     return Section(
         "What the paper leaves open",

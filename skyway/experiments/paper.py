@@ -173,8 +173,8 @@ def _claims(contest: Contest, largest: Contest, *, seed: int) -> list[SummaryLin
         "the heuristic is near-optimal": is_near_optimal(contest.gaps(HEURISTIC), seed=seed),
     }
     return [
-        SummaryLine(f"the paper says that {claim}", f"{_WORDS[verdict.answer]}: {verdict.measured}")
-        for claim, verdict in claims.items()
+        SummaryLine(f"the paper says that {claim}", f"{_WORDS[finding.answer]}: {finding.measured}")
+        for claim, finding in claims.items()
     ]
 
 

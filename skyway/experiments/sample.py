@@ -115,8 +115,8 @@ class LogTimes:
         return LogTimes(self.stations[rows], self.log_s[rows], self.is_censored[rows])
 
     @property
-    def tells_a_slope(self) -> bool:
-        """Whether times of at least two sizes are known."""
+    def has_a_slope(self) -> bool:
+        """Whether runs of at least two sizes have finished."""
         return len(set(self.stations[~self.is_censored])) > 1
 
 

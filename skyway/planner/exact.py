@@ -23,8 +23,8 @@ from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
 from skyway.units import TIME_TOLERANCE_S
 
-#: Labels after which an unfinished search looks for any plan, so that there is one.
-_PATIENCE_LABELS = 1 << 16
+#: After so many labels an unfinished search looks for any plan, so that there is one.
+_LABELS_BEFORE_HASTE = 1 << 16
 
 #: Factor by which the bound is raised to find any plan soon. Our own choice.
 _HASTE = 3.0
@@ -56,7 +56,7 @@ def _find(
     if closed is not None:
         return Findings(None, 0, infeasibility=closed)
     search = ExactSearch(situation, method=method, order=order)
-    ending = search.run(effort, most_labels=min(_PATIENCE_LABELS, effort.room // 2))
+    ending = search.run(effort, most_labels=min(_LABELS_BEFORE_HASTE, effort.room // 2))
     other = None
     if ending is Ending.PAUSED:
         hasty = ExactSearch(situation, method=method, order=order, weight=_HASTE)

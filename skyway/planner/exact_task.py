@@ -30,8 +30,8 @@ class Method:
     """How the exact search works; other values than the default measure what a part is worth.
 
     `bound` is what guides it: flying and charging, flying alone, or nothing. Without `dominance`
-    every label is kept. `charging` is decided as late as possible, or at once: then it is the
-    number of levels tried on each pad, and the plan is no longer proven to be the best.
+    every label is kept. `charging` is decided as late as possible, or on arrival at the pad: then
+    it is the number of levels tried on each pad, and the plan is no longer proven to be the best.
     """
 
     bound: Literal["full", "flight", "none"] = "full"

@@ -121,7 +121,7 @@ class OpenSky:
         )
         if hours is None or start_at is None:
             return None
-        # Day by day at the station, where the search works out all times at once.
+        # Day by day at the station; the search computes all times in one step.
         at_s, tolerance = start_s, timedelta(seconds=TIME_TOLERANCE_S)
         while True:
             moment = start_at + timedelta(seconds=at_s)

@@ -36,7 +36,7 @@ class FleetClock(Protocol):
         ...
 
     async def sleep_until(self, fleet_moment: datetime) -> None:
-        """Return once fleet time has reached the moment; immediately when it is past."""
+        """Return once fleet time has reached the moment; immediately if the moment is past."""
         ...
 
 
@@ -116,7 +116,7 @@ def load_clock(path: Path | None) -> AnchoredClock:
 
 
 def fleet_margin(clock: FleetClock, *, fleet_s: float, wall_s: float) -> timedelta:
-    """The larger of two spans, as fleet time: people and networks need wall time."""
+    """The larger of two spans, in fleet time; people and networks need a span of wall time."""
     return timedelta(seconds=max(fleet_s, wall_s * clock.rate))
 
 

@@ -135,7 +135,7 @@ class IdempotencyKeyReused(SkywayError):
 
 
 class RowRefused(SkywayError):
-    """A rule of the database refused a row: what the row claims is held already.
+    """A rule of the database refused a row: another row has what it claims.
 
     Parameters
     ----------

@@ -8,14 +8,14 @@ from typing import Final
 
 from skyway.runtime.errors import BudgetSpent
 
-#: When to try again: nobody knows when the queue is shorter.
+#: Seconds until another try; when the queue gets shorter is unknown.
 _RETRY_AFTER_S: Final = 1.0
 
 _Turn = asyncio.Future[None]
 
 
 class FairQueue:
-    """Lets so many works run at the same time, and the tenants that wait take turns.
+    """Lets a number of works run at the same time; tenants that wait take turns.
 
     So a tenant with many waiting works delays another tenant by one work at most. `code` names the
     queue in problem documents.
@@ -27,17 +27,17 @@ class FairQueue:
         self._per_tenant = per_tenant
         self._most_waiting = most_waiting
         self._running: Counter[str] = Counter()
-        #: The tenants that wait, the one whose turn is next first.
+        #: The tenants that wait, in the order of their turns.
         self._waiting: dict[str, deque[_Turn]] = {}
 
     @asynccontextmanager
     async def turn(self, who: str) -> AsyncIterator[None]:
-        """One work of the tenant, while the block runs; it waits for its turn first.
+        """Wait for the tenant's turn, and hold one place while the block runs.
 
         Raises
         ------
         BudgetSpent
-            So many works of the tenant wait that no more may.
+            Too many works of the tenant wait already.
         """
         await self._wait(who)
         try:
@@ -82,7 +82,7 @@ class FairQueue:
         self._begin_next()
 
     def _begin_next(self) -> None:
-        """Give what is free to the tenants that wait, in turn."""
+        """Give free places to the tenants that wait, in turn."""
         for who in list(self._waiting):
             if not self._has_room(who):
                 continue

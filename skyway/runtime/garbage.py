@@ -7,7 +7,7 @@ each scan stops the event loop for 60 to 250 ms (measured: docs/load.md).
 import gc
 from typing import Final
 
-#: Python's own are (700, 10, 10): so often costs more than the little that is found.
+#: Python's own are (700, 10, 10): such frequent scans cost more than the little garbage is worth.
 _THRESHOLDS: Final = (20_000, 20, 20)
 
 

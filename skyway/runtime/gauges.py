@@ -1,7 +1,7 @@
-"""What stands now: numbers that a service reads when somebody asks for its metrics.
+"""Gauges: numbers of the present, read when a client asks for a service's metrics.
 
-Nothing is read while nobody asks. What was read is kept for a few seconds, so that frequent
-scrapes cost no more than rare ones.
+Numbers are read only on request and kept for a few seconds, so that frequent scrapes cost no more
+than rare ones.
 """
 
 import asyncio
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 #: How long numbers are kept, seconds of wall time.
 _KEPT_S: Final = 5.0
-#: How long a source may take, seconds of wall time. Prometheus waits for 10 s by default.
+#: Longest time that a source may take, seconds of wall time. Prometheus waits for 10 s by default.
 _WITHIN_S: Final = 2.0
 
 
@@ -54,7 +54,7 @@ class Gauges:
         self._within_s = within_s
         self._now = now
         self._kept: dict[str, tuple[float, tuple[Gauge, ...]]] = {}
-        #: Callers at the same time share what one of them reads.
+        #: Concurrent callers share one reading.
         self._turn = asyncio.Lock()
 
     def show(self, *sources: GaugeSource) -> None:

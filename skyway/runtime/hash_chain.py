@@ -1,7 +1,7 @@
 """Chains of hashes: each hash covers an entry and the hash before it.
 
 So no entry can be changed, removed or added without changing all hashes after it. The hashes have
-no key: they show damage, but not the work of somebody who computes them again.
+no key: they show damage, but not a change after which all hashes were computed again.
 """
 
 import hashlib
@@ -15,7 +15,7 @@ def next_hash(previous: str, *parts: str) -> str:
     hashed = hashlib.sha256(previous.encode())
     for part in parts:
         text = part.encode()
-        # With its length before it, no part can pass for the beginning of the next.
+        # The length before each part keeps its end from passing for the start of the next part.
         hashed.update(b"%d:" % len(text))
         hashed.update(text)
     return hashed.hexdigest()

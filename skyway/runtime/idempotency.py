@@ -2,9 +2,10 @@
 
 The answer is stored under its key at the end of the act, in the transaction of the act. So both are
 stored or neither is. If the key is stored already, the act is undone and the stored answer is given
-again. An act that fails is looked up too: it may fail because it was done before. Nothing at rest
-can be read: only a hash that is derived from the key is stored. The answer may hold secrets that
-are shown once, so it is sealed with another value derived from the key.
+again. After an act that fails, the stored answer is looked up too: the act may fail because it was
+done before. Stored answers cannot be read without the key: only a hash that is derived from the key
+is stored. The answer may hold secrets that are shown once, so it is sealed with another value
+derived from the key.
 """
 
 from collections.abc import Awaitable, Callable
@@ -20,10 +21,10 @@ __all__ = ["Act", "Answer", "answered_before", "once"]
 
 _FIRST_SERVER_ERROR: Final = 500
 
-#: The rule of the database that refuses a key that is stored already.
+#: The rule of the database that refuses a key a second time.
 _ONE_ANSWER: Final = "idempotency_pkey"
 
-#: What a request does, inside the transaction it is given.
+#: The act of a request, in the given transaction.
 Act = Callable[[Tx], Awaitable[Answer]]
 
 
@@ -39,8 +40,8 @@ async def once(
 ) -> Answer:
     """The answer of `act`, or the stored answer to this caller's same call on this route.
 
-    Without a key the act simply happens. A 5xx answer undoes the act and is not stored. An error
-    that the act raises is not stored either.
+    Without a key the act happens, and nothing is stored. A 5xx answer undoes the act and is not
+    stored. An error that the act raises is not stored either.
 
     Raises
     ------
@@ -73,7 +74,8 @@ async def answered_before(
 ) -> Answer | None:
     """The stored answer to this caller's same call; None without one, or without a key.
 
-    An act that asks other services first looks here, so that a repeated call asks them nothing.
+    A route that asks other services looks here first, so that a repeated call does not ask them
+    again.
 
     Raises
     ------
@@ -94,7 +96,7 @@ async def _act(db: Database, act: Act, stored: StoredAnswer | None) -> Answer:
 
 
 class _Failed(Exception):
-    """Leaves the write block, and so undoes it, after a 5xx answer."""
+    """Leaves the write block after a 5xx answer, which rolls the block back."""
 
     def __init__(self, answer: Answer) -> None:
         super().__init__(answer.status)

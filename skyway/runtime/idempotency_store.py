@@ -1,6 +1,6 @@
-"""The answers given under an Idempotency-Key: what is derived from the key, the table, its SQL.
+"""The answers given under an Idempotency-Key: values derived from the key, the table, its SQL.
 
-Nothing that is stored leads back to the key.
+The key cannot be found from what is stored.
 """
 
 import hashlib
@@ -76,7 +76,7 @@ class KeySecrets:
         return cls(derived[:32].hex(), derived[32:64], derived[64:])
 
     def body_hash(self, body: bytes) -> bytes:
-        """A hash that identifies the body, and that nobody can compute without the key."""
+        """A hash that identifies the body; it cannot be computed without the key."""
         return hmac.digest(self.body_key, body, hashlib.sha256)
 
     def seal(self, answer: Answer) -> bytes:
@@ -102,7 +102,7 @@ def idempotency_table(metadata: MetaData) -> Table:
         Column("body_hash", LargeBinary, nullable=False),
         Column("answer", LargeBinary),
         Column("created_at_ms", BigInteger, nullable=False),
-        # The path of what the call made; null if the answer names none.
+        # The path of the thing that the call created; null if the answer names none.
         Column("location", Text),
         Index("idempotency_age", "created_at_ms"),
     )
@@ -111,7 +111,7 @@ def idempotency_table(metadata: MetaData) -> Table:
 #: The same table for the statements here: its name and columns are the same in every service.
 _KEYS: Final = idempotency_table(MetaData())
 
-# Statements of every request are made once: making one takes as long as running it.
+# Each statement is made once, because making it takes as long as running it.
 
 _THIS: Final = _KEYS.c.key_hash == bindparam("this")
 _FIND: Final = select(_KEYS.c.body_hash, _KEYS.c.answer).where(
@@ -143,7 +143,7 @@ class StoredAnswer:
         tx.add(_KEYS, [row])
 
     async def load(self, db: Database) -> Answer | None:
-        """How the call was answered before; None when no answer is stored.
+        """The answer that the call got before; None if no answer is stored.
 
         Raises
         ------
@@ -169,7 +169,7 @@ class StoredAnswer:
 
 
 async def sweep(db: Database, clock: FleetClock) -> int:
-    """Delete answers that are older than a day; how many there were."""
+    """Delete answers that are older than a day; returns their number."""
     oldest_ms = moment_to_ms(clock.wall_now()) - KEPT_MS
     async with db.write() as tx:
         deleted = await tx.execute(_KEYS.delete().where(_KEYS.c.created_at_ms <= oldest_ms))

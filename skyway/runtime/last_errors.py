@@ -10,7 +10,7 @@ from typing import Final
 from skyway.contracts.figures import LoggedError
 from skyway.runtime.tracing import current_trace_id
 
-#: Kinds that are kept. One kind is one text in the code, whatever is filled in.
+#: Kinds that are kept. One kind is one text in the code, with any values filled in.
 MOST_KINDS: Final = 20
 #: Characters of a text that are kept.
 _LONGEST_TEXT: Final = 300
@@ -26,11 +26,11 @@ class LastErrors(logging.Handler):
         self._guard = threading.Lock()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Note a record; the kind that is silent longest is forgotten if there are too many."""
+        """Note a record; with too many kinds, the kind with the oldest record is forgotten."""
         try:
             self._note(record)
         except (TypeError, ValueError, KeyError):
-            # A text whose values do not fit is reported, and stops no work.
+            # A text whose values do not fit is reported, and does not stop the work.
             self.handleError(record)
 
     def _note(self, record: logging.LogRecord) -> None:

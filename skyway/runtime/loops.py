@@ -18,7 +18,8 @@ log = logging.getLogger(__name__)
 #: Waits after a failed step grow from the first to the second, seconds of wall time.
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.1, 5.0
 
-#: The longest wait while a part is away: one loop may need what another does after its own wait.
+#: The longest wait while a part is away: one loop may need the result of another loop that waits
+#: too.
 _LONGEST_WAIT_FOR_A_PART_S = 1.0
 
 _NO_TIME = timedelta(0)
@@ -31,11 +32,11 @@ class Wake:
         self._event = asyncio.Event()
 
     def set(self) -> None:
-        """Let the loop go on, now or as soon as it waits."""
+        """Wake the loop now, or as soon as it waits."""
         self._event.set()
 
     async def wait(self, timeout_s: float) -> bool:
-        """Return when set, at the latest after `timeout_s` seconds of wall time; whether it was."""
+        """Wait until set, at most `timeout_s` seconds of wall time; returns whether it was set."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
                 await self._event.wait()
@@ -45,7 +46,7 @@ class Wake:
 
 
 class MissingParts:
-    """The parts of the system that a loop waits for: each is logged once, and when they are back.
+    """The parts of the system that a loop waits for; their loss and their return are logged once.
 
     Without this, a loop would log the same line every second while the database is away.
     """
@@ -72,7 +73,7 @@ class MissingParts:
 
 
 def missing_part(error: Exception) -> ServiceUnavailable | None:
-    """The part of the system that is away; None if anything else is behind the error too."""
+    """The part of the system that is away; None if the error has any other cause too."""
     if isinstance(error, ServiceUnavailable):
         return error
     if not isinstance(error, ExceptionGroup):
@@ -159,8 +160,8 @@ class Loops:
 class Pace:
     """Lets a turn begin at most every `every_s` seconds of wall time; the first one immediately.
 
-    With `burst`, so many unused turns may be used later, at least `least_s` apart. The clock
-    measures the time, so that tests can move it; without one it is the machine's clock.
+    With `burst`, up to that number of unused turns may be used later, at least `least_s` apart. The
+    clock measures the time, so that tests can move it; without one it is the machine's clock.
     """
 
     def __init__(
@@ -176,7 +177,7 @@ class Pace:
         self._ahead = burst * self._every
         self._least = timedelta(seconds=least_s)
         self._began_at: datetime | None = None
-        self._due_at: datetime | None = None  # when the next turn would begin, had none come early
+        self._due_at: datetime | None = None  # when the next turn begins if no turn was early
 
     async def turn(self) -> None:
         """Wait until the next turn may begin; one caller waits at a time."""

@@ -15,13 +15,13 @@ from skyway.runtime.errors import BudgetSpent
 #: The most callers that a meter remembers, about 100 bytes each.
 _MOST_REMEMBERED: Final = 20_000
 
-#: What sums of seconds may be wrong by.
+#: Rounding tolerance of sums of seconds.
 _ROUNDING_S: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """What each caller may use: `burst` at any moment, which refills by `per_s` a second.
+    """What each caller may use: up to `burst` together; the budget refills by `per_s` a second.
 
     `code` names the budget in problem documents.
     """
@@ -33,7 +33,7 @@ class Budget:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What is left of a budget, and in how many seconds all of it is there again."""
+    """What is left of a budget, and in how many seconds the budget is full again."""
 
     budget: Budget
     left: int
@@ -56,12 +56,12 @@ class Meter:
     """One budget for each caller.
 
     A bucket is stored as the moment at which it is full again, so a bucket that is full needs no
-    memory. When the memory is full, the caller that was longest silent is forgotten first.
+    memory. When the memory is full, the meter forgets the caller that was silent for longest.
 
     Parameters
     ----------
     now
-        Seconds of a clock. If it goes back, nobody waits longer than for a whole bucket.
+        Seconds of a clock. If it goes back, a caller waits at most for a whole bucket.
     """
 
     def __init__(
@@ -78,25 +78,25 @@ class Meter:
         #: When the bucket of a caller is full again; the caller that was last seen is last.
         self._full_at: dict[str, float] = {}
 
-    def take(self, who: str, cost: float = 1.0) -> Reading:
-        """Take `cost` from the caller's budget, and say what is left of it.
+    def spend(self, who: str, cost: float = 1.0) -> Reading:
+        """Spend `cost` of the caller's budget, and return what is left of the budget.
 
         Raises
         ------
         BudgetSpent
-            So much is not left; nothing is taken.
+            Less than `cost` is left; nothing is spent.
         """
         self.require(who, cost)
         self.charge(who, cost)
         return self.read(who)
 
     def require(self, who: str, cost: float = 1.0) -> None:
-        """Take nothing, but demand that so much is left.
+        """Check that at least `cost` is left; nothing is spent.
 
         Raises
         ------
         BudgetSpent
-            So much is not left.
+            Less than `cost` is left.
         """
         lacking_s = self._lacking_s(who)
         wait_s = lacking_s + cost / self.budget.per_s - self._refill_s
@@ -105,9 +105,9 @@ class Meter:
             raise BudgetSpent(self.budget.code, wait_s, headers=headers)
 
     def charge(self, who: str, cost: float) -> None:
-        """Take `cost`, or all that is left: for what shows its cost only when it is done.
+        """Spend `cost`, or all that is left: for work whose cost is only clear afterwards.
 
-        A negative cost is given back.
+        A negative cost gives budget back.
         """
         self._keep(who, min(self._lacking_s(who) + cost / self.budget.per_s, self._refill_s))
 

@@ -1,4 +1,4 @@
-"""What a process counts; `skyway.runtime.exposition` shows it to Prometheus.
+"""The counters of a process; `skyway.runtime.exposition` shows them to Prometheus.
 
 Counting needs nothing but this file, so that the drone agent stays light: prometheus_client is
 only imported by a service that is asked for its metrics.
@@ -32,7 +32,7 @@ class Counters:
         series[key] = series.get(key, 0.0) + amount
 
     def value(self, name: str, **labels: str) -> float:
-        """How much has been counted under exactly these labels."""
+        """The count under exactly these labels."""
         return self._values[name].get(tuple(sorted(labels.items())), 0.0)
 
     def collect(self) -> "Iterable[CounterMetricFamily]":

@@ -1,4 +1,4 @@
-"""The network of a caller: what pays for callers that have not proven who they are."""
+"""The network of a caller, whose budget callers without a valid key spend."""
 
 from functools import lru_cache
 from ipaddress import IPv6Address, ip_address, ip_network

@@ -1,4 +1,4 @@
-"""Other services' secrets as hashes: enough to recognise who shows one, and useless to thieves.
+"""Hashes of other services' secrets: enough to recognise a caller, and useless to a thief.
 
 The secrets hold 256 random bits, so a fast hash is enough.
 """

@@ -1,4 +1,4 @@
-"""What a cloud service reads from its environment; each service adds its own fields."""
+"""The settings that a cloud service reads from its environment; each service adds its own."""
 
 import ssl
 from pathlib import Path
@@ -11,7 +11,7 @@ from skyway.runtime.errors import InvalidSettings
 
 
 class DatabaseSettings(BaseSettings):
-    """What `migrate` and `verify` of a service need: its database, and nothing else."""
+    """The settings of `migrate` and `verify`: the database of the service."""
 
     model_config = SettingsConfigDict(env_prefix="SKYWAY_", frozen=True, extra="ignore")
 
@@ -132,7 +132,7 @@ class ServiceSettings(DatabaseSettings):
 
     @property
     def mqtt_tls(self) -> ssl.SSLContext | None:
-        """What an encrypted connection to the broker trusts; None for the system's roots.
+        """The trusted certificates of the broker's connection; None: the system's roots.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What a caller may have open at the same time, counted in the memory of one process."""
+"""Limits what a caller may have open at the same time, counted in the memory of one process."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -6,7 +6,7 @@ from typing import Final
 
 from skyway.runtime.errors import BudgetSpent
 
-#: When to try again: nobody knows when a slot becomes free.
+#: Seconds until another try; when a slot becomes free is unknown.
 _RETRY_AFTER_S: Final = 1.0
 
 

@@ -21,15 +21,15 @@ _NO_TRACE = "0" * 32
 _NO_SPAN = "0" * 16
 _SAMPLED = "01"
 
-#: What is done in a span, or what says so when it has ended.
+#: The name of a span, or a function that names it at its end.
 SpanName = str | Callable[[], str]
 
 
 @dataclass(frozen=True, slots=True)
 class FinishedSpan:
-    """Something that was done in a trace: from when to when, ns since 1970.
+    """A piece of work in a trace: its begin and end, ns since 1970.
 
-    `parent_id` is the span that caused it; None if it has begun the trace.
+    `parent_id` is the span that caused it; None if this span began the trace.
     """
 
     name: str
@@ -60,18 +60,18 @@ _SECRET_WORDS = ("password", "secret", "token", "authorization", "api_key", "bea
 
 
 def current_traceparent() -> str | None:
-    """The traceparent of the work going on in this task, or None outside of any trace."""
+    """The traceparent of the work in this task; None outside of any trace."""
     return _current.get()
 
 
 def current_trace_id() -> str | None:
-    """The trace id of the work going on in this task, 32 hex digits."""
+    """The trace id of the work in this task, 32 hex digits."""
     traceparent = _current.get()
     return None if traceparent is None else trace_id_of(traceparent)
 
 
 def trace_id_of(traceparent: str | None) -> str | None:
-    """The trace id in a traceparent, or None when it is missing or not one."""
+    """The trace id in a traceparent; None if there is no valid one."""
     found = _TRACEPARENT.fullmatch(traceparent or "")
     if found is None:
         return None
@@ -122,10 +122,10 @@ def tracing(received: str | None, name: SpanName = "work") -> Iterator[str]:
 
 @contextmanager
 def in_trace_of(stored: str | None, name: SpanName = "work") -> Iterator[None]:
-    """Do the block in the trace of a stored traceparent, under a span of our own.
+    """Run the block in the trace of a stored traceparent, under a span of our own.
 
-    What is stored with a delivery names the trace of its request. Without a stored one, and within
-    the same trace already, nothing changes.
+    The traceparent that is stored with a delivery is that of its request. Without a stored
+    traceparent, or if its trace is already current, nothing changes.
     """
     if stored is None or trace_id_of(stored) == current_trace_id():
         yield
@@ -135,7 +135,7 @@ def in_trace_of(stored: str | None, name: SpanName = "work") -> Iterator[None]:
 
 
 class JsonLines(logging.Formatter):
-    """One JSON object per record; what was given as `extra` becomes members."""
+    """One JSON object per record; the values in `extra` become members."""
 
     def __init__(self, service: str) -> None:
         super().__init__()

@@ -24,7 +24,7 @@ def make_door(*, burst: int = 100, connections: int = 6, per_address: int = 4) -
     return Door(limits, now=lambda: 0.0)
 
 
-def test_one_address_has_so_many_connections_and_one_that_leaves_makes_room():
+def test_connections_of_one_address_are_limited():
     door = make_door()
     inside = [Connection() for _ in range(4)]
     for each in inside:

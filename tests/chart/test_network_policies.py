@@ -80,7 +80,7 @@ def test_every_pod_is_closed_in_both_directions(outcomes: Outcomes, case: str) -
         assert ["Ingress", "Egress"] in closed, pod.name
 
 
-def test_who_needs_the_database_reaches_only_it(outcomes: Outcomes) -> None:
+def test_services_reach_the_database_and_nothing_else_outside(outcomes: Outcomes) -> None:
     found = outcomes["everything"]
     for pod in found.pods():
         to_database = [

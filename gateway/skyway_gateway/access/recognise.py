@@ -123,7 +123,7 @@ class AllKeys:
             return await self._sessions.recognise(secret)
         shown = await self._people.recognise(secret)
         if isinstance(shown, RefusedKey):
-            # A key that has ended waits from now on like one that never was.
+            # From now on an expired key is delayed like an unknown key.
             self._in_use.forget(secret_hash(secret))
         return shown
 

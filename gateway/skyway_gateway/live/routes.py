@@ -87,4 +87,4 @@ def pay(meter: Meter, caller: Caller, cost: float) -> None:
     Operators pay nothing: all of them share one snapshot, and none must wait for it.
     """
     if caller.role != "operator":
-        meter.take(str(caller), min(cost, meter.budget.burst / 2))
+        meter.spend(str(caller), min(cost, meter.budget.burst / 2))

@@ -61,7 +61,7 @@ OFFERS: Final = (
         "I17 an accepted offer is flown, or its failure has a cause after the acceptance",
         _lost_without_cause,
         "The delivery was REJECTED although composition held its offer, and no reason says what "
-        "happened after the acceptance. Find the reason in the logs, and tell the customer.",
+        "happened after the acceptance. Find the reason in the logs, and inform the customer.",
     ),
     Rule(
         "an accepted quote has its delivery",

@@ -3,8 +3,8 @@
 No clock ends a mission whose drone may have the packages. Such a mission is put in doubt, and
 waits for its drone or for an operator.
 
-What proves that a drone does not fly a booking, and has not flown it? The drone's own word is the
-best proof: it names another mission, or none, and we have read all of its events. Silence is a
+What proves that a drone does not fly a booking, and has not flown it? The best proof is the drone's
+own report: it names another mission, or none, and we have read all of its events. Silence is a
 proof only to a process that has listened all the time.
 """
 
@@ -124,8 +124,8 @@ def _is_silent(record: MissionRecord, link: DroneLink, *, since: datetime) -> bo
 def _says_not_flown(record: MissionRecord, link: DroneLink) -> bool:
     """Whether the drone has said since the expiry that it does not fly the booking.
 
-    A drone that stands idle may have flown the whole mission while nobody listened. Then its state
-    names events that were not read here.
+    A drone that stands idle may have flown the whole mission while this process was away. Then its
+    state names events that were not read here.
     """
     state, doubt = link.state, record.mission.doubt
     if state is None or moment_to_ms(state.at) <= record.expires_ms:
@@ -191,7 +191,7 @@ class LateMissions:
 
 @dataclass(frozen=True, slots=True)
 class LoadingTimeouts:
-    """Ends missions that nobody has loaded in time."""
+    """Ends missions that were not loaded in time."""
 
     db: Database
     networks: PreparedNetworks

@@ -51,7 +51,7 @@ missions = Table(
     Column("request", Text, nullable=False),  # JSON of DeliveryRequest
     Column("candidate", Text, nullable=False),  # JSON of Candidate: the drone as it was booked
     Column("report_seq", Integer, nullable=False),
-    Column("told", Text),  # the last activity and station that was reported
+    Column("told", Text),  # MissionRecord.reported_activity; the name is older
     Column("stuck", Text),  # JSON of missions.record.Stuck: why it needs a new revision
     Column("trouble", Text),  # JSON of missions.record.Trouble: why its plan does not hold
     Column("proposal", Text),  # JSON of missions.record.Proposal: sent, not accepted yet

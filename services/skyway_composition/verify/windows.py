@@ -77,6 +77,6 @@ WINDOWS: Final = (
         "a mission's first plan keeps the windows and the deadline of its request",
         _outside_their_windows,
         "The request or the steps were changed. Compare `missions.request` with the request at the "
-        "gateway, and the steps with `instructions.body`; tell the customer if the plan is late.",
+        "gateway, and the steps with `instructions.body`; inform the customer if the plan is late.",
     ),
 )

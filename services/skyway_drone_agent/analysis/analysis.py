@@ -27,8 +27,8 @@ _CALM_MPS: Final = (0.0, 0.0)
 #: Looks within this time share a reading: seconds of fleet time, or of wall time if longer.
 _MOMENT_FLEET_S, _MOMENT_WALL_S = 0.2, 0.05
 
-#: The newest assessment is fresh for this time: seconds of fleet time, or of wall time if longer.
-#: What is sent to the cloud is not older, however the guard's rhythm stands to the sender's.
+#: The newest assessment counts as fresh for this time: seconds of fleet time, or of wall time if
+#: that is longer. So data for the cloud is never older, in any rhythm of guard and sender.
 _FRESH_FLEET_S, _FRESH_WALL_S = 0.4, 0.1
 
 #: The parts of a logbook that a reading and its analysis use.
@@ -233,7 +233,7 @@ class Lookout:
         return self._not_older_than(fresh)
 
     def consumption_factor(self) -> float:
-        """Energy of flights as a multiple of the plan, by the newest assessment."""
+        """Used energy of flights as a multiple of the planned energy, by the newest assessment."""
         return self.newest().consumption_factor
 
     def _not_older_than(self, age: timedelta) -> Assessment:

@@ -63,8 +63,8 @@ _COUNTING_ERROR: Final = 0.03
 #: Error of a voltage without load: by the sensor, temperature and relaxation.
 _VOLTAGE_ERROR_V: Final = 0.1
 
-#: Seconds for which the error of a voltage stays the same, by its sensor and by a wrong resistance:
-#: more readings in this time say nothing new.
+#: Seconds for which the error of a voltage (sensor, wrong resistance) stays the same: more readings
+#: in this time give no new information.
 _ERROR_LASTS_S, _SAG_ERROR_LASTS_S = 60.0, 900.0
 
 #: The least error of the estimate, however often the voltage agrees.

@@ -1,6 +1,6 @@
 """Reach: how far the charge takes the drone.
 
-The wind and the consumption so far count.
+It depends on the wind and on the consumption so far.
 """
 
 from collections.abc import Iterable, Sequence

@@ -1,1 +1,1 @@
-"""Enrolment: how a drone gets, keeps and changes what it shows to the cloud."""
+"""Enrolment: how a drone gets, keeps and changes its credentials."""

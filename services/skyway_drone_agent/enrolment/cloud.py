@@ -1,4 +1,4 @@
-"""The drone's own REST calls: rare and small, made where waiting does no harm."""
+"""The drone's own REST calls: rare, small, and made where blocking does no harm."""
 
 import http.client
 import json

@@ -93,7 +93,7 @@ def enrolled(folder: CredentialsFolder, *, drone_id: DroneId | None) -> tuple[Ke
 
 
 def begin_rotation(kept: KeptCredentials, folder: CredentialsFolder) -> KeptCredentials:
-    """The same with following credentials, which are kept and not in force yet.
+    """The credentials with following ones, which are kept and not in force yet.
 
     Raises
     ------
@@ -145,7 +145,7 @@ class Crew(Protocol):
 
     @property
     def drones(self) -> tuple[EnrolledDrone, ...]:
-        """The drones, each with what it logs in with."""
+        """The drones, each with its login."""
         ...
 
     @property
@@ -162,7 +162,7 @@ class Crew(Protocol):
         ...
 
     async def changed(self) -> None:
-        """Return once the credentials of drones have changed; it may never return."""
+        """Return once the credentials of drones have changed; this may never happen."""
         ...
 
 

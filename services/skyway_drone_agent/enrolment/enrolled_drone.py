@@ -136,7 +136,7 @@ class KeptCredentials(WireModel):
 
 
 class Attempt(WireModel):
-    """With what a token is exchanged: the call's idempotency key and the drone's own key."""
+    """The values that exchange a token: the call's idempotency key and the drone's own key."""
 
     idempotency_key: str = Field(repr=False)
     signing_key: str = Field(repr=False)

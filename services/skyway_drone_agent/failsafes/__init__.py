@@ -1,1 +1,1 @@
-"""What goes wrong, and what the drone does about it by itself."""
+"""Faults, and what the drone does about them by itself."""

@@ -9,7 +9,8 @@ from skyway.contracts.drone_report import AlarmLevel, Failsafe, Fault
 from skyway_drone_agent.analysis.analysis import Assessment
 from skyway_drone_agent.failsafes.failsafe import Situation, in_order_of_danger
 
-#: Charge that a prediction may lie below its limit, and must lie above it for the fault to end.
+#: A fault begins when a predicted charge is this much below its limit, and ends when it is this
+#: much above.
 _SOC_MARGIN: Final = 0.005
 
 #: Rounding of a predicted charge: plans may land with exactly what they must keep.
@@ -69,7 +70,7 @@ _HINTS: Final[dict[Failsafe, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class Signs:
-    """Everything that shows whether there is a fault."""
+    """The values that show whether there is a fault."""
 
     assessment: Assessment
     situation: Situation

@@ -48,7 +48,7 @@ _GROUND_EVERY_S: Final = 5.0
 #: The least change of the battery's health that is written to the journal.
 _HEALTH_STEP: Final = 0.01
 
-#: Faults that the monitors of link and cloud report immediately to the gates themselves.
+#: Faults that the monitors of link and cloud report directly to the gates.
 _MONITORED_FAULTS: Final = frozenset({Fault.LINK_LOST, Fault.CLOUD_SILENT})
 
 

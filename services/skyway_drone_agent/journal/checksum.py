@@ -1,4 +1,4 @@
-"""A checksum on each line of a journal: a line that has changed on the disk is never believed.
+"""A checksum on each line of a journal: a line that has changed on the disk is never used.
 
 A line stays one JSON object; its last member is the CRC-32 of all text before that member.
 """
@@ -12,7 +12,7 @@ _LENGTH: Final = len(_NAME) + 8 + len(_END)
 
 
 class ChangedLine(ValueError):
-    """The text of a line is not the one that was written."""
+    """The text of a line has changed since it was written."""
 
 
 def with_checksum(text: str) -> bytes:

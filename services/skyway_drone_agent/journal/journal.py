@@ -48,7 +48,7 @@ class Journal(Protocol):
 
 
 class DamagedLine(SkywayError):
-    """A whole line of a journal is not as it was written; `before` is the sum of those before."""
+    """A whole line of a journal has changed on disk; `before` sums the lines before it."""
 
     def __init__(self, number: int, before: Logbook) -> None:
         super().__init__(f"line {number} is damaged")
@@ -66,9 +66,9 @@ class JournalUnwritable(SkywayError):
 class FileJournal:
     """JSON lines with checksums: the logbook at the last start, then one record a line.
 
-    A damaged journal is set aside for people, and counts as lost: nobody knows which of its records
-    the cloud has read. Then the drone begins a new one where the whole lines before the damage say
-    that it stands.
+    A damaged journal is set aside for people, and counts as lost, because it is unknown which of
+    its records the cloud has read. The drone then begins a new journal at the place that the lines
+    before the damage name.
 
     Writing blocks the event loop on purpose: a decision and its record cannot drift apart, and the
     drone must not act before the record is written.
@@ -98,7 +98,7 @@ class FileJournal:
         return damage.before.begun_anew(at_first=at_first)
 
     def _set_aside(self) -> Path:
-        """Rename the file to the first free name; returns that."""
+        """Rename the file to the first free name; returns that name."""
         for number in count(1):
             aside = self._path.with_suffix(f".damaged-{number}")
             if not aside.exists():
@@ -167,7 +167,7 @@ def _sum_of(content: bytes, *, at_first: Logbook) -> Logbook:
         A line cannot be read, or is not as it was written.
     """
     *lines, rest = content.split(b"\n")
-    for last in (rest, rest[:-1]):  # only its end of line is missing, or has changed
+    for last in (rest, rest[:-1]):  # only the end of the line is missing, or has changed
         if has_checksum(last):
             lines.append(last)
             break

@@ -159,8 +159,7 @@ class Logbook(WireModel):
     def begun_anew(self, *, at_first: Self) -> Self:
         """The logbook of a drone that has lost its journal after this one.
 
-        It knows where it stands, and with what charge; in the air it does not even know that, and
-        is as `at_first`.
+        On the ground it still has its place and its charge; in the air it is as `at_first`.
         """
         known = {"session": self.session}
         if self.station_id is None:

@@ -55,7 +55,7 @@ class StepBegun(WireModel):
 
 
 class EventRecorded(WireModel):
-    """Something happened that is reported to the cloud."""
+    """An event happened that is reported to the cloud."""
 
     kind: Literal["EVENT"] = "EVENT"
     event: DroneEvent

@@ -124,7 +124,7 @@ class Heartbeat:
         self._clock = clock
 
     def after(self, moment: datetime) -> datetime:
-        """When a drone is due that was last looked at, or sent its state, at the moment."""
+        """When a drone is due again that was last looked at, or sent its state, at this moment."""
         every, tick = self._wall(HEARTBEAT_EVERY_S), self._wall(_TICK_S)
         if self._link.up_since is not None:
             first = _at_tick(self._link.up_since + self._share * every, tick)

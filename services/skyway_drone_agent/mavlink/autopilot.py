@@ -1,4 +1,4 @@
-"""What an autopilot last said of itself, over MAVLink."""
+"""The last values that an autopilot reported over MAVLink."""
 
 import asyncio
 import math
@@ -25,7 +25,7 @@ _C_PER_MAH, _J_PER_HJ = 3.6, 100.0
 
 
 class Autopilot:
-    """The newest of each value; `None` and NaN-like numbers of MAVLink are read as unknown."""
+    """The newest of each value; `None` stands for the numbers that mean "unknown" in MAVLink."""
 
     def __init__(self, model: DroneModel, dialect: Any, clock: FleetClock) -> None:
         self._model = model
@@ -56,14 +56,14 @@ class Autopilot:
         self.item_reached = -1
 
     def handle(self, message: MavlinkMessage) -> None:
-        """Take in what it says; messages of other kinds say nothing of interest."""
+        """Store the values of a message; other kinds of messages are ignored."""
         reading = _READERS.get(message.get_type())
         if reading is not None:
             reading(self, message)
             self._news.set()
 
     async def until(self, claim: Callable[[], bool], *, timeout_s: float | None = None) -> bool:
-        """Whether the claim has come to hold, at the latest after so many seconds of wall time."""
+        """Wait until the claim holds, for at most this wall time; returns whether it does."""
         if not claim():
             await finished_within(self._clock, timeout_s, self._hold(claim))
         return claim()
@@ -75,17 +75,17 @@ class Autopilot:
 
     @property
     def has_reported(self) -> bool:
-        """Whether it has said what it is, where, and if it stands."""
+        """Whether it has reported its type, its place, and whether it stands."""
         return None not in (self.kind, self.position, self.landed_state)
 
     @property
     def is_ardupilot(self) -> bool:
-        """Whether it keeps its home as a mission's first item, and arms only in other modes."""
+        """Whether it stores its home as the first mission item, and arms only in other modes."""
         return bool(self.kind == self._dialect.MAV_AUTOPILOT_ARDUPILOTMEGA)
 
     @property
     def is_on_ground(self) -> bool:
-        """Whether it stands. Without a landed state, a disarmed drone counts as standing."""
+        """Whether the drone stands. Without a landed state, a disarmed drone counts as standing."""
         if self.landed_state in (None, self._dialect.MAV_LANDED_STATE_UNDEFINED):
             return not self.is_armed
         return bool(self.landed_state == self._dialect.MAV_LANDED_STATE_ON_GROUND)
@@ -97,19 +97,19 @@ class Autopilot:
 
     @property
     def power_w(self) -> float:
-        """What is drawn from the battery."""
+        """The power drawn from the battery."""
         return (self._voltage_v or 0.0) * (self._current_a or 0.0)
 
     def is_near(self, place: Position, *, within_m: float) -> bool:
-        """Whether it is at this place; unknown is no."""
+        """Whether the drone is at this place; False if that is unknown."""
         return self.position is not None and distance_m(self.position, place) <= within_m
 
     def forget_mission(self) -> None:
-        """What it said of items belongs to an earlier mission."""
+        """Forget the reported items: they belong to an earlier mission."""
         self.item_now, self.item_reached = None, -1
 
     def reading(self, at: datetime, *, last_position: Position, last_soc: float) -> Reading:
-        """The newest of everything as one reading; what was never said is filled up from before."""
+        """The newest values as one reading; missing values come from the reading before."""
         soc = self.soc if self.soc is not None else last_soc
         current_a = self._current_a or 0.0
         voltage_v = self._voltage_v
@@ -135,7 +135,7 @@ class Autopilot:
         )
 
     def _air_mps(self) -> tuple[float, float]:
-        """By the autopilot's wind, else along its nose, else as over ground."""
+        """Air velocity: by the autopilot's wind, else along its heading, else as over ground."""
         if self._wind_mps is not None:
             east, north = self._wind_mps
             return self.ground_mps[0] - east, self.ground_mps[1] - north
@@ -176,7 +176,7 @@ class Autopilot:
         cells_v = tuple(one / 1000 for one in message.voltages if one not in (0, _NO_CELL))
         if cells_v:
             self._voltage_v = sum(cells_v)
-            # One number alone is the whole pack's.
+            # A single number is the voltage of the whole pack.
             self._cells_v = cells_v if len(cells_v) > 1 else ()
         if message.current_battery >= 0:
             self._current_a = message.current_battery / 100

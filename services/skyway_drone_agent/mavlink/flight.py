@@ -1,4 +1,4 @@
-"""One flight of a real autopilot, up to its landing: upload, arm, start, and follow."""
+"""A flight of a real autopilot up to its landing: upload, arm, start, and follow."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -12,12 +12,13 @@ from skyway_drone_agent.mavlink.mission import FlightPlan, MissionRefused, fligh
 #: ArduCopter's number of the mode in which it may be armed for a mission.
 _COPTER_GUIDED: Final = 4
 
-#: Wall seconds between two tries of what the autopilot refuses for now, and how often on ground.
+#: Wall seconds between two tries of a command that the autopilot refuses for now, and the number of
+#: tries on the ground.
 _AGAIN_S: Final = 2.0
 _TRIES: Final = 5
 
-#: Wall seconds until a command that was accepted has shown its effect; and until it has left the
-#: ground, which takes some motors their time.
+#: Wall seconds until an accepted command shows its effect, and until the drone has left the ground,
+#: because some motors start slowly.
 _EFFECT_S: Final = 10.0
 _RISE_S: Final = 60.0
 
@@ -27,7 +28,7 @@ class FlightRefused(MissionRefused):
 
 
 class MavlinkFlight:
-    """Flights that the autopilot has as one mission, in their order; the last one lands."""
+    """Flights that the autopilot has as one mission, in their order; the last flight lands."""
 
     def __init__(
         self, autopilot: Autopilot, route: Sequence[FlyStep], *, ends: Sequence[int]
@@ -37,7 +38,7 @@ class MavlinkFlight:
         self._ends = tuple(ends)
 
     def goes_on_with(self, route: Sequence[FlyStep]) -> bool:
-        """Whether these flights are the rest of what the autopilot has."""
+        """Whether these flights are the remaining flights of the autopilot's mission."""
         return self._route[-len(route) :] == tuple(route)
 
     async def end_of(self, step: FlyStep) -> None:
@@ -65,14 +66,14 @@ async def begin_flight(
     altitude_m: float,
     speed_mps: float,
 ) -> MavlinkFlight:
-    """Have the autopilot fly this route, and return once the drone is in the air.
+    """Make the autopilot fly this route, and return once the drone is in the air.
 
     A drone that is in the air already turns to this route immediately.
 
     Raises
     ------
     MissionRefused
-        It refuses the mission, or does not take off.
+        The autopilot refuses the mission, or does not take off.
     """
     is_airborne = not autopilot.is_on_ground
     plan = flight_plan(
@@ -106,7 +107,7 @@ async def _arm(link: MavlinkLink, autopilot: Autopilot) -> None:
 
 
 async def _start(link: MavlinkLink, autopilot: Autopilot, plan: FlightPlan) -> None:
-    """From the first item on: an autopilot in the air may be at any other."""
+    """Start at the first item: an autopilot in the air may be at any other item."""
     target = await link.target()
     for _ in range(_TRIES):
         link.mav.mission_set_current_send(*target, plan.first)
@@ -117,7 +118,7 @@ async def _start(link: MavlinkLink, autopilot: Autopilot, plan: FlightPlan) -> N
 
 
 async def _rise(autopilot: Autopilot) -> None:
-    """Return in the air; an autopilot that does not rise disarms itself after a while."""
+    """Return once the drone is in the air; an autopilot that does not rise disarms itself."""
     await autopilot.until(
         lambda: not autopilot.is_on_ground or not autopilot.is_armed, timeout_s=_RISE_S
     )
@@ -126,7 +127,7 @@ async def _rise(autopilot: Autopilot) -> None:
 
 
 async def _insist(link: MavlinkLink, what: str, command_id: int, *params: float) -> None:
-    """Have a command accepted that may be refused for now."""
+    """Repeat a command, which may be refused for now, until it is accepted."""
     dialect = link.dialect
     result: int | None = None
     for _ in range(_TRIES):

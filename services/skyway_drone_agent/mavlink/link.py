@@ -164,7 +164,7 @@ def _opened(address: str) -> tuple[Any, Any]:  # pymavlink has no types
 _TIMEOUT_S: Final = 1.5
 _TIMES: Final = 5
 
-#: Wall seconds that an answer may take once the autopilot says that it is at work.
+#: Wall seconds that an answer may take once the autopilot reports that it works on the command.
 _AT_WORK_S: Final = 30.0
 
 
@@ -182,7 +182,7 @@ async def command(link: MavlinkLink, command_id: int, *params: float) -> int | N
 async def command_once(
     link: MavlinkLink, command_id: int, *params: float, timeout_s: float
 ) -> int | None:
-    """The MAV_RESULT of a command that must not be done twice; None: nobody knows."""
+    """The MAV_RESULT of a command that must not be done twice; None if it is unknown."""
     return await _sent(link, command_id, params, confirmation=0, timeout_s=timeout_s)
 
 

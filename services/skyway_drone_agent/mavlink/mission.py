@@ -12,11 +12,11 @@ from skyway_drone_agent.mavlink.link import MavlinkLink, MavlinkMessage, Message
 
 log = logging.getLogger(__name__)
 
-#: Wall seconds before what was not answered is sent again, and how often: the protocol's own.
+#: Wall seconds before an unanswered message is sent again, and how often: the protocol's values.
 _TIMEOUT_S: Final = 1.5
 _TIMES: Final = 5
 
-#: Uploads that are begun anew after the autopilot lost track of one.
+#: How often an upload begins anew after the autopilot has lost track of it.
 _UPLOADS: Final = 3
 
 #: MAV_CMD_DO_CHANGE_SPEED: the speed over ground, and no change of the throttle.
@@ -27,7 +27,7 @@ _PER_DEGREE: Final = 1e7
 
 
 class MissionRefused(SkywayError):
-    """The autopilot does not take the mission."""
+    """The autopilot does not accept the mission."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ async def upload(link: MavlinkLink, items: Sequence[MissionItem]) -> None:
     Raises
     ------
     MissionRefused
-        It refuses one of them, or does not answer.
+        The autopilot refuses an item, or does not answer.
     """
     lost_track = {
         link.dialect.MAV_MISSION_INVALID_SEQUENCE,
@@ -115,7 +115,7 @@ async def upload(link: MavlinkLink, items: Sequence[MissionItem]) -> None:
 
 
 async def _uploaded(link: MavlinkLink, items: Sequence[MissionItem]) -> int | None:
-    """The MAV_MISSION_RESULT of one upload; None when the autopilot fell silent."""
+    """The MAV_MISSION_RESULT of one upload; None if the autopilot stopped answering."""
     target = await link.target()
     asked_for: int | None = None
     with link.receiving("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK") as answers:
@@ -129,7 +129,7 @@ async def _uploaded(link: MavlinkLink, items: Sequence[MissionItem]) -> int | No
                     return int(message.type)
                 if message.seq >= len(items):
                     continue
-                # Each item is sent as often as it is asked for; nothing else is.
+                # Items are sent only on request, as often as they are requested.
                 asked_for = message.seq
                 _send_item(link, target, items, asked_for)
     return None

@@ -1,4 +1,4 @@
-"""Where a drone's autopilot is, and how the drone lets go of what it carries."""
+"""The address of a drone's autopilot, and how the drone drops its packages."""
 
 import math
 from dataclasses import dataclass
@@ -14,7 +14,8 @@ _PULSES_US: Final = (500, 2_500)
 class PayloadRelease:
     """A gripper that opens, or a servo that turns to a pulse width in microseconds.
 
-    The same command lets go of the next packages: one dispenser, not one actuator for each.
+    The same command drops the next packages: the drone has one dispenser, not one actuator for each
+    package.
     """
 
     instance: int
@@ -38,7 +39,7 @@ class PayloadRelease:
         )
 
     def command(self, dialect: Any) -> tuple[float, ...]:  # pymavlink's numbers
-        """The id and the parameters of the command that lets go."""
+        """The id and the parameters of the command that drops the packages."""
         if self.pulse_us is None:
             return (
                 dialect.MAV_CMD_DO_GRIPPER,
@@ -50,7 +51,7 @@ class PayloadRelease:
 
 @dataclass(frozen=True, slots=True)
 class MavlinkSettings:
-    """Where the autopilot is, and how the drone it flies is used.
+    """The address of the autopilot, and how its drone is used.
 
     A release that is not answered for `release_s` of wall time may have been done, or not.
     """

@@ -37,14 +37,14 @@ class Releases:
         self._newest: tuple[tuple[int, datetime], asyncio.Task[bool | None]] | None = None
 
     async def release(self, run: StepRun) -> bool | None:
-        """Whether the autopilot has let go for this step; None when nobody knows."""
+        """Whether the autopilot has dropped the packages of this step; None if that is unknown."""
         if self._newest is None or self._newest[0] != _key(run):
             self._newest = (_key(run), asyncio.create_task(self._let_go()))
-        # Shielded: a step that is taken up again goes on with the same release.
+        # Shielded: a step that continues after a cancel waits for the same release.
         return await asyncio.shield(self._newest[1])
 
     def result_of(self, run: StepRun) -> bool | None:
-        """Whether this process has seen it done; autopilots do not remember it."""
+        """Whether this process has seen the hand-over done; autopilots do not remember it."""
         if self._newest is None or self._newest[0] != _key(run) or not self._newest[1].done():
             return None
         return self._newest[1].result()
@@ -72,13 +72,13 @@ _AT_STATION_M: Final = 30.0
 #: A charge that is short by this much counts as reached: autopilots report whole percents.
 _CHARGE_GRAIN: Final = 0.005
 
-#: Wall seconds between two tries of what must be done and was refused: in the air, or to let go.
+#: Wall seconds between two tries of a refused command that must succeed: in the air, or a release.
 _AGAIN_S: Final = 2.0
 
-#: Wall seconds that an autopilot may take to answer what we need not insist on.
+#: Wall seconds that an autopilot may take to answer an optional request.
 _ASKED_S: Final = 1.0
 
-#: Microseconds between two messages of a kind that we ask the autopilot for.
+#: Microseconds between two messages of each kind that the autopilot should send.
 _EVERY_US: Final = 500_000
 
 
@@ -125,7 +125,7 @@ class MavlinkVehicle:
         await self._autopilot.until(lambda: self._autopilot.has_reported)
 
     async def perform(self, run: StepRun) -> Outcome:
-        """Do the step and return at its end; the same run again goes on with it."""
+        """Do the step and return at its end; a call with the same run continues the step."""
         match run.step:
             case FlyStep():
                 return await self._fly(run, run.step)
@@ -149,7 +149,7 @@ class MavlinkVehicle:
         return Outcome(max(at, run.started_at), self._soc(run), energy_j=0.0, code="CUT")
 
     def sample(self, run: StepRun, at: datetime) -> Sample:
-        """What the autopilot said last."""
+        """The last values that the autopilot reported."""
         autopilot = self._autopilot
         return Sample(
             position=autopilot.position or run.position,
@@ -159,7 +159,7 @@ class MavlinkVehicle:
         )
 
     def read(self, doing: StepRun | Standing, at: datetime) -> Reading:
-        """What the autopilot said last, as one reading."""
+        """The last values that the autopilot reported, as one reading."""
         return self._autopilot.reading(at, last_position=doing.position, last_soc=doing.soc)
 
     async def land(self, run: StepRun) -> Outcome:
@@ -190,12 +190,12 @@ class MavlinkVehicle:
         place = self._autopilot.position
         if not is_down or place is None or self._has_arrived(route):
             return ended
-        # Brought down by its own failsafes, or by a pilot's hand.
+        # The drone's own failsafes or a pilot have brought it down.
         log.warning("landed elsewhere", extra={"step_id": step.step_id})
         return _failed(ended, code="LANDED_ELSEWHERE", elsewhere=Elsewhere(None, place))
 
     async def _begin(self, run: StepRun, route: tuple[FlyStep, ...]) -> Outcome | None:
-        """Have the autopilot fly; on the ground it may refuse, in the air it is asked again."""
+        """Make the autopilot fly; on the ground it may refuse, in the air it is asked again."""
         while True:
             self._flight = None
             try:
@@ -216,7 +216,7 @@ class MavlinkVehicle:
                 return None
 
     def _has_arrived(self, route: tuple[FlyStep, ...]) -> bool:
-        """Whether it stands where these flights lead, after a restart too."""
+        """Whether the drone stands where these flights lead, also after a restart."""
         autopilot, end = self._autopilot, route[-1].to_position
         return autopilot.is_on_ground and autopilot.is_near(end, within_m=_AT_STATION_M)
 

@@ -47,7 +47,7 @@ class TelemetryThinning:
         self._sent_wall_at: datetime | None = None
 
     def is_news(self, assessment: Assessment, *, wall_at: datetime) -> bool:
-        """Whether to send: a value left its dead band, or the last sample is long ago."""
+        """Whether to send a sample: a value left its dead band, or the last sample is old."""
         sent, sent_wall_at = self._sent, self._sent_wall_at
         if sent is None or sent_wall_at is None or wall_at - sent_wall_at >= _SILENT_AT_MOST:
             return True

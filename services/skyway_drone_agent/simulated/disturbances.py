@@ -87,7 +87,7 @@ class TakenPad(JsonModel):
 
 
 class Pads(JsonModel):
-    """Each pad is occupied for a share of the time, `taken_s` each time; and named pads."""
+    """Pads that are occupied: each for a share of the time, `taken_s` each time; and named pads."""
 
     taken_share: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0
     taken_s: Annotated[float, Field(ge=1.0, le=1e6)] = 900.0
@@ -121,7 +121,7 @@ class Drift(FlightFault):
 
 
 class LinkLoss(JsonModel):
-    """In a share of all spans of `every_s` the link is down once, for `for_s`.
+    """In a share of all spans of `every_s`, the link is down once for `for_s`.
 
     `seconds` says whether these are seconds of wall time or of fleet time.
     """
@@ -142,7 +142,7 @@ class LinkLoss(JsonModel):
 class Disturbances(JsonModel):
     """Factors on the drone model's values, weather, and faults.
 
-    The flight factors hold for the way, not for a landing. `power_noise` is the standard deviation
+    The flight factors apply to the way, not to a landing. `power_noise` is the standard deviation
     of a flight's power as a share of the model's. Half of the variance is the same for all flights
     of a drone. All chance depends only on `seed`, the drone and the case.
     """

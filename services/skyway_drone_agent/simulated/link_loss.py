@@ -30,7 +30,7 @@ class Outage:
 def outages(after: datetime, *, disturbed: Disturbances, drone_id: DroneId) -> Iterator[Outage]:
     """The outages of this drone's link that end after a moment, without end.
 
-    Only for drones where `has_outages` holds: for others there would be no next outage.
+    Only for drones for which `has_outages` is true: other drones have no next outage.
     """
     loss = disturbed.link
     span = math.floor(after.timestamp() / loss.every_s)

@@ -43,7 +43,7 @@ class SimulatedVehicle:
         return self._physics.model
 
     async def perform(self, run: StepRun) -> Outcome:
-        """Wait until the step's computed end, which does not depend on when this wakes."""
+        """Wait until the step's computed end; a late wake-up does not change that end."""
         if _awaits_confirmation(run):
             # A loader confirms to the cloud; then the cloud sends an instruction.
             await asyncio.Event().wait()

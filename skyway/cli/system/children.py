@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
-from skyway.cli.system.patience import NotNow, until_done
+from skyway.cli.system.retry import NotNow, until_done
 from skyway.cli.system.supervisor import Child
 
 _HOST = "127.0.0.1"

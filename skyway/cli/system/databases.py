@@ -4,7 +4,7 @@ import os
 from urllib.parse import SplitResult, urlsplit
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
-from skyway.cli.system.patience import NotNow
+from skyway.cli.system.retry import NotNow
 from skyway.errors import SkywayError
 
 #: Classes of SQLSTATE that a person must settle: a refused role or password, no such database, and

@@ -21,8 +21,8 @@ from skyway.cli.system.children import (
 from skyway.cli.system.databases import database_urls
 from skyway.cli.system.fleet_time import anchor_clock, keep_heartbeat
 from skyway.cli.system.log_rotation import keep_logs_small
-from skyway.cli.system.patience import until_done
 from skyway.cli.system.readiness import until_ready
+from skyway.cli.system.retry import until_done
 from skyway.cli.system.secrets import make_secrets, write_keys_file
 from skyway.cli.system.supervisor import Child, Supervisor, first_of
 

@@ -14,7 +14,7 @@ from skyway.scheduling.utilisation import USES, StepTime, Use, spent_ms
 from skyway.units import hours_to_s, minutes_to_s
 
 #: A customer gives up when no drone is booked within this time, as by the services' default.
-PATIENCE_MS: Final = round(hours_to_s(1) * 1000)
+LONGEST_WAIT_MS: Final = round(hours_to_s(1) * 1000)
 
 
 _MS_PER_MINUTE: Final = minutes_to_s(1) * 1000
@@ -39,12 +39,12 @@ class FlownHour:
         return [each for calendar in self.calendars.missions for each in calendar]
 
 
-def simulate(case: Case, policy: Policy, *, patience_ms: int | None = None) -> FlownHour:
+def simulate(case: Case, policy: Policy, *, longest_wait_ms: int | None = None) -> FlownHour:
     """Book the requests of a case in the order of asking, and fly them as planned.
 
     Parameters
     ----------
-    patience_ms
+    longest_wait_ms
         A request that is not booked within this time is given up. None means that it waits.
     """
     calendars, finder = Calendars(case, policy), MissionFinder.of(case.network)
@@ -56,7 +56,7 @@ def simulate(case: Case, policy: Policy, *, patience_ms: int | None = None) -> F
             waiting.append(coming.pop())
         still_waiting = []
         for request in waiting:
-            if patience_ms is not None and now_ms > request.asked_ms + patience_ms:
+            if longest_wait_ms is not None and now_ms > request.asked_ms + longest_wait_ms:
                 lost.append(request)
                 continue
             mission = finder.first_mission(calendars, request, now_ms=now_ms)
@@ -86,7 +86,7 @@ class HourMeasures:
     Parameters
     ----------
     served_share
-        The share of requests that are served when customers give up after `PATIENCE_MS`.
+        The share of requests that are served when customers give up after `LONGEST_WAIT_MS`.
     delays_min
         Minutes from each request to its last delivery, when nobody gives up; infinite without a
         plan. All following measures are of this run too.
@@ -130,9 +130,9 @@ def measure(trial: HourTrial) -> HourMeasures:
     """Simulate a trial with and without customers that give up."""
     case = draw_case(trial.place, trial.load, seed=trial.seed)
     hour = simulate(case, trial.policy)
-    with_patience = simulate(case, trial.policy, patience_ms=PATIENCE_MS)
+    until_given_up = simulate(case, trial.policy, longest_wait_ms=LONGEST_WAIT_MS)
     return HourMeasures(
-        served_share=len(with_patience.missions) / len(case.requests),
+        served_share=len(until_given_up.missions) / len(case.requests),
         delays_min=_delays_min(hour),
         held_h=sum(_held_ms(hour.calendars, each) for each in hour.missions) / _MS_PER_HOUR,
         energy_kwh=sum(each.energy_j for each in hour.missions) / _J_PER_KWH,

@@ -6,7 +6,7 @@ from statistics import mean
 from skyway.experiments.figures import Axis, Stack, draw_groups, draw_stacks
 from skyway.experiments.fleet_hour.calendars import CHAINED, ONE_AT_A_TIME, POLICIES, Policy
 from skyway.experiments.fleet_hour.cases import PLACES, Load, Place
-from skyway.experiments.fleet_hour.measures import PATIENCE_MS, HourMeasures, HourTrial, measure
+from skyway.experiments.fleet_hour.measures import LONGEST_WAIT_MS, HourMeasures, HourTrial, measure
 from skyway.experiments.laboratory import Laboratory
 from skyway.experiments.report import (
     Section,
@@ -169,8 +169,8 @@ _POLICIES = (
     "delivered. **Chained, home**: requests are booked behind busy drones; a drone without a next "
     "mission flies home (the default of the services). **Chained**: the same, and drones stay. "
     f"**Served** is the share of requests for which a drone is booked within "
-    f"{duration(PATIENCE_MS / 1000)}; then customers give up. In all other columns nobody gives "
-    "up. **Mean** and **p90** are minutes from the request to its last delivery. **Drone-hours** "
-    "count from a mission's start until its drone can be booked again. Shares are of the drones' "
-    "time until the last delivery."
+    f"{duration(LONGEST_WAIT_MS / 1000)}; then customers give up. In all other columns nobody "
+    "gives up. **Mean** and **p90** are minutes from the request to its last delivery. "
+    "**Drone-hours** count from a mission's start until its drone can be booked again. "
+    "Shares are of the drones' time until the last delivery."
 )

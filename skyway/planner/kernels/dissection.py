@@ -75,11 +75,11 @@ def _at_cut(skyway: Skyway, side: Longs, part: Longs, other_side: int) -> Longs:
 
 
 @kernel
-def _collect(rows: Longs, low: int, part: Longs, side: Longs, wanted: int) -> int:
+def _collect(rows: Longs, low: int, part: Longs, side: Longs, which: int) -> int:
     """Write the stations of one side from `low` on; returns the index after the last one."""
     end = low
     for row in part:
-        if side[row] == wanted:
+        if side[row] == which:
             rows[end] = row
             end += 1
     return end

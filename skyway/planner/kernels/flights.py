@@ -7,7 +7,7 @@ import numpy as np
 from skyway.planner.kernels.charging import Charge, after_raising, after_staying, until_left
 from skyway.planner.kernels.closures import just_after_s, leave_latest_s, leave_s
 from skyway.planner.kernels.compiler import kernel
-from skyway.planner.kernels.hand_overs import change_hands
+from skyway.planner.kernels.hand_overs import pick_up_or_hand_over
 from skyway.planner.kernels.labels import (
     FULL_MEMORY,
     charge_of,
@@ -58,7 +58,7 @@ def expand(search: Search, label: int) -> bool:
     memory = search.memory
     state = memory.link[label, STATE]
     place, mask = memory.state[state, STATE_PLACE], memory.state[state, STATE_MASK]
-    if search.task.may_pass and not change_hands(search, label, place, mask):
+    if search.task.may_pass and not pick_up_or_hand_over(search, label, place, mask):
         return False
     first = arcs_of(search.skyway, search.closed, memory, place, OUTWARD)
     if first < 0:
@@ -76,11 +76,11 @@ def _fly(search: Search, label: int, mask: int, arc: int) -> bool:
     end = _end_of(task, memory, mask, arc)
     if end.reached >= 0 and task.flight_after[mask, end.reached] == np.inf:
         return True
-    hands_over = end.following >= 0
+    has_hand_over = end.following >= 0
     row = memory.label[label]
     flight_s = memory.arc_length[arc] * task.s_per_m[mask]
     used_j = row[USED] + memory.arc_length[arc] * task.j_per_m[mask]
-    if hands_over:
+    if has_hand_over:
         used_j += task.stop_j
     need_j = task.reserve_j + used_j + _left_at_end_j(task, end)
     charge = after_raising(task, charge_of(memory, label), need_j)
@@ -92,7 +92,7 @@ def _fly(search: Search, label: int, mask: int, arc: int) -> bool:
             search, label, mask, arc, end, ready_s + flight_s, charge, used_j, np.inf, -np.inf
         )
     segment = memory.arc_segment[arc]
-    landing = closed.first_station_key + memory.row[end.place] if hands_over else NONE
+    landing = closed.first_station_key + memory.row[end.place] if has_hand_over else NONE
     leave_at_s = ready_s
     while True:
         leave_at_s = leave_s(closed, segment, landing, leave_at_s, flight_s, task.stop_s)
@@ -119,7 +119,7 @@ def _fly(search: Search, label: int, mask: int, arc: int) -> bool:
         # A drone that lands can wait there: leaving after the next closure only helps if the last
         # pad gives more charge meanwhile. A drone that flies on may meet a closure that then
         # is over.
-        if latest_s == np.inf or (hands_over and stayed.position >= charge.last_position):
+        if latest_s == np.inf or (has_hand_over and stayed.position >= charge.last_position):
             return True
         leave_at_s = just_after_s(latest_s, flight_s + task.stop_s)
 

@@ -49,7 +49,7 @@ def act_at(task: Task, memory: Memory, place: int, mask: int) -> int:
 
 
 @kernel
-def change_hands(search: Search, label: int, place: int, mask: int) -> bool:
+def pick_up_or_hand_over(search: Search, label: int, place: int, mask: int) -> bool:
     """Enter the labels after the pick-up or hand-over here, if any is due; False when full."""
     task, memory = search.task, search.memory
     act = act_at(task, memory, place, mask)

@@ -10,7 +10,7 @@ from skyway.planner.kernels.memory import Floats, Ints, Longs, int64
 
 @entrance
 def lengths_from(
-    offsets: Longs, station: Ints, length_m: Floats, root: int, wanted: Longs, most_settled: int
+    offsets: Longs, station: Ints, length_m: Floats, root: int, requested: Longs, most_settled: int
 ) -> Floats:
     """The length of the shortest way from the root to each requested row, or a lower bound, metres.
 
@@ -21,7 +21,7 @@ def lengths_from(
     tentative_m = np.full(count, np.inf)
     is_settled = np.zeros(count, np.bool_)
     is_open = np.zeros(count, np.bool_)
-    is_open[wanted] = True
+    is_open[requested] = True
     still_open = is_open.sum()
     settled = 0
     radius_m = np.inf
@@ -43,4 +43,4 @@ def lengths_from(
             if there_m < tentative_m[other]:
                 tentative_m[other] = there_m
                 heappush(heap, (there_m, other))
-    return np.where(is_settled[wanted], tentative_m[wanted], radius_m)
+    return np.where(is_settled[requested], tentative_m[requested], radius_m)

@@ -1,1 +1,1 @@
-"""HTTP between services and from outside: what all services ask and answer in the same way."""
+"""HTTP between services and from outside: everything that all services do in the same way."""

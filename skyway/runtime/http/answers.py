@@ -1,6 +1,6 @@
 """What routes answer beside plain JSON: problems, answers that may be repeated, and GeoJSON.
 
-The problems of every operation stand here as an OpenAPI document shows them.
+It also describes the problems of every operation for the OpenAPI document.
 """
 
 from collections.abc import Iterator, Mapping
@@ -56,12 +56,12 @@ _DETAILS: Final[Mapping[str, str]] = {
     "idempotency-key-reused": "this Idempotency-Key was used before with another body",
     "too-many-requests": "the budget TENANT_REQUESTS is spent; try again in 0.7 s",
     "service-unavailable": "composition is unavailable: it cannot be reached",
-    "internal-error": "the request was not carried out; the logs tell why by its trace_id",
+    "internal-error": "the request was not carried out; the logs say why, under its trace_id",
 }
 
 _NEVER_METERED: Final = ("/healthz", "/readyz")
 
-#: For the `responses` of a route that may name something in its body that is not there.
+#: For the `responses` of a route whose body may name a thing that does not exist.
 NOT_FOUND: Final[dict[int | str, Part]] = {HTTPStatus.NOT_FOUND.value: {}}
 
 #: The header `Idempotency-Key`, for a parameter of the name `idempotency_key`.
@@ -149,7 +149,7 @@ def _problem(kind: str) -> Part:
 
 
 def response_of(answer: Answer) -> Response:
-    """The HTTP answer, the first time or again."""
+    """The HTTP answer, new or repeated."""
     return Response(answer.body, answer.status, dict(answer.headers), "application/json")
 
 

@@ -26,24 +26,24 @@ from skyway.runtime.http.request_boundary import (
     Admission,
     BodyLimit,
     RequestBoundary,
-    admit_everybody,
+    admit_all,
     body_limits,
 )
 from skyway.runtime.http.service_router import ServiceRouter, internal_body, read_json
 
 __all__ = ["Health", "Readiness", "body_limits", "create_app", "internal_body", "read_json"]
 
-#: Longer than any part needs to answer that it is there.
+#: Seconds for the check of one part; a part that works answers sooner.
 _READINESS_S: Final = 5.0
 
-#: Requests are answered without these parts: what is for them waits in the outbox.
+#: Requests are answered while these parts are away: messages for them wait in the outbox.
 _NOT_NEEDED_FOR_ANSWERS: Final = frozenset({"mqtt"})
 
 Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
-#: Asks each part that a service needs, by its name, whether it is there.
+#: Checks by name whether each part that a service needs is there.
 Readiness = Callable[[], Awaitable[dict[str, bool]]]
 
-#: Makes a service's own OpenAPI document the one that it shows.
+#: Turns the OpenAPI document of a service into the document that it shows.
 Publish = Callable[[Document], Document]
 
 _ASSETS: Final = {
@@ -52,7 +52,7 @@ _ASSETS: Final = {
     "favicon.png": "image/png",
 }
 
-#: The browser itself refuses what is not ours, and every script that stands in a page.
+#: Browsers refuse what other hosts send, and every script inside a page.
 _ONLY_OURS: Final = "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'"
 
 _PAGE: Final = """<!DOCTYPE html>
@@ -81,7 +81,7 @@ _docs_page = ServiceRouter(include_in_schema=False)
 
 
 class Health(JsonModel):
-    """The process is alive; with `checks`, each part it needs is there."""
+    """The process is alive; `checks` says which of the parts that it needs are there."""
 
     service: Annotated[str, Field(description="The name of the service.")]
     checks: Annotated[
@@ -118,13 +118,13 @@ def create_app(
     lifespan: Lifespan,
     readiness: Readiness,
     body_limit: BodyLimit | None = None,
-    entrance: Admission = admit_everybody,
+    entrance: Admission = admit_all,
     middleware: Sequence[Middleware] = (),
     models: Sequence[type[BaseModel]] = (),
     webhooks: APIRouter | None = None,
     publish: Publish | None = None,
 ) -> FastAPI:
-    """An app with these routers, and with the routes that all services have.
+    """An app with these routers and with the routes of every service.
 
     Nothing is opened before the lifespan begins. Without `body_limit`, every body ends at 256 KiB.
     `entrance` looks at each request before its body is read.
@@ -165,7 +165,7 @@ def _health_routes(service: str, readiness: Readiness) -> ServiceRouter:
 
     @router.get("/readyz")
     async def get_readiness() -> Health:
-        """Whether requests are answered; 503 names what is missing for that.
+        """Whether requests are answered; a 503 names the missing parts.
 
         The broker is named in `checks` only: no request needs it.
         """
@@ -202,7 +202,7 @@ async def show_docs(request: Request) -> Response:
 
 @_docs_page.get("/docs/start.js")
 async def show_docs_script() -> Response:
-    """What draws the page."""
+    """The assets that draw the page."""
     return Response(_START, media_type="text/javascript")
 
 

@@ -1,14 +1,14 @@
-"""Slows callers who go on after their budget is spent: their answers come later."""
+"""Slows callers that go on after their budget is spent: their answers are delayed."""
 
 import asyncio
 from typing import Final
 
-#: Wall seconds by which such an answer is late. A caller that waits for its answers, on a bounded
-#: number of connections, then calls so much less often.
+#: Delay of such an answer, wall seconds. A caller that waits for its answers on a few connections
+#: then calls less often.
 _HELD_S: Final = 0.5
 
-#: The most answers that are held back together; those above come without delay. They are fewer than
-#: the connections of one address, so that they do not shut out other callers of their address.
+#: The most answers that are delayed at the same time; further answers are not delayed. The number
+#: is below the connections of one address, so that other callers of the address are not shut out.
 _MOST_HELD: Final = 200
 
 

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-#: Wall seconds that a new connection may take, and the most connections to one service.
+#: Longest time to open a connection, wall seconds; and the most connections to one service.
 _CONNECT_S: Final = 2.0
 _MOST_CONNECTIONS: Final = 100
 #: Servers close a connection after 5 s of silence. A request must not meet that.
@@ -56,7 +56,7 @@ _RETURNED_HEADERS: Final = (
 
 
 class CallOptions(TypedDict, total=False):
-    """What a call may carry beside its path; `query` and `headers` are added to our own."""
+    """The options of a call; `query` and `headers` are added to our own."""
 
     body: JsonModel | bytes  # bytes are JSON already
     caller: Caller | None
@@ -126,7 +126,7 @@ class ServiceClient:
         answer: type[Any] | None = None,  # any type with a JSON form
         **options: Unpack[CallOptions],
     ) -> Any:
-        """What the service answers, as a value of type `answer`; nothing when that is None.
+        """The service's answer as a value of type `answer`; None if no type is given.
 
         Raises
         ------
@@ -202,7 +202,7 @@ class ServiceClient:
 
     @contextmanager
     def _connections(self) -> Iterator[httpx.AsyncBaseTransport]:
-        """Report the service as unavailable when a connection to it fails within the block."""
+        """Raise ServiceUnavailable if a connection to the service fails within the block."""
         if self._opened is None:
             raise ServiceUnavailable(self.name, "its client is not open")
         try:
@@ -233,7 +233,7 @@ class ServiceClient:
             raise RemoteProblem(response.status_code, _problem_in(response))
 
     def _secret_refused(self) -> ServiceUnavailable:
-        """A 401 between services is no fault of our own caller, who therefore gets a 503."""
+        """A 401 between services is not the caller's fault, so the caller gets a 503."""
         log.error("secret refused", extra={"asked_service": self.name})
         return ServiceUnavailable(self.name, "it does not accept the secret shown to it")
 

@@ -1,7 +1,7 @@
 """Work that ends when its client disconnects.
 
 For calls that change nothing, or whose change another service completes. A call that changes
-something here goes on: the client who comes back finds it done.
+something here goes on: a client that asks again finds it done.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ async def cancel_on_disconnect(
     request: Request,
     answer: Callable[[Request], Coroutine[Any, Any, T]],  # Any: what it yields is asyncio's
 ) -> T:
-    """What `answer` makes of the request; cancelled if the client disconnects.
+    """The result of `answer` for the request; it is cancelled if the client disconnects.
 
     The request's body has not been read before, or there is none.
 
@@ -46,7 +46,7 @@ async def cancel_on_disconnect(
 
 
 def refuse_gone(request: Request) -> None:
-    """Go on only while the client is there, as far as the server can say without reading.
+    """Raise ClientDisconnect if the server knows, without reading, that the client is gone.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def refuse_gone(request: Request) -> None:
 
 
 class _WatchedRequest:
-    """A request that notices when its body has been read. Only then may others receive."""
+    """A request that notices when its body has been read. Only after that may others receive."""
 
     def __init__(self, request: Request) -> None:
         self.request = Request(request.scope, self._receive)

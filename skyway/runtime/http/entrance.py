@@ -1,9 +1,10 @@
-"""Who may come in: the key and the budget of each request, before any of its body is read.
+"""Checks the key and the budget of each request, before any of its body is read.
 
-A request without a known key is paid by its address, any other by its tenant: the customer,
-provider, operator or drone. An address that shows wrong keys waits longer and longer before another
-key of it is looked up. A key that is in use is looked up even then, and even if the address has
-spent its budget, so an unknown caller cannot shut out a customer of the same address.
+A request with a valid key spends the budget of its tenant: the customer, provider, operator or
+drone. Any other request spends the budget of its address. An address that shows wrong keys waits
+longer and longer until the next of its keys is looked up. A key in use is looked up even then, and
+even if the address has spent its budget. So a caller with wrong keys cannot shut out a customer of
+the same address.
 """
 
 import hashlib
@@ -27,10 +28,10 @@ from skyway.runtime.network_address import network_of
 KEYLESS_COST: Final = 1.0
 REFUSED_COST: Final = 10.0
 
-#: The most keys of which it is remembered that they were good.
+#: The most valid keys in the cache.
 _MOST_RECOGNISED: Final = 20_000
 
-#: What watches over the process asks here, and must always get an answer.
+#: Health checks call these paths, so they are never limited.
 _NEVER_METERED: Final = frozenset({"/healthz", "/readyz"})
 _PUBLIC, _INTERNAL = "/v1/", "/internal/"
 
@@ -41,15 +42,15 @@ _NO_KEY: Final = "an API key is needed: Authorization: Bearer sk_..."
 _UNKNOWN_KEY: Final = "this API key is not known, has expired, or was withdrawn"
 
 
-class KnownKeys(Protocol):
-    """All keys that are in use."""
+class KeysInUse(Protocol):
+    """Looks up the keys that are in use."""
 
     async def recognise(self, secret: str) -> KeyHolder | RefusedKey:
         """The holder of this key, or why it is refused."""
         ...
 
     async def may_be_in_use(self, secret: str) -> bool | None:
-        """False for a key that is not in use; None if that is known only by recognising it."""
+        """False if the key is not in use; None if only a full look-up can decide."""
         ...
 
 
@@ -63,10 +64,10 @@ class Refusals(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Meters:
-    """What tenants, and addresses without a known key, may use.
+    """The budgets of tenants, and of addresses that show no valid key.
 
-    `tenants` counts the requests of each tenant, `refusals` those that are refused. Operators keep
-    the system, and may be refused as often as they like.
+    `tenants` counts the requests of each tenant, `refusals` counts refused requests. The refusals
+    of operators are not counted, because operators repair the system.
     """
 
     tenants: Meter
@@ -74,15 +75,15 @@ class Meters:
     addresses: Meter
 
     def charge_refused(self, request: Request) -> None:
-        """Have the address pay for a request without a key that was refused after all."""
+        """Charge the address for a request without a key that a route refused."""
         self.addresses.charge(address_of(request), REFUSED_COST)
 
     def of(self, caller: Caller) -> tuple[Meter, ...]:
         """The meters of this caller."""
         return (self.tenants,) if caller.role == "operator" else (self.tenants, self.refusals)
 
-    def take_request(self, caller: Caller) -> Reading:
-        """Take a request from the caller's budget.
+    def spend_request(self, caller: Caller) -> Reading:
+        """Spend one request of the caller's budget.
 
         Raises
         ------
@@ -91,7 +92,7 @@ class Meters:
         """
         if self.refusals in self.of(caller):
             self.refusals.require(str(caller))
-        return self.tenants.take(str(caller))
+        return self.tenants.spend(str(caller))
 
     def note_refusal(self, caller: Caller) -> None:
         """Count a request of the caller that was wrong or forbidden."""
@@ -101,14 +102,15 @@ class Meters:
 
 @dataclass(frozen=True, slots=True)
 class KeyEntrance:
-    """Recognises the caller of each request, and takes the request from the right budget.
+    """Recognises the caller of each request, and charges the right budget.
 
-    `open_calls` need no key, like ``POST /v1/enrolments``, nor do paths that begin as one of
-    `open_paths`, nor do `code_calls` if no key is shown: their bodies hold a code, and the route
-    has it recognised by `request.state.recognise_code`. Callers without budget are refused late.
+    `open_calls` need no key, like ``POST /v1/enrolments``. Paths that begin with one of
+    `open_paths` need no key either. `code_calls` need no key if their body holds a code: their
+    route calls `request.state.recognise_code` with it. If a budget is spent, the refusal is
+    delayed.
     """
 
-    keys: KnownKeys
+    keys: KeysInUse
     services: ServiceGate
     meters: Meters
     open_calls: Collection[str]
@@ -117,22 +119,22 @@ class KeyEntrance:
     brake: Brake = field(default_factory=Brake)
     open_paths: tuple[str, ...] = ()
     code_calls: Collection[str] = ()
-    #: Hashes of keys that were good when they were last shown; the last shown is last.
+    #: Hashes of keys that were valid when they were last shown; the latest is last.
     _recognised: dict[bytes, None] = field(default_factory=dict)
 
     async def __call__(self, request: Request) -> Mapping[str, str]:
         """The headers that say what is left of the budget.
 
-        It sets `request.state.caller` and `request.state.holder`, and
-        `request.state.is_still_known` for answers that take long: whether the key is still in use.
-        `request.state.note_refusal` is for the boundary, which knows how the request was answered.
+        It sets `request.state.caller` and `request.state.holder`. Long answers ask
+        `request.state.is_still_known` whether the key is still in use. The boundary calls
+        `request.state.note_refusal` if the request was refused.
 
         Raises
         ------
         BudgetSpent
             The tenant or the address has spent its budget.
         Unauthenticated
-            No key is shown where one is needed, or an unknown key.
+            A key is needed and none is shown, or the key is unknown.
         AccessDenied
             A page of another site uses a browser's session.
         """
@@ -156,15 +158,15 @@ class KeyEntrance:
             request.state.recognise_code = partial(self._recognise_code, request)
         is_open = has_code or call in self.open_calls
         if not path.startswith((_PUBLIC, *self.open_paths)):
-            return addresses.take(address_of(request), REFUSED_COST).headers
+            return addresses.spend(address_of(request), REFUSED_COST).headers
         if is_open or path.startswith(self.open_paths):
-            return addresses.take(address_of(request), KEYLESS_COST).headers
+            return addresses.spend(address_of(request), KEYLESS_COST).headers
         if (key := _shown_by(request)) is None:
-            addresses.take(address_of(request), REFUSED_COST)
+            addresses.spend(address_of(request), REFUSED_COST)
             raise Unauthenticated(_NO_KEY)
         holder = await self._recognise(request, key, self.keys)
         request.state.is_still_known = partial(self._is_still_known, key)
-        reading = self.meters.take_request(holder.caller)
+        reading = self.meters.spend_request(holder.caller)
         request.state.note_refusal = partial(self.meters.note_refusal, holder.caller)
         return reading.headers
 
@@ -172,10 +174,10 @@ class KeyEntrance:
         try:
             await self.services(request=request)
         except Unauthenticated:
-            self.meters.addresses.take(address_of(request), REFUSED_COST)
+            self.meters.addresses.spend(address_of(request), REFUSED_COST)
             raise
 
-    async def _recognise(self, request: Request, key: str, known: KnownKeys) -> KeyHolder:
+    async def _recognise(self, request: Request, key: str, known: KeysInUse) -> KeyHolder:
         address = address_of(request)
         key_hash = hashlib.sha256(key.encode()).digest()
         is_charged = key_hash not in self._recognised and await self._charge(
@@ -193,16 +195,16 @@ class KeyEntrance:
         request.state.holder, request.state.caller = shown, shown.caller
         return shown
 
-    async def _recognise_code(self, request: Request, code: str, codes: KnownKeys) -> KeyHolder:
-        """The holder of the key of a code, who becomes the caller; a wrong code is a wrong key."""
+    async def _recognise_code(self, request: Request, code: str, codes: KeysInUse) -> KeyHolder:
+        """The holder of the key behind a code. A wrong code counts as a wrong key."""
         try:
             return await self._recognise(request, code, codes)
         except BudgetSpent:
             await self.brake.hold()
             raise
 
-    async def _charge(self, request: Request, key: str, known: KnownKeys, address: str) -> bool:
-        """Charge the address for a new key; False for a key in use that it cannot pay for.
+    async def _charge(self, request: Request, key: str, known: KeysInUse, address: str) -> bool:
+        """Charge the address for a new key; False if it cannot pay, but the key is in use.
 
         Raises
         ------
@@ -216,7 +218,7 @@ class KeyEntrance:
             self._note(RefusedKey("slowed"), request, address)
             raise BudgetSpent(_WRONG_KEYS, wait_s)
         try:
-            self.meters.addresses.take(address, REFUSED_COST)
+            self.meters.addresses.spend(address, REFUSED_COST)
         except BudgetSpent:
             if await known.may_be_in_use(key):
                 return False
@@ -239,12 +241,12 @@ class KeyEntrance:
 
 @dataclass(frozen=True, slots=True)
 class ServiceEntrance:
-    """Lets only other services in, to all but what every process shows of itself."""
+    """Lets only other services in. Health and metrics are open."""
 
     gate: ServiceGate
 
     async def __call__(self, request: Request) -> Mapping[str, str]:
-        """Nothing for the answer.
+        """Check the service's secret where one is needed; no headers are added.
 
         Raises
         ------
@@ -258,16 +260,16 @@ class ServiceEntrance:
 
 
 def _shown_by(request: Request) -> str | None:
-    """The key in the header, or the session in the cookie of a browser."""
+    """The key in the header, or the session in a browser's cookie."""
     if (header := request.headers.get("Authorization")) is None:
         return session_in(request)
     scheme, key = get_authorization_scheme_param(header)
-    # The secret of a session is no key: a stolen cookie must not begin another session.
+    # The secret of a session is not a key: a stolen cookie must not begin another session.
     if scheme.lower() != "bearer" or key.startswith(SESSION_PREFIX):
         return None
     return key or None
 
 
 def address_of(request: Request) -> str:
-    """The address that pays for a request without a key: IPv4, or the /64 of IPv6."""
+    """The address that is charged for a request without a key: IPv4, or the /64 of IPv6."""
     return "" if request.client is None else network_of(request.client.host)

@@ -1,4 +1,4 @@
-"""An answer of server-sent events, which takes one of its reader's slots while it is open."""
+"""An answer of server-sent events; it uses one of its reader's slots while it is open."""
 
 from collections.abc import AsyncIterable
 from contextlib import AbstractAsyncContextManager
@@ -11,7 +11,7 @@ from skyway.runtime.slots import Slots
 
 _HEADERS: Final = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
 
-#: What the stream sends, open as long as the stream.
+#: Opens the chunks that the stream sends, for as long as the stream is open.
 Frames = AbstractAsyncContextManager[AsyncIterable[str | bytes]]
 
 
@@ -30,7 +30,7 @@ class EventStreamAnswer(StreamingResponse):
         Raises
         ------
         BudgetSpent
-            The reader has as many streams open as it may have.
+            All streams that the reader may have are open.
         """
         with self._slots.held(self._who):
             async with self._frames as frames:

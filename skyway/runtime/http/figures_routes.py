@@ -1,4 +1,4 @@
-"""GET /internal/figures: what a service counts and measures, for the gateway."""
+"""GET /internal/figures: counters, gauges and errors of a service, for the gateway."""
 
 from collections.abc import Iterable
 from typing import Annotated, Final
@@ -13,12 +13,12 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.last_errors import LAST_ERRORS
 from skyway.runtime.metrics import COUNTERS
 
-#: Parts of histograms and moments of creation, which nobody reads on a page.
+#: Samples that a page does not show: parts of histograms, and moments of creation.
 _LEFT_OUT: Final = ("_bucket", "_created")
 
 
 def figures_of(readings: Iterable[Gauge]) -> Figures:
-    """What this process counts, measures (with these gauges) and has logged of its errors."""
+    """The counters, the given gauges and the last errors of this process."""
     from prometheus_client import CollectorRegistry, ProcessCollector
 
     registry = CollectorRegistry()
@@ -46,7 +46,7 @@ def figures_routes(*, gate: ServiceGate, gauges: Gauges) -> ServiceRouter:
 
     @router.get(FIGURES)
     async def get_figures(caller: Annotated[Caller, Depends(gate)]) -> Figures:
-        """What this process counts, measures and has logged of its errors."""
+        """The counters, gauges and last errors of this process."""
         caller.must_be_service("gateway")
         return figures_of(await gauges.read())
 

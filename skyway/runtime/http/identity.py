@@ -1,4 +1,4 @@
-"""Who is calling: a service with its own secret, and the customer or provider that it names."""
+"""The caller of a request: a service with its own secret, or the person that it speaks for."""
 
 import hmac
 import re
@@ -23,7 +23,7 @@ CALLER_HEADER: Final = "Skyway-Caller"
 
 #: The only service that callers show their keys to.
 _SPEAKS_FOR_OTHERS: Final = "gateway"
-#: How the paths begin that the gateway passes on for them.
+#: Prefix of the paths that the gateway forwards for callers.
 _OF_PEOPLE: Final = "/v1/"
 
 _SUBJECT: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
@@ -31,7 +31,7 @@ _SUBJECT: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """Who asks for something: a role and the subject in that role."""
+    """A caller: its role, and the subject in that role."""
 
     role: CallerRole
     subject_id: str
@@ -77,16 +77,17 @@ class Caller:
         raise Unauthenticated(f"{CALLER_HEADER} must be role:subject")
 
 
-#: Why a key is refused; callers see no difference. A slowed one was not looked up, because its
-#: address has to wait.
+#: Why a key is refused; callers see no difference. "slowed": not looked up, because the address has
+#: to wait.
 RefusalReason = Literal["unknown", "expired", "revoked", "slowed"]
 
 
 @dataclass(frozen=True, slots=True)
 class KeyHolder:
-    """Who shows a key that is in use, and what the key allows.
+    """The holder of a valid key, and what the key allows.
 
-    Without `scopes` it allows everything that the caller's role may do. `expires_at` is wall time.
+    Without `scopes` the key allows everything that the caller's role may do. `expires_at` is wall
+    time.
     """
 
     caller: Caller
@@ -96,13 +97,13 @@ class KeyHolder:
 
     @property
     def is_limited(self) -> bool:
-        """Whether the key allows less than the caller's role, or not for ever."""
+        """Whether the key has limits: scopes, or an end."""
         return self.scopes is not None or self.expires_at is not None
 
 
 @dataclass(frozen=True, slots=True)
 class RefusedKey:
-    """Why a key is refused; the holder of a key that has ended."""
+    """Why a key is refused, and its holder if the key was valid once."""
 
     reason: RefusalReason
     holder: KeyHolder | None = None
@@ -143,10 +144,10 @@ class ServiceIdentity:
 
 
 class ServiceGate(SecurityBase):
-    """A dependency that accepts only services with a secret, and gives the caller they name.
+    """A dependency that accepts only services with a secret, and returns the caller that they name.
 
-    Only the gateway, which sees keys, may name a caller other than itself, and call what people
-    call. It is its own security scheme: FastAPI's own would be one more dependency to resolve.
+    Only the gateway sees keys, so only the gateway may name other callers and call public paths.
+    This class is its own security scheme: FastAPI's would be one more dependency to resolve.
     """
 
     model = HTTPBearerModel(description="the secret of the calling service")
@@ -161,7 +162,7 @@ class ServiceGate(SecurityBase):
         return {name: self._hash_of(name) for name in self._allowed}
 
     def _hash_of(self, name: str) -> str:
-        """The hash of a service's secret: from its own file, or of the secret if that is here."""
+        """The hash of a service's secret, from its file or made from the secret."""
         if (self._secrets_dir / peer_file(name)).exists():
             return read_secret(self._secrets_dir, peer_file(name))
         return peer_hash(read_secret(self._secrets_dir, f"service_{name}"))

@@ -38,7 +38,7 @@ class MetricsGate(SecurityBase):
         Raises
         ------
         Unauthenticated
-            No key is shown, or another one, or the deployment has no such key.
+            No key or a wrong key is shown, or the deployment has no such key.
         """
         scheme, shown = get_authorization_scheme_param(request.headers.get("Authorization"))
         if scheme.lower() != "bearer" or not shown:
@@ -57,7 +57,7 @@ def metrics_routes(*, gate: MetricsGate, gauges: Gauges) -> ServiceRouter:
 
     @router.get("/metrics", response_class=PlainTextResponse, dependencies=[Depends(gate)])
     async def get_metrics() -> Response:
-        """What the process counts and measures, for Prometheus; the metrics key is needed."""
+        """The counters and gauges of the process, for Prometheus; the metrics key is needed."""
         content, content_type = exposition(await gauges.read())
         return Response(content, headers={"Content-Type": content_type})
 

@@ -1,4 +1,4 @@
-"""What FastAPI's OpenAPI document leaves out: bodies, problems, examples, descriptions."""
+"""Adds to FastAPI's OpenAPI document: bodies, problems, examples, descriptions."""
 
 import json
 import re
@@ -28,7 +28,7 @@ _REFERENCE: Final = "#/components/schemas/{model}"
 _PAGE: Final = re.compile(r"\bPage_(\w+?)_(?=\")")
 #: The document is read from the server that it describes.
 _SERVERS: Final = [{"url": "/", "description": "The server that shows this document"}]
-#: What FastAPI says of an answer of which nothing is said.
+#: FastAPI's default description of an answer without one.
 _UNSAID: Final = "Successful Response"
 #: Models of which pydantic shows no docstring.
 _TUPLES: Final = (Position, ChargePoint)
@@ -50,7 +50,7 @@ def schema_of(model: type[BaseModel]) -> Document:
 
 
 def body_of(model: type[BaseModel]) -> Document:
-    """What a route that reads its JSON body itself says of it, for `openapi_extra`."""
+    """The `openapi_extra` of a route that reads its JSON body itself."""
     content = {"application/json": {"schema": schema_of(model)}}
     return {"requestBody": {"required": True, "content": content}}
 
@@ -73,7 +73,7 @@ def complete_document(
             add_problem_answers(path, operation)
     for calls in document.get("webhooks", {}).values():
         for call in calls.values():
-            # The customer answers, and nobody says how an invalid event is answered.
+            # Customers answer webhooks, and how they answer an invalid event is not specified.
             call["responses"].pop("422", None)
     components = document.setdefault("components", {})
     text = json.dumps(document["paths"])
@@ -139,7 +139,7 @@ def _with_page_names(document: Document) -> Document:
 
 
 def _with_items(value: Any) -> Any:
-    """The JSON value in which tuples say of what they are, as older tools ask for. Any: JSON."""
+    """The JSON value in which tuples name the types of their items, for older tools. Any: JSON."""
     if isinstance(value, list):
         return [_with_items(each) for each in value]
     if not isinstance(value, dict):
@@ -161,7 +161,7 @@ def _without_nulls(value: Any) -> Any:
 
 
 def _complete_descriptions(document: Document) -> None:
-    """Describe properties, parameters and answers by what their types already say."""
+    """Describe properties, parameters and answers with the descriptions of their types."""
     schemas = document["components"]["schemas"]
     for model in _TUPLES:
         if model.__name__ in schemas:
@@ -179,7 +179,7 @@ def _complete_descriptions(document: Document) -> None:
 
 
 def _describe(schema: Document) -> None:
-    """A value that may be null is described by its other form."""
+    """The description of a schema; of a nullable value, that of its other form."""
     forms = schema.get("anyOf", ())
     described = [form for form in forms if "description" in form and "$ref" not in form]
     if len(described) == 1:

@@ -1,4 +1,4 @@
-"""An example for every body and answer of an OpenAPI document, put together from its schemas."""
+"""Makes an example for every body and answer of an OpenAPI document from its schemas."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
@@ -44,8 +44,8 @@ def add_examples(document: Document) -> None:
 def example_of(schema: Schema, schemas: Mapping[str, Schema], *, name: str = "") -> Any:
     """An example of a schema, for the property `name`; Any: it is of any JSON type.
 
-    The first of these decides: an example of the schema or its model, a value for the property's
-    name, the schema's only or first value, its type.
+    It is the first of these that exists: an example of the schema or its model, a value for the
+    property's name, the schema's only or first value, a value of its type.
     """
     if "$ref" in schema:
         target = schema["$ref"].rpartition("/")[2]

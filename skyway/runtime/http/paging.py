@@ -17,7 +17,7 @@ R = TypeVar("R")
 #: The widest whole number that every database compares with.
 _MAX_INTEGER: Final = 2**63 - 1
 
-#: What a list is sorted by: the values of the last item seen, which the next page starts after.
+#: The sort key of the last item seen; the next page starts after it.
 SortKey = tuple[str | int, ...]
 
 
@@ -96,7 +96,7 @@ def page_of(
 
 
 def _is_comparable(value: str | int) -> bool:
-    """Whether a database can compare with it: a client may invent a cursor."""
+    """Whether a database can compare with the value: a client may invent a cursor."""
     if isinstance(value, int):
         return abs(value) <= _MAX_INTEGER
     return value.isprintable()

@@ -1,4 +1,4 @@
-"""The single table from an error to its HTTP answer, an RFC 9457 problem document."""
+"""The table from errors to HTTP answers, which are RFC 9457 problem documents."""
 
 import json
 import math
@@ -70,7 +70,7 @@ _TABLE: Final[Mapping[type[SkywayError], _Kind]] = {
     ServiceUnavailable: _UNAVAILABLE,
     MqttUnavailable: _UNAVAILABLE,
 }
-#: What a status raised by the framework itself is called.
+#: Names of the problems that the framework itself raises, by status.
 _BY_STATUS: Final = {
     kind.status: kind for kind in (*_TABLE.values(), _INVALID, _FAILED, _UNAVAILABLE)
 }
@@ -78,7 +78,7 @@ _HEADERS: Final = {401: {"WWW-Authenticate": "Bearer"}, 503: {"Retry-After": "1"
 
 
 def problem_of(error: SkywayError) -> ProblemDetails:
-    """The problem document of an error; an error that is not in the table is our own failure."""
+    """The problem document of an error; an error that is not in the table is a bug."""
     if isinstance(error, RemoteProblem):
         return _remote_problem(error)
     kind = next((_TABLE[cls] for cls in type(error).__mro__ if cls in _TABLE), _FAILED)
@@ -138,7 +138,7 @@ def problem_response(problem: ProblemDetails, headers: Mapping[str, str] | None 
 
 
 def install_problems(app: FastAPI) -> None:
-    """Answer every error that a route can raise with its problem document."""
+    """Make the app answer every error of a route with its problem document."""
     app.add_exception_handler(SkywayError, _on_skyway_error)
     app.add_exception_handler(RequestValidationError, _on_invalid_request)
     app.add_exception_handler(HTTPException, _on_http_exception)

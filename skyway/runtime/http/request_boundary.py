@@ -1,6 +1,6 @@
 """The outermost frame of every request: its trace, its caller, its size, its uncaught errors.
 
-An entrance looks at the caller before any of the body is read, so that a body of an unknown caller
+The entrance checks the caller before any of the body is read, so that the body of an unknown caller
 costs nothing.
 """
 
@@ -33,15 +33,15 @@ from skyway.runtime.tracing import tracing
 
 log = logging.getLogger(__name__)
 
-#: The most bytes of a request body (docs/reference/rest.md); single routes take more.
+#: The most bytes of a request body (docs/reference/rest.md); a few routes allow more.
 BODY_LIMIT_BYTES: Final = 256 * 1024
 
-#: A refused body is read up to here: a client that is cut off while it sends gets no answer.
+#: So many bytes of a refused body are read: a client that is cut off while it sends gets no answer.
 _DRAINED_BYTES: Final = 8 * 1024 * 1024
 _DRAIN_S: Final = 2.0
 
-#: Answers to requests that were wrong. Others are not counted as refused: a key or a budget has its
-#: own count (401, 429), and honest callers meet a conflict (409, 410, 412).
+#: Statuses that count as refused. Keys and budgets have counts of their own (401, 429), and honest
+#: callers meet conflicts (409, 410, 412).
 _REFUSED: Final = frozenset({400, 403, 404, 405, 413, 415, 422})
 
 _METHODS: Final = frozenset({"GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"})
@@ -50,15 +50,15 @@ BodyLimit = Callable[[Request], int]
 
 
 class Admission(Protocol):
-    """Looks at each request before its body is read."""
+    """Checks each request before its body is read."""
 
     async def __call__(self, request: Request) -> Mapping[str, str]:
-        """Headers for the answer; it refuses the request by a `SkywayError`."""
+        """Headers for the answer; a `SkywayError` refuses the request."""
         ...
 
 
-#: Answers belong to one caller, and some hold secrets: nobody keeps them, and no browser guesses
-#: what they are.
+#: Answers belong to one caller, and some hold secrets: no cache stores them, and no browser guesses
+#: their type.
 _DEFAULT_HEADERS: Final = (
     (b"cache-control", b"no-store"),
     (b"x-content-type-options", b"nosniff"),
@@ -66,7 +66,7 @@ _DEFAULT_HEADERS: Final = (
 
 _TENANTS: Final = ("customer", "provider")
 
-#: A service behind must not find another path than the one that was looked at here.
+#: Services behind the gateway must see the same path that was checked here.
 _ENCODED_SLASHES: Final = (b"%2f", b"%5c")
 
 
@@ -97,7 +97,7 @@ def body_limits(
     return limit_of
 
 
-async def admit_everybody(request: Request) -> Mapping[str, str]:
+async def admit_all(request: Request) -> Mapping[str, str]:
     """The entrance of an app without keys."""
     del request
     return {}
@@ -107,7 +107,7 @@ class RequestBoundary:
     """ASGI middleware: the trace, the entrance, the limit of the body, uncaught errors."""
 
     def __init__(
-        self, app: ASGIApp, body_limit: BodyLimit, entrance: Admission = admit_everybody
+        self, app: ASGIApp, body_limit: BodyLimit, entrance: Admission = admit_all
     ) -> None:
         self._app = app
         self._body_limit = body_limit
@@ -225,7 +225,7 @@ async def _answer_uncaught(request: Request, exchange: _Exchange) -> None:
 
 
 def _fault_of_url(scope: Scope) -> str | None:
-    """Why a path or query is refused before anybody looks at it; None if it is not."""
+    """Why a path or query is refused before it is used; None if it is fine."""
     if "\0" in scope["path"] or b"%00" in scope["query_string"]:
         return "the path and the query may not hold U+0000"
     raw_path = scope.get("raw_path", b"").lower()
@@ -251,7 +251,7 @@ def _span_name(request: Request) -> str:
 
 def _count_request(request: Request, exchange: _Exchange, started_at: float) -> None:
     route = getattr(request.scope.get("route"), "path", "")
-    # The client chooses the method: counting unknown ones could make any number of series.
+    # The client chooses the method: counting unknown methods could make any number of series.
     method = request.method if request.method in _METHODS else "OTHER"
     code, elapsed_s = str(exchange.status), time.monotonic() - started_at
     count("skyway_http_requests", "requests", method=method, route=route, status=code)

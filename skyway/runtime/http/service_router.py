@@ -1,8 +1,8 @@
 """The routes of a service, and the JSON that they accept: UTF-8, finite, storable everywhere.
 
 Python's parser accepts more than JSON allows (NaN, UTF-16) and more than a database can store (NUL,
-lone surrogates, integers beyond 64 bits). Such values would fail far from here, as a 500. Control
-characters would be obeyed by the terminals of others.
+lone surrogates, integers beyond 64 bits). Such values would cause an error 500 later. Terminals
+would obey control characters.
 """
 
 import asyncio
@@ -32,7 +32,7 @@ MAX_DEPTH: Final = 100
 
 _MAX_INTEGER: Final = 2**63 - 1
 
-#: Bodies up to this are read without a thread.
+#: Bodies up to this size are read without a thread.
 _SMALL_BYTES: Final = 256 * 1024
 
 _SURROGATES = re.compile("[\ud800-\udfff]")
@@ -40,15 +40,15 @@ _SURROGATES = re.compile("[\ud800-\udfff]")
 #: Characters that a terminal obeys instead of showing them; tabs and ends of lines are text.
 _CONTROL = re.compile("[\x01-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
 
-#: How values that cannot be stored look in the raw text; most bodies have none of them.
+#: The forms of unstorable values in raw text; most bodies have none of them.
 _SUSPICIOUS = re.compile(rb"\\[ubf]|\x7f|\xc2[\x80-\x9f]|NaN|Infinity|[0-9]{19}|[eE]\+?[0-9]{3}")
 
 
 class ServiceRouter(APIRouter):
-    """Routes that an app takes over as they are.
+    """Routes that an app uses as they are.
 
-    FastAPI would rather include routers: then every route is built twice, and every request is
-    matched twice. So what holds of all routes comes with them, not with the app.
+    FastAPI's own way is to include routers: then every route is built twice, and every request is
+    matched twice. So the settings of all routes belong to the router, not to the app.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ def require_json_type(request: Request) -> None:
 
 
 async def read_json(request: Request, *, in_thread: InThread = asyncio.to_thread) -> Any:
-    """The body of a route that reads it by itself; complaints as FastAPI makes them.
+    """The body of a route that reads it itself; errors have FastAPI's form.
 
     A large body is read by `in_thread`. Any: a JSON value of any type.
     """
@@ -119,7 +119,7 @@ class InternalBody(Generic[M]):
         self.model = model
 
     async def __call__(self, request: Request) -> M:
-        """The body; complaints are made as FastAPI makes them of a public body."""
+        """The body; errors have the form that FastAPI gives them for a public body."""
         raw = await request.body()
         if raw:
             require_json_type(request)

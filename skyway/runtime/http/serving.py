@@ -1,9 +1,9 @@
 """Serves an app until the parent ends, on the socket of the parent, so that no request is lost.
 
-What the app needs is opened again and again until it succeeds. Meanwhile the app answers 503: a
-service whose database is away at its start tells its callers so, and is back as soon as the
-database is. If it ended instead, its callers would wait without an answer, and it would be back
-only after a restart.
+The process tries to open what the app needs until that succeeds. Meanwhile the app answers 503. So
+callers of a service whose database is away at the start get an answer, and the service works as
+soon as the database does. If the process ended instead, callers would wait without an answer, and
+the service would need a restart.
 """
 
 import asyncio
@@ -31,7 +31,7 @@ from skyway.runtime.loops import MissingParts, missing_part, pause_s
 
 log = logging.getLogger(__name__)
 
-#: Without it an open SSE stream would delay the exit for ever.
+#: Seconds that open answers get at the end: an SSE stream would delay the exit for ever.
 _GRACE_S: Final = 2
 
 
@@ -67,12 +67,12 @@ class ServingSettings(FrontSettings, Protocol):
 
     @property
     def trusted_proxies(self) -> str:
-        """Addresses and networks, separated by commas, whose `X-Forwarded-For` is believed."""
+        """Addresses and networks, separated by commas, whose `X-Forwarded-For` is trusted."""
         ...
 
 
 def serve(app: Starlette, settings: ServingSettings) -> int:
-    """The exit code of the process, after serving until a signal comes or the parent leaves.
+    """Serve until a signal comes or the parent ends; returns the exit code.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def serve(app: Starlette, settings: ServingSettings) -> int:
         log_config=None,
         access_log=False,
         server_header=False,
-        # uvicorn's own default would believe every process of this machine.
+        # uvicorn's own default would trust every process of this machine.
         proxy_headers=bool(settings.trusted_proxies),
         forwarded_allow_ips=settings.trusted_proxies,
         lifespan="on",

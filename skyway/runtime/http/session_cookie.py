@@ -31,7 +31,7 @@ def session_in(request: Request) -> str | None:
 
 
 def require_own_page(request: Request) -> None:
-    """Go on only if the browser says that a page of this host calls; every browser says so.
+    """Check that a page of this host made the browser call; every browser reports that.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def require_own_page(request: Request) -> None:
 
 
 def set_session(response: Response, request: Request, secret: str, *, lasts_s: int) -> None:
-    """Have the browser show this secret from now on; no script and no other site sees it."""
+    """Make the browser show this secret from now on; no script and no other site sees it."""
     response.set_cookie(
         _COOKIE,
         secret,
@@ -56,5 +56,5 @@ def set_session(response: Response, request: Request, secret: str, *, lasts_s: i
 
 
 def end_session(response: Response) -> None:
-    """Have the browser forget its session."""
+    """Make the browser forget its session."""
     response.delete_cookie(_COOKIE, httponly=True, samesite="strict")

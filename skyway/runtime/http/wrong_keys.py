@@ -1,11 +1,11 @@
-"""Lets an address that shows wrong keys wait longer and longer, in the memory of one process."""
+"""Makes an address with wrong keys wait longer and longer; the memory of one process."""
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-#: Wrong keys of an address without a wait: a person mistypes, a program has a key of yesterday.
+#: Wrong keys that cause no wait: a person mistypes, or a program has an old key.
 _FREE: Final = 10
 
 #: The first wait and the longest, seconds of wall time; each wrong key doubles the wait.
@@ -29,7 +29,7 @@ class _Guesses:
 class WrongKeys:
     """How long each address waits before another key of it is looked up.
 
-    When the memory is full, the address that was longest silent is forgotten first.
+    When the memory is full, the address that was silent for longest is forgotten.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class WrongKeys:
             del self._guesses[next(iter(self._guesses))]
 
     def wait_s(self, address: str) -> float:
-        """Seconds of wall time for which the address has to wait; 0 when it need not."""
+        """Seconds of wall time for which the address must wait; 0 if it need not."""
         guesses = self._guesses.get(address)
         return 0.0 if guesses is None else max(guesses.until - self._now(), 0.0)
 

@@ -1,1 +1,1 @@
-"""The broker: a client that reconnects for ever, and the files that configure a broker."""
+"""The MQTT client, which reconnects until it is stopped."""

@@ -1,6 +1,6 @@
 """Where a broker listens: `mqtt://host:port`, or `mqtts://` with the system's trusted roots.
 
-A cluster has an address for each node, parted by commas. `mqtt+nats://` and `mqtts+nats://` name
+A cluster has an address for each node, separated by commas. `mqtt+nats://` and `mqtts+nats://` name
 nodes of NATS.
 """
 
@@ -21,9 +21,9 @@ _NATS = "+nats"
 class BrokerAddress:
     """A broker's host and port, and whether the connection is encrypted.
 
-    `most_qos` is the highest `mqtt_qos` to subscribe with. It is 0 for NATS: that keeps a stored
-    consumer for each filter of a higher one, and a client whose consumers a dead node took along is
-    not let in. Our clients have no sessions that outlive a connection, so they lose nothing.
+    `most_qos` is the highest `mqtt_qos` to subscribe with. It is 0 for NATS: NATS stores a consumer
+    for each QoS 1 subscription. If a node dies, NATS refuses the clients whose consumers were on
+    that node. Our clients have no sessions that outlive a connection, so they lose nothing.
     """
 
     host: str
@@ -53,7 +53,7 @@ class BrokerAddress:
 
     @classmethod
     def parse_all(cls, urls: str) -> tuple[Self, ...]:
-        """The addresses in URLs that are parted by commas: of the nodes of a cluster.
+        """The addresses of a cluster's nodes, in URLs that are separated by commas.
 
         Raises
         ------

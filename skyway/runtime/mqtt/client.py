@@ -1,4 +1,4 @@
-"""A client of the broker that reconnects for ever, with typed messages and batches."""
+"""A client of the broker that reconnects until it is stopped, with typed messages and batches."""
 
 import asyncio
 import contextlib
@@ -33,7 +33,7 @@ _CONNECT_TIMEOUT_S: Final = 10.0
 _FIRST_PAUSE_S: Final = 0.1
 _LONGEST_PAUSE_S: Final = 2.0
 
-#: Hexadecimal digits of a client id that only who knows the password can tell.
+#: Hexadecimal digits of a client id that are derived from the password.
 _ID_DIGITS: Final = 32
 
 Will = Callable[[], tuple[Address[Any], Message]]
@@ -45,13 +45,14 @@ class MqttClient:
     Parameters
     ----------
     url
-        ``mqtt://host:port`` or ``mqtts://host:port`` (`BrokerAddress`); those of a cluster's nodes
-        are parted by commas. The first connection goes to any of them, the next one to another.
+        ``mqtt://host:port`` or ``mqtts://host:port`` (`BrokerAddress`); the addresses of a
+        cluster's nodes are separated by commas. The first connection goes to any node, the next
+        connection to another.
     client_id
-        Its name in logs. At the broker it ends with a hash of the password: some brokers let
-        anybody take the connection of a client whose id he knows.
+        Its name in logs. At the broker it ends with a hash of the password: some brokers give the
+        connection of a client to anyone who knows its id.
     will
-        Asked before every attempt to connect: a last will is fixed at CONNECT.
+        Called before every attempt to connect, because a last will is fixed at CONNECT.
     on_connected
         Runs after every connect, once the subscriptions are renewed: republish what is retained.
     keepalive_s
@@ -60,7 +61,8 @@ class MqttClient:
     tls
         What ``mqtts`` trusts and shows; by default the system's roots and no certificate.
     seal
-        Signs what is published, and refuses what may not be read; by default neither.
+        Signs published messages, and refuses messages without a valid signature; by default
+        neither.
 
     Notes
     -----
@@ -167,7 +169,7 @@ class MqttClient:
         ]
 
     def drop(self) -> None:
-        """Close the connection without a goodbye, as a radio loses it: the last will is sent."""
+        """Drop the connection without a goodbye, like a lost radio link: the last will is sent."""
         if self._link is not None:
             self._link.drop()
 
@@ -201,7 +203,7 @@ class MqttClient:
             inbox.offer(name, payload, retained=retained)
 
     async def _run(self) -> Never:
-        """Connect, serve until the connection is lost, and again, for ever."""
+        """Connect and serve until the connection is lost, again and again."""
         loop = asyncio.get_running_loop()
         pause_s, logged_reason = _FIRST_PAUSE_S, ""
         while True:

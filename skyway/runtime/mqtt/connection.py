@@ -22,8 +22,8 @@ _CONNACK = 0
 
 Arrival = Callable[[str, bytes, bool], None]
 
-#: Checks in one keepalive while a ping is due: the ping, or the end of a connection that does not
-#: answer it, is late by a fifth of the keepalive at most.
+#: Checks within one keepalive while a ping is due. So the ping, or the end of a connection without
+#: an answer, is late by at most a fifth of the keepalive.
 _CHECKS: Final = 5
 
 
@@ -105,7 +105,7 @@ class MqttConnection:
         MqttUnavailable
             The broker refused us or hung up.
         OSError
-            Nobody listens there.
+            No broker listens there.
         """
         self._paho.opened = BufferedSocket(await broker.open_socket(tls))
         self._paho.connect(broker.host, broker.port, keepalive=self._keepalive_s)

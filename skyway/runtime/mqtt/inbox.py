@@ -42,7 +42,7 @@ class Received(Generic[R]):
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A message as it arrived, not read yet; `ids` are what `name` has in the topic's places.
+    """A message that was not read yet; `ids` are the values in `name` of the topic's placeholders.
 
     `at_s` is the moment of the arrival by `time.monotonic`.
     """
@@ -71,7 +71,7 @@ class Doorkeeper(Protocol):
     def unreadable(
         self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, error: ValidationError
     ) -> None:
-        """Take a message that cannot be read; this must return without waiting."""
+        """Handle a message that cannot be read; this must return without waiting."""
 
 
 class Inbox:
@@ -85,11 +85,11 @@ class Inbox:
         self, subscriptions: tuple[Subscription, ...], doorkeeper: Doorkeeper | None = None
     ) -> None:
         self._doorkeeper = doorkeeper
-        self._wanted = tuple(
-            (wanted.topic, wanted.name, ())
-            if isinstance(wanted, Address)
-            else (wanted, None, _narrower_than(wanted))
-            for wanted in subscriptions
+        self._subscribed = tuple(
+            (subscription.topic, subscription.name, ())
+            if isinstance(subscription, Address)
+            else (subscription, None, _narrower_than(subscription))
+            for subscription in subscriptions
         )
         self._waiting: deque[Arrival] = deque()
         self._light = 0  # how many waiting messages have mqtt_qos 0
@@ -100,7 +100,7 @@ class Inbox:
     @property
     def filters(self) -> dict[str, int]:
         """What to subscribe to: MQTT filter and `mqtt_qos`."""
-        return {name or topic.everywhere: topic.mqtt_qos for topic, name, _ in self._wanted}
+        return {name or topic.everywhere: topic.mqtt_qos for topic, name, _ in self._subscribed}
 
     @property
     def waiting(self) -> int:
@@ -114,7 +114,7 @@ class Inbox:
 
     def offer(self, name: str, payload: bytes, *, retained: bool) -> None:
         """Keep a message if it is on one of our subscriptions."""
-        for topic, only, narrower in self._wanted:
+        for topic, only, narrower in self._subscribed:
             if only is not None and only != name:
                 continue
             ids = topic.ids_in(name)

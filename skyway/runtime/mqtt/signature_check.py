@@ -1,7 +1,7 @@
 """Holds back the messages of drones until it is proven who sent them.
 
-Messages are checked before anything else: before they are decoded, and before something in them
-can count against the drone that they name.
+Messages are checked before they are decoded, and before their content can count against the drone
+that they name.
 """
 
 import logging
@@ -20,8 +20,8 @@ from skyway.runtime.signing.key_book import KeyBook
 
 log = logging.getLogger(__name__)
 
-#: The most messages that wait for a key: what brokers have retained of a large fleet comes at once.
-#: And the most of one drone whose key is known.
+#: The most messages that wait for a key. A broker sends all retained messages together.
+#: And the most messages of one drone whose cached key does not fit them.
 _MOST_HELD: Final = 50_000
 _MOST_HELD_OF_DRONE: Final = 20
 
@@ -33,7 +33,7 @@ _REFRESH_EVERY_S: Final = 1.0
 
 
 class Reception(Protocol):
-    """Takes what the check has decided."""
+    """Receives the decisions of the check."""
 
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         """Whether to drop the messages of this sender, unread."""
@@ -42,11 +42,11 @@ class Reception(Protocol):
     def unreadable(
         self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, error: ValidationError
     ) -> None:
-        """Take a message of this sender that cannot be read."""
+        """Handle a message of this sender that cannot be read."""
         ...
 
     def forged(self, arrival: Arrival) -> None:
-        """Take a message that is not from the drone that its topic names."""
+        """Handle a message that is not from the drone that its topic names."""
         ...
 
     def postponed(self, ids: tuple[str, ...]) -> None:
@@ -77,14 +77,14 @@ class SignatureCheck:
         self._reception.unreadable(topic, ids, payload, error)
 
     def is_proven(self, arrival: Arrival, read_again: ReadAgain) -> bool:
-        """Whether the message is from its drone; if not yet, it is held and read again later."""
+        """Whether the message is proven to be its drone's; if not, it may be read later."""
         drone_id = arrival.ids[1]
-        verdict = self._book.judge(drone_id, arrival.name, arrival.payload)
-        if verdict == "PROVEN":
+        result = self._book.judge(drone_id, arrival.name, arrival.payload)
+        if result == "PROVEN":
             return True
-        # Its drone may have another key by now; it is decided after the next look-up.
+        # The drone may have another key by now: the next look-up decides.
         self._reception.postponed(arrival.ids)
-        if verdict == "FORGED" and self._held_of[drone_id] >= _MOST_HELD_OF_DRONE:
+        if result == "FORGED" and self._held_of[drone_id] >= _MOST_HELD_OF_DRONE:
             self._reject(arrival)
         elif len(self._held) >= _MOST_HELD:
             count("skyway_unproven_messages", "drone messages dropped: their keys are not known")
@@ -121,7 +121,7 @@ class SignatureCheck:
                 read_again(arrival)
             elif is_due and number < waiting:
                 self._reject(arrival)
-            else:  # it may have come during the look-up, with a key that is newer still
+            else:  # the message may have arrived during the look-up, signed with a newer key
                 self._held.append((arrival, read_again))
         self._held_of = Counter(arrival.ids[1] for arrival, _ in self._held)
         return False

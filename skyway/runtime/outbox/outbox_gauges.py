@@ -12,7 +12,7 @@ from skyway.runtime.sql.database import Database
 
 @dataclass(frozen=True, slots=True)
 class OutboxGauges:
-    """Reads the outbox of a database; `channels` are shown even while nothing waits on them."""
+    """Reads the outbox of a database; the `channels` are shown even if nothing waits on them."""
 
     db: Database
     table: Table

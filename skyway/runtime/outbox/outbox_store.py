@@ -63,7 +63,7 @@ def outbox_table(metadata: MetaData) -> Table:
 
 
 async def confirm(tx: Tx, message_ids: Sequence[str]) -> int:
-    """Delete messages that their receiver has confirmed; how many were still in the outbox."""
+    """Delete messages that their receiver has confirmed; returns how many were in the outbox."""
     if not message_ids:
         return 0
     # A message of this transaction is not in the table yet.
@@ -119,7 +119,7 @@ def free_row(table: Table) -> Update:
 
     A locked row is being confirmed. A transaction that confirms several rows holds one lock while
     it waits for the next. Waiting here for that lock, with the next row locked, would be a
-    deadlock. If the row stays after all, it is free when its claim runs out.
+    deadlock. If the row is not deleted, it becomes free when its claim runs out.
     """
     row, this = table.alias("row_sent"), bindparam("sent_id", type_=table.c.id.type)
     unlocked = select(row.c.id).where(row.c.id == this).with_for_update(skip_locked=True)

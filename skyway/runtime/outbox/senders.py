@@ -31,7 +31,7 @@ _UNCONFIRMED_S: Final = (2.0, 30.0)
 #: How long a message is claimed. Longer than the 5 s that a PUBACK may take, and short enough to
 #: repeat an instruction before it expires (10 s at least) when its sender was killed.
 _MQTT_LEASE_S: Final = 7.0
-#: The pause after the broker was lost during a publish. `ready` waits until the broker is back.
+#: The pause after the broker was lost during a publish; then `ready` waits for the broker.
 _NO_BROKER_S: Final = 0.5
 
 #: Seconds of wall time until a report is sent again: doubled from the first to the last.
@@ -180,7 +180,7 @@ class ReportSender:
         except RemoteProblem as refusal:
             if refusal.status in _LATER_STATUSES:
                 return retry_later(row, _UNANSWERED_S)
-            # It can never succeed, and its stream must go on.
+            # The report can never succeed, and its stream must go on.
             _count_dropped(1, channel=row.channel)
             log.error(  # noqa: TRY400  the receiver's reason matters, not our stack
                 "report refused",

@@ -40,7 +40,7 @@ _TOGETHER_MS: Final = 500
 #: Seconds of wall time from one look at the table to the next. All rows that were written or sent
 #: meanwhile take one statement, and a row that comes after a quiet time waits for nothing.
 _SOON_S: Final = 0.05
-#: The same under load, after `_EARLY_LOOKS` looks that were that soon.
+#: The same under load, after `_EARLY_LOOKS` looks at that pace.
 _QUICK_S: Final = 0.1
 _UNHURRIED_S: Final = 0.2
 _HINTS_S: Final = 0.5
@@ -48,17 +48,17 @@ _EARLY_LOOKS: Final = 10
 
 
 def quick_pace() -> Pace:
-    """How often to look for rows that somebody waits for."""
+    """The pace for rows that somebody waits for."""
     return Pace(_QUICK_S, burst=_EARLY_LOOKS, least_s=_SOON_S)
 
 
 def unhurried_pace() -> Pace:
-    """How often to look for all other rows: seldom under load, quickly when little is going on."""
+    """The pace for all other rows: slow under load, fast when there is little to do."""
     return Pace(_UNHURRIED_S, burst=_EARLY_LOOKS, least_s=_SOON_S)
 
 
 def hint_pace() -> Pace:
-    """How often to look for rows that are only hints: many of them leave together under load."""
+    """The pace for rows that are only hints: under load many of them leave together."""
     return Pace(_HINTS_S, burst=_EARLY_LOOKS, least_s=_SOON_S)
 
 
@@ -92,7 +92,7 @@ class _Waiting:
 
 
 async def _no_wait() -> None:
-    """Nothing to wait for before sending."""
+    """Return immediately: sending needs nothing first."""
 
 
 class StreamSender:
@@ -193,7 +193,7 @@ class StreamSender:
         return self._claim.in_order(claimed)
 
     async def _free_due(self) -> None:
-        """Free the rows of which the table must know now when they are due again."""
+        """Free the rows whose next due time the table must know now."""
         now_ms = self._now_ms()
         due: list[_Waiting] = []
         while self._waiting and self._waiting[0].store_at_ms <= now_ms:
@@ -239,7 +239,7 @@ class StreamSender:
         count("skyway_outbox_failures", "sends that broke", failures, channel=self._channel)
 
     def _keep(self, row: Row[Any], retry: Retry) -> None:
-        """Remember a row that is sent again later.
+        """Remember a row that must be sent again later.
 
         Most rows are confirmed and deleted before that. While our claim lasts nobody else sends the
         row, so the table needs the due time only when the row is due. If the row waits for longer

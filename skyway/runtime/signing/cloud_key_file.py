@@ -1,4 +1,4 @@
-"""The files of the cloud's keys: each service's own, and the public ones, which drones get.
+"""The files of the cloud's keys: the private key of each service, and the public keys for drones.
 
 Each line of the public file names a service and one of its keys. While a key is replaced, a service
 has two.
@@ -17,7 +17,7 @@ from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.http.identity import read_secret
 from skyway.runtime.signing.key_pair import PrivateKey, public_key_bytes
 
-#: Its name in the folder of secrets; the keys in it are public.
+#: Name of the file with the cloud's public keys, in the folder of secrets.
 CLOUD_KEYS: Final = "cloud_keys"
 
 

@@ -1,4 +1,4 @@
-"""The keys of drones that are being registered by somebody who keeps their fleet file."""
+"""The keys of drones that are registered together with a fleet file."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,7 +7,7 @@ from skyway.runtime.signing.key_pair import PrivateKey
 
 
 class FleetKeys:
-    """A key pair for each drone: the public keys go to the registry, the others into the file.
+    """A key pair for each drone: public keys go to the registry, private keys into the fleet file.
 
     The values of JSON objects are Any.
     """

@@ -1,8 +1,8 @@
-"""The keys of drones, as this process knows them: the registry decides.
+"""A cache of the keys of drones; the registry has the current keys.
 
-A key is looked up when a drone's first message comes, and when a message does not verify: the drone
-may have another key by now. Keys that were replaced or revoked are dropped within seconds, because
-`refresh` reads what has changed.
+A key is looked up when a drone's first message comes, and when a message does not verify, because
+the drone may have another key by now. Keys that were replaced or revoked are dropped within
+seconds, because `refresh` reads what has changed.
 """
 
 import logging
@@ -19,9 +19,9 @@ from skyway.runtime.signing.key_pair import is_signed_by, public_key_bytes
 log = logging.getLogger(__name__)
 
 #: Whether a message is from its drone. UNKNOWN: the drone's key was not looked up.
-Verdict = Literal["PROVEN", "FORGED", "UNKNOWN"]
+SignatureResult = Literal["PROVEN", "FORGED", "UNKNOWN"]
 
-#: The wall time for which the registry names a key that has changed.
+#: Wall time for which the registry lists a changed key.
 CHANGES_NAMED_FOR: Final = timedelta(minutes=1)
 #: Wall time for which a key counts as current after it was looked up.
 _CURRENT_FOR: Final = timedelta(seconds=2)
@@ -33,27 +33,27 @@ class KeySource(Protocol):
     """The registry's answers."""
 
     async def of(self, drone_ids: Collection[DroneId]) -> Iterable[DroneSignature]:
-        """How each of these drones signs; `ServiceUnavailable` when nobody answers."""
+        """How each of these drones signs; `ServiceUnavailable` if there is no answer."""
         ...
 
     async def changed(self) -> Iterable[DroneSignature]:
-        """How the drones sign whose credentials have changed within `CHANGES_NAMED_FOR`."""
+        """How the drones sign whose credentials changed within `CHANGES_NAMED_FOR`."""
         ...
 
 
 class KeyBook:
-    """Judges by the keys that it knows, and looks keys up in its source."""
+    """Judges messages by cached keys, and looks keys up in its source."""
 
     def __init__(self, source: KeySource, clock: FleetClock) -> None:
         self._source = source
         self._clock = clock
-        #: By drone: None if it signs nothing, empty bytes if nothing of it is believed.
+        #: By drone. None: the drone does not sign. Empty bytes: no message of the drone is valid.
         self._keys: dict[str, bytes | None] = {}
         self._looked_up_at: dict[str, datetime] = {}
         self._refreshed_at = clock.wall_now()
 
-    def judge(self, drone_id: str, topic_name: str, payload: bytes) -> Verdict:
-        """Whether this payload on this topic is from the drone, by what is known now."""
+    def judge(self, drone_id: str, topic_name: str, payload: bytes) -> SignatureResult:
+        """Whether this payload on this topic is from the drone, by the cached keys."""
         if drone_id not in self._keys:
             return "UNKNOWN"
         key = self._keys[drone_id]
@@ -72,21 +72,21 @@ class KeyBook:
         Raises
         ------
         ServiceUnavailable
-            The source is away; what was known is still known.
+            The source is away; the cached keys stay.
         """
-        wanted = sorted(drone_ids)
+        sorted_ids = sorted(drone_ids)
         self._forget_old()
-        for first in range(0, len(wanted), MOST_ASKED):
-            part = wanted[first : first + MOST_ASKED]
+        for first in range(0, len(sorted_ids), MOST_ASKED):
+            part = sorted_ids[first : first + MOST_ASKED]
             answer = await self._source.of(part)
             now = self._clock.wall_now()
-            # A drone that the source leaves out is not registered: nothing of it is believed.
+            # A drone that the source leaves out is not registered: no message of it is valid.
             self._keys.update(dict.fromkeys(part, b""))
             self._keep(answer)
             self._looked_up_at.update(dict.fromkeys(part, now))
 
     async def refresh(self) -> bool:
-        """Step of a loop: note the keys that have changed; always False.
+        """Step of a loop: read the changed keys; always False.
 
         Raises
         ------

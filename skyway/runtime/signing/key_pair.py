@@ -60,7 +60,7 @@ def public_key_bytes(text: str) -> bytes:
     Raises
     ------
     InvalidInput
-        The text is no base64url of 32 bytes, or no point of the curve with the right order.
+        The text is not 32 bytes in base64url, or the bytes are not a valid public key.
     """
     key = _bytes_of(text, "public_key")
     if not crypto_core_ed25519_is_valid_point(key):

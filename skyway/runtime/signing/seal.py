@@ -1,7 +1,7 @@
-"""Signs what a process publishes, and refuses what a drone must not obey.
+"""Signs published messages, and refuses messages without a valid signature.
 
-A drone signs everything that it says. A service of the cloud signs what drones may read. A drone
-that knows the cloud's keys ignores every message without a valid signature.
+A drone signs all its messages. A service of the cloud signs the messages that drones may read. A
+drone with the cloud's keys ignores every message without a valid signature.
 """
 
 import logging
@@ -32,7 +32,7 @@ class Seal(Protocol):
 
 
 class NoSeal:
-    """Signs nothing and admits everything: for readers, whose messages are checked elsewhere."""
+    """Signs nothing and admits all: for readers whose messages are checked elsewhere."""
 
     def sealed(self, name: str, payload: bytes) -> bytes:
         """The payload itself."""
@@ -46,7 +46,7 @@ class NoSeal:
 
 
 class CloudSeal(NoSeal):
-    """Signs what drones may read of a service; `topics` are all that there are."""
+    """Signs the messages of a service that drones may read; `topics` are all topics."""
 
     def __init__(self, key: PrivateKey, topics: Iterable[Topic[Any]] = TOPICS) -> None:
         self._key = key
@@ -60,9 +60,9 @@ class CloudSeal(NoSeal):
 
 
 class DroneSeal:
-    """Signs everything of a drone that has a key; admits what a known key of the cloud signed.
+    """Signs all messages of a drone with a key; admits messages that the cloud's keys have signed.
 
-    A drone without a key signs nothing, and a drone that knows no keys of the cloud admits all.
+    A drone without a key signs nothing, and a drone without the cloud's keys admits all messages.
     """
 
     def __init__(self, key: PrivateKey | None, cloud: CloudKeys | None) -> None:

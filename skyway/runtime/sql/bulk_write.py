@@ -1,4 +1,4 @@
-"""The bulk write of a block: what it adds and changes at its end, all of it or nothing.
+"""The bulk write of a block: all rows that the block adds and changes at its end, or none.
 
 On PostgreSQL it is one statement (`single_statement`), since each statement is a round trip to the
 server. On SQLite, which has no round trips, it is one statement after another.
@@ -71,7 +71,7 @@ class DerivedRows:
 
 @dataclass(frozen=True, slots=True)
 class DerivedAddition:
-    """Derived rows that one block adds, and what is called after the commit if there were any."""
+    """Derived rows that one block adds, and the callback after the commit if there were any."""
 
     derived: DerivedRows
     values: Row
@@ -93,7 +93,7 @@ class BulkWrite:
 
 
 async def run_one_by_one(write: BulkWrite, run: Run) -> Sequence[DerivedAddition]:
-    """Write it for SQLite, or raise the guard's error; the additions that added rows."""
+    """Write it on SQLite, or raise the guard's error; returns the additions that added rows."""
     guard = write.guard
     if guard is not None and not (await run(guard.statement, guard.values)).all():
         raise guard.otherwise

@@ -1,4 +1,4 @@
-"""The connection that a read or write block uses, and the types of what goes over it."""
+"""The connection of a read or write block, and the types of rows and parameters."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

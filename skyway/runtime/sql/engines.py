@@ -262,11 +262,11 @@ def _apply_settings(connection: DBAPIConnection) -> None:
     try:
         for setting in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
             cursor.execute(f"PRAGMA {setting}")
-        for name, wanted in _SAFE.items():
+        for name, required in _SAFE.items():
             cursor.execute(f"PRAGMA {name}")
             row = cursor.fetchone()
-            if row is None or row[0] != wanted:
-                raise UnsafeDatabase(f"SQLite has {name} {row and row[0]}, {wanted} is needed")
+            if row is None or row[0] != required:
+                raise UnsafeDatabase(f"SQLite has {name} {row and row[0]}, {required} is needed")
     finally:
         cursor.close()
 

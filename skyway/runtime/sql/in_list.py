@@ -18,7 +18,7 @@ from sqlalchemy.types import Boolean
 def in_list(column: ColumnElement[Any], name: str) -> ColumnElement[bool]:
     """Whether a column's value is in the list of values given as parameter `name`.
 
-    Any: a column may hold whatever both databases can compare.
+    Any: a column may hold any type that both databases can compare.
     """
     values = ARRAY(column.type).with_variant(JSON(), "sqlite")
     return _InList(column, bindparam(name, type_=values))

@@ -27,7 +27,7 @@ _LOCK_KEY: Final = 0x736B79776179
 #: How long a statement of a migration may take, seconds: an index over a large table takes minutes.
 _MIGRATION_S: Final = 3_600.0
 
-#: How long a run waits for the one before it, seconds. Then it says so, and tries again.
+#: How long a run waits for an earlier run, seconds; then it logs that and tries again.
 _TURN_S: Final = 60
 
 #: How long a statement of a migration waits for a table that others use, seconds. Statements of
@@ -70,7 +70,7 @@ async def _run(engine: AsyncEngine, step: Callable[[Connection, str], bool], pac
 
 
 def _upgrade(connection: Connection, package: str) -> bool:
-    """Run the missing migrations, alone; whether there were any."""
+    """Run the missing migrations while no other run does; returns whether there were any."""
     if connection.dialect.name == "postgresql":
         connection.execute(text(f"SET LOCAL lock_timeout = '{_TURN_S}s'"))
         connection.execute(text(f"SELECT pg_advisory_xact_lock({_LOCK_KEY})"))

@@ -1,8 +1,9 @@
-"""Which revision a database stands at, and which versions of Skyway can use its tables.
+"""The revision of a database, and which versions of Skyway can use its tables.
 
-A migration that only adds leaves the tables usable for older code. A migration that takes away
-something names in ``oldest_code`` the newest revision of the oldest code that does without it. The
-database remembers that revision beside its own, because older code does not know newer migrations.
+A migration that only adds leaves the tables usable for older code. A migration that removes
+something names a revision in ``oldest_code``: code that has this revision does not need what was
+removed. The database remembers that revision beside its own, because older code does not know newer
+migrations.
 """
 
 from collections.abc import Iterable, Sequence
@@ -61,9 +62,9 @@ def write_oldest_code(
     Parameters
     ----------
     before
-        Where the database stood before them.
+        The state of the database before them.
     named
-        The ``oldest_code`` of those that take away something.
+        The ``oldest_code`` of the migrations that remove something.
     """
     after = read_standing(connection)
     if after is None:

@@ -42,7 +42,7 @@ _POSTGRESQL: Final = postgresql.dialect()  # type: ignore[no-untyped-call]  # it
 
 
 async def run_as_one(write: BulkWrite, run: Run) -> Sequence[DerivedAddition]:
-    """Write it, or raise the guard's error; the additions that added rows."""
+    """Write it, or raise the guard's error; returns the additions that added rows."""
     is_found, *were_added = (await run(*statement_of(write))).one()
     if write.guard is not None and not is_found:
         raise write.guard.otherwise
@@ -133,7 +133,7 @@ class _Shape(NamedTuple):
 def _statement(shape: _Shape) -> Select[*tuple[Any, ...]]:
     """Any: the columns that say what was done belong to no table."""
     guard = None if shape.guard is None else shape.guard.cte("guard")
-    # It depends on no table that is read, so the server evaluates it before it reads anything.
+    # This part reads no table, so the server evaluates it before it reads any table.
     condition = true() if guard is None else exists().select_from(guard)
     sources = {each.source for each in shape.derived}
     written: dict[Table, CTE] = {}

@@ -2,8 +2,8 @@
 
 A sync to disk costs more than many writes. While one COMMIT is under way, blocks queue up. They
 then run one after another, each a savepoint of one transaction, and all are answered after its
-single COMMIT. A block that fails rolls back to its own savepoint only. It gets its error after the
-COMMIT too: readers then see what made it fail, such as a row that an earlier block has written.
+single COMMIT. A block that fails rolls back to its own savepoint only. It gets its error only after
+the COMMIT: then readers see the cause, such as a row that an earlier block has written.
 """
 
 import asyncio
@@ -49,7 +49,7 @@ class _Turn:
             self.settled.set_result(None)
 
     def refuse(self, error: ServiceUnavailable) -> None:
-        """Give the block, if it still waits, the error that nothing of it is stored."""
+        """If the block still waits, give it the error that nothing of it is stored."""
         if not self.granted.done():
             self.granted.set_exception(error)
         elif not self.is_kept:

@@ -104,7 +104,7 @@ def trouble_of_reading(error: BaseException) -> ServiceUnavailable | None:
     if isinstance(error, MemoryError):
         return _unavailable("out of memory")
     if isinstance(error, OSError):
-        # Not its own text, which names addresses and files to whoever sent the request.
+        # Not the error's own text: it would show addresses and files to the caller.
         return _unavailable(os.strerror(error.errno) if error.errno else "no answer in time")
     if isinstance(error, DBAPIError):
         return _trouble_of_statement(error)
@@ -160,7 +160,7 @@ def _sqlite_trouble(cause: BaseException | None) -> ServiceUnavailable | None:
     primary = code & 0xFF  # the other bits only describe it further
     if primary in _SQLITE_DAMAGED:
         return DamagedDatabase(str(cause))
-    # The plain code says that a block wrote which may only read. The others are about the files.
+    # The plain code means that a reading block tried to write. The other codes are about the files.
     if primary in _SQLITE or (primary == sqlite3.SQLITE_READONLY and code != primary):
         return _unavailable(f"{cause}")
     return None

@@ -1,4 +1,4 @@
-"""Checks one database: its own rules, and what it says for the rules across services.
+"""Checks one database: its own rules, and the facts in it for the rules across services.
 
 Damage breaks a rule, not the check.
 """
@@ -64,9 +64,9 @@ async def find_broken(
     wall_at: datetime,
     pause: Callable[[], Awaitable[None]],
 ) -> list[BrokenRule]:
-    """Every rule that is broken, with each subject that breaks it, in the order of the rules.
+    """Each broken rule with each subject that breaks it, in the order of the rules.
 
-    `pause` waits until a running system has settled, before rules that settle are looked at again.
+    `pause` waits until a running system has settled; then rules that settle are checked again.
     """
     broken = await _look(db, rules, wall_at)
     names = {each.rule for each in broken}
@@ -82,7 +82,7 @@ async def find_broken(
 
 
 async def _look(db: Database, rules: Sequence[Rule], wall_at: datetime) -> list[BrokenRule]:
-    """What breaks the rules now: one statement for all queries, and then function by function."""
+    """What breaks the rules now: one statement for all queries, then each function by itself."""
     queries = tuple(rule for rule in rules if isinstance(rule.finder, Select))
     found: dict[str, set[str]] = defaultdict(set)
     unreadables: list[BrokenRule] = []
@@ -134,7 +134,7 @@ def _text(rules: tuple[Rule, ...], dialect: Dialect) -> str:
 
 
 def _unreadable(what: str, error: Exception) -> BrokenRule:
-    """What a damaged row breaks: it hides from `what` everything else that is wrong.
+    """The rule that a damaged row breaks; the row keeps `what` from finding anything else.
 
     Raises the error again if no row causes it, because the database does not answer.
     """

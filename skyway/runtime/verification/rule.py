@@ -30,7 +30,7 @@ Subjects = Select[*tuple[Any, ...]]
 
 @dataclass(slots=True)
 class Survey:
-    """One moment of a database; `wall_ms` is the wall time of the look, ms since 1970."""
+    """One moment of a database; `wall_ms` is the wall time of that moment, ms since 1970."""
 
     connection: AsyncConnection
     dialect: Dialect

@@ -1,4 +1,4 @@
-"""The rules of every service's database, whatever it stores, and of every outbox."""
+"""The rules that hold for every service's database and for every outbox."""
 
 from collections.abc import Collection, Iterable, Iterator
 from functools import cache

@@ -34,11 +34,11 @@ def test_requests_come_at_their_rate_and_are_the_same_again(city: City) -> None:
 
     assert first == again
     assert len(first) == pytest.approx(1_000, rel=0.1)
-    assert all(0 <= wanted.at_s < 20 for wanted in first)
+    assert all(0 <= due.at_s < 20 for due in first)
 
 
 def test_requests_are_valid_and_stay_near(city: City) -> None:
-    for wanted in city.requests(rate_per_s=50, seconds=2, seed=3):
-        request = DeliveryRequest.model_validate(json.loads(wanted.body))
+    for due in city.requests(rate_per_s=50, seconds=2, seed=3):
+        request = DeliveryRequest.model_validate(json.loads(due.body))
         near = city.near[request.pickup.station_id]
         assert {package.destination.station_id for package in request.packages} <= set(near)

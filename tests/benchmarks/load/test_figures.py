@@ -28,7 +28,7 @@ def report(followed: Followed, delivery: str, kind: str, at_s: float, **data: ob
         occurred_at=AT,
         data=data,
     )
-    followed.take(event, at_s)
+    followed.note(event, at_s)
 
 
 def make_outcome(followed: Followed, sent: Sent, busy: dict[str, float]) -> Outcome:

@@ -72,7 +72,7 @@ async def test_a_link_works_once(gateway: Gateway) -> None:
     assert "set-cookie" not in again.headers
 
 
-async def test_of_several_who_use_a_link_together_one_logs_in(gateway_on_both: Gateway) -> None:
+async def test_only_one_of_simultaneous_logins_succeeds(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     code = await linked(gateway, gateway.customer)
 

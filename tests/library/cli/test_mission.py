@@ -57,7 +57,7 @@ def test_each_command_is_sent_with_its_reason(
 @pytest.mark.parametrize(
     ("answer", "line"),
     [
-        ({}, "mis_1: HOLD is accepted; the drone is told by ins_1"),
+        ({}, "mis_1: HOLD is accepted; the drone gets instruction ins_1"),
         (
             {"instruction_id": None},
             "mis_1: HOLD is accepted; the drone gets it with its next plan",

@@ -33,9 +33,9 @@ def test_slow_growth_among_censored_runs_proves_nothing(make_run, make_contest):
         [(size, [make_run("exhaustive", is_censored=True)]) for size in SIZES for _ in range(6)]
     )
 
-    verdict = grows_exponentially(contest, seed=1)
+    finding = grows_exponentially(contest, seed=1)
 
-    assert verdict.answer == "open"
+    assert finding.answer == "open"
 
 
 @pytest.mark.parametrize(("slow_s", "answer"), [(20.0, "holds"), (5.0, "fails")])

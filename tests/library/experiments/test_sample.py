@@ -82,4 +82,4 @@ def test_a_limit_does_not_make_the_growth_look_slower():
 
 
 def test_only_censored_times_give_no_slope():
-    assert not log_times(limit=-10.0).tells_a_slope
+    assert not log_times(limit=-10.0).has_a_slope

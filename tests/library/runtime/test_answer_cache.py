@@ -12,7 +12,7 @@ KEPT = timedelta(seconds=4)
 
 
 class World:
-    """Answers questions when it is told to; None to those that it does not know."""
+    """Answers questions when a test lets it; None to a question without an answer."""
 
     def __init__(self) -> None:
         self.answers: dict[str, int] = {"two": 2}

@@ -54,12 +54,12 @@ def test_a_clock_that_does_not_run_forward_is_refused(tmp_path: Path, rate: floa
 
 async def test_sleeping_ends_when_fleet_time_is_there() -> None:
     clock = AnchoredClock(fleet_at=START, wall_at=datetime.now(UTC), rate=100_000.0)
-    wanted = clock.now() + timedelta(hours=1)
+    later = clock.now() + timedelta(hours=1)
 
     async with asyncio.timeout(60):
-        await clock.sleep_until(wanted)
+        await clock.sleep_until(later)
 
-    assert clock.now() >= wanted
+    assert clock.now() >= later
 
 
 async def test_a_manual_clock_wakes_sleepers_in_order() -> None:

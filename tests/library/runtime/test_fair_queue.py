@@ -58,7 +58,7 @@ async def test_works_within_the_room_begin_without_waiting(works: Works) -> None
     assert works.begun == ["alice 1", "bob 1"]
 
 
-async def test_tenants_take_turns_whatever_one_of_them_has_waiting(works: Works) -> None:
+async def test_tenants_take_turns_even_if_one_of_them_has_more_waiting(works: Works) -> None:
     await works.start("mallory 1", "mallory 2", "mallory 3", "mallory 4", "alice 1", "bob 1")
 
     await works.end("mallory 1")

@@ -18,12 +18,12 @@ class Steps:
         self.answers = list(answers)
         self.taken = 0
         self.reached = asyncio.Event()
-        self.wanted = len(answers)
+        self.required = len(answers)
 
     async def __call__(self) -> bool:
         self.taken += 1
         answer = self.answers.pop(0) if self.answers else False
-        if self.taken >= self.wanted:
+        if self.taken >= self.required:
             self.reached.set()
         if isinstance(answer, Exception):
             raise answer

@@ -33,7 +33,7 @@ def taken(meter: Meter, who: str, most: int = 100) -> int:
     """How many can be taken now."""
     for number in range(most):
         try:
-            meter.take(who)
+            meter.spend(who)
         except BudgetSpent:
             return number
     return most
@@ -45,7 +45,7 @@ def test_the_burst_is_there_at_first_and_not_more(meter: Meter) -> None:
 
 def test_a_steady_use_at_the_refill_rate_is_never_refused(meter: Meter, clock: Clock) -> None:
     for _ in range(1_000):
-        meter.take("alice")
+        meter.spend("alice")
         clock.now_s += 0.1
 
     assert meter.read("alice").left == 20
@@ -64,22 +64,22 @@ def test_a_refusal_says_which_budget_and_when_to_try_again(meter: Meter, clock: 
     taken(meter, "alice")
 
     with pytest.raises(BudgetSpent, match="CALLS") as refusal:
-        meter.take("alice", 5)
+        meter.spend("alice", 5)
 
     assert refusal.value.code == "CALLS"
     assert refusal.value.retry_after_s == pytest.approx(0.5)
     clock.now_s += refusal.value.retry_after_s + 1e-9
-    meter.take("alice", 5)
+    meter.spend("alice", 5)
 
 
 def test_a_refused_call_costs_nothing(meter: Meter, clock: Clock) -> None:
     taken(meter, "alice")
     for _ in range(1_000):
         with pytest.raises(BudgetSpent):
-            meter.take("alice")
+            meter.spend("alice")
 
     clock.now_s += 0.11
-    meter.take("alice")
+    meter.spend("alice")
 
 
 def test_one_caller_does_not_spend_the_budget_of_another(meter: Meter) -> None:
@@ -97,14 +97,14 @@ def test_a_charge_takes_at_most_what_is_left(meter: Meter, clock: Clock) -> None
 
 
 def test_what_is_given_back_never_exceeds_the_burst(meter: Meter) -> None:
-    meter.take("alice", 10)
+    meter.spend("alice", 10)
     meter.charge("alice", -500)
 
     assert taken(meter, "alice") == 20
 
 
 def test_the_headers_say_what_is_left(meter: Meter) -> None:
-    assert meter.take("alice", 5).headers == {
+    assert meter.spend("alice", 5).headers == {
         "RateLimit-Limit": "20",
         "RateLimit-Remaining": "15",
         "RateLimit-Reset": "1",
@@ -116,13 +116,13 @@ def test_the_memory_is_bounded_and_forgets_who_was_longest_silent(
     meter: Meter, clock: Clock
 ) -> None:
     for who in ("alice", "bob", "carol", "alice", "dora"):
-        meter.take(who, 5)
+        meter.spend(who, 5)
         clock.now_s += 0.001
     for number in range(10_000):
         assert meter.remembered <= 3
         if number % 2:
-            meter.take("alice", 0.0001)
-        meter.take(f"x{number}")
+            meter.spend("alice", 0.0001)
+        meter.spend(f"x{number}")
 
     assert meter.remembered == 3
     assert meter.read("alice").left < 20
@@ -136,5 +136,5 @@ def test_a_clock_that_goes_back_delays_nobody_longer_than_a_whole_bucket(
 
     assert meter.read("alice").full_after_s == pytest.approx(2.0)
     with pytest.raises(BudgetSpent) as refusal:
-        meter.take("alice")
+        meter.spend("alice")
     assert refusal.value.retry_after_s == pytest.approx(0.1)

@@ -65,8 +65,8 @@ class Bookings:
     async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
         """The missions of this attempt: booked before, or booked now from the best offer.
 
-        Bookings of one network are committed one at a time, first asked, first booked. An offer
-        that is held is booked without waiting for others.
+        Bookings of one network are committed one at a time, in the order of the requests. A held
+        offer is booked without waiting for others.
         """
         began_at = perf_counter()
         booking = await self._book(delivery_id, requested)

@@ -1,8 +1,8 @@
 """Finds a sooner delivery that only the standbys of other drones prevent, and makes them give way.
 
 The standby of a QUEUED mission is planned again, and changes in the transaction that books. The
-drone of a mission that was sent is asked. Its answer is awaited for a short time. Only the service
-of a request counts: for its own standby no other one gives way.
+drone of a mission that was sent is asked, and may answer within a short time. Standbys give way to
+a service, never to another standby.
 """
 
 import asyncio
@@ -60,7 +60,7 @@ Pause = Callable[[float], Awaitable[None]]
 
 @dataclass(frozen=True, slots=True)
 class Blocked:
-    """A booking whose best offer (None: it has no offer) may have to wait for standbys."""
+    """A booking whose best offer may have to wait for standbys; None: it has no offer."""
 
     asked: BookMissions | KeepOffer
     world: World
@@ -133,7 +133,7 @@ class WaySearch:
     _searches: int = 0
 
     async def clear(self, blocked: Blocked, plan: PlanOffers) -> ClearedWay | None:
-        """How a sooner offer can be booked; None if it cannot, or no standby prevents it."""
+        """How a sooner offer can be booked; None if there is no way, or no standby prevents it."""
         if self._searches >= _MOST_SEARCHES or not blocked.may_be_sooner:
             return None
         standbys = await self._standbys(blocked)

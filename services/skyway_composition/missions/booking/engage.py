@@ -156,7 +156,7 @@ async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
 
 
 class WorldChanged(Exception):
-    """The world has changed since the offers were planned; plan again."""
+    """The world has changed since the offers were planned: they must be planned again."""
 
 
 async def claim(
@@ -172,8 +172,8 @@ async def claim(
     """Lock what an offer needs; returns the place of each drone's next instruction.
 
     A drone that begins later, or after another mission, gets no instruction yet, and is left out.
-    What `own_hold` keeps is given up, so that this booking can have it. QUEUED missions of other
-    drones get the standbys of `moves`.
+    The drones and pads of `own_hold` are freed for this booking. QUEUED missions of other drones
+    get the standbys of `moves`.
 
     The locks on the network, the drones and the stations last until the transaction ends.
 

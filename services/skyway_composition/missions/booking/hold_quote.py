@@ -40,7 +40,7 @@ from skyway_composition.planning.world import World, still_holds
 #: At most this many offers of a quote are held, the best first. Our own choice.
 MOST_HELD_OFFERS: Final = 3
 
-#: Rounds in which others may be faster, before a quote is answered without a hold.
+#: Failed rounds before a quote is answered without a hold.
 _MOST_ROUNDS: Final = 3
 
 
@@ -105,7 +105,7 @@ class HeldQuotes:
         return answer.model_copy(update={"held_until_at": held_until_at})
 
     def _free_slot(self, slots: Mapping[int, int], terms: HoldTerms) -> int:
-        """A number for one more hold of the customer; the database gives it to one call only."""
+        """A free slot number for the customer's next hold; unique in the database."""
         for slot in range(1, terms.most + 1):
             if slot not in slots:
                 return slot
@@ -145,7 +145,7 @@ async def claim_for_hold(
     now_ms: int,
     own_hold: HoldId | None = None,
 ) -> tuple[BookedPad, ...]:
-    """Lock what these offers need; returns the pads to hold. What `own_hold` keeps is given up.
+    """Lock what these offers need and free `own_hold`; returns the pads to hold.
 
     Pads that a mission of the same drone has reserved are not held twice.
 

@@ -1,4 +1,4 @@
-"""Held offers, whether they can still be booked, and all SQL of what they keep from others.
+"""Held offers, whether they can still be booked, and all SQL of their drones and pads.
 
 A hold is stored with its offers: their trips, and what they were planned with.
 """

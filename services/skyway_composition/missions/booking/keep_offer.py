@@ -1,7 +1,8 @@
 """Keeps an offer that a customer accepts now, or says why it cannot be kept.
 
-The gateway answers the customer only after that. Until it has written the delivery and booked it,
-the drones and pads of the offer are held. If it dies before, the hold expires by itself.
+The gateway answers the customer only after that. The drones and pads of the offer are held until
+the gateway has written the delivery and booked it. If the gateway dies before, the hold expires by
+itself.
 """
 
 from dataclasses import dataclass
@@ -49,7 +50,7 @@ class OfferKeeper:
     turns: Turns
 
     async def keep(self, asked: KeepOffer) -> KeptOffer:
-        """The hold that keeps the offer: as it is if that still fits, else planned again.
+        """The hold that keeps the offer: as it was planned if that still fits, else planned again.
 
         A repeated call finds what an earlier one has held, whose caller may have died.
         """
@@ -139,7 +140,7 @@ class OfferKeeper:
     ) -> OfferHold:
         held = HeldOffer.of(found.offer, found.world, engaged=found.engaged)
         hold = Hold(own_hold, self._until_ms(), (held,))
-        # The hold is locked before everything else, as it is when it is deleted.
+        # The hold is locked first, in the same order as when a hold is deleted.
         await lock_hold(tx, own_hold)
         pads = await claim_for_hold(
             tx, [held], found.world, now_ms=self._now_ms(), own_hold=own_hold
@@ -157,5 +158,5 @@ class OfferKeeper:
 
 
 def _are_candidates(held: HeldOffer, drone_ids: tuple[DroneId, ...]) -> bool:
-    """Whether the registry still names all held drones: they can fly, and may."""
+    """Whether the registry still names all held drones as able and allowed to fly."""
     return set(held.drone_ids) <= set(drone_ids)

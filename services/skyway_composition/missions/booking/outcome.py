@@ -45,7 +45,7 @@ def all_taken(requested: BookMissions | KeepOffer, reasons: tuple[ProviderReason
 
 
 def _offer_lost(offer: OfferLimits, reasons: tuple[ProviderReason, ...]) -> Booking:
-    """INFEASIBLE with OFFER_LOST: a quoted offer does not wait; the reason says what is gone."""
+    """INFEASIBLE with OFFER_LOST: a quoted offer does not wait; the reason says what is lost."""
     own = [each for each in reasons if each.provider_id == offer.provider_id]
     gone = "; ".join(f"{each.code}: {each.detail}" for each in own) or "none of its drones is free"
     promised = (
@@ -66,7 +66,7 @@ def _offer_lost(offer: OfferLimits, reasons: tuple[ProviderReason, ...]) -> Book
 
 
 def with_hold_loss(booking: Booking, loss: HoldLoss) -> Booking:
-    """The answer, which says in the reason OFFER_LOST why what was held could not be used."""
+    """The answer; its reason OFFER_LOST says why the held drones and pads could not be used."""
     reasons = tuple(
         each.model_copy(
             update={

@@ -65,7 +65,7 @@ class FoundOffer:
     moves: tuple[MovedStandby, ...] = ()
 
 
-#: Reads what a round needs to know first.
+#: Reads the state that a round begins with.
 Look = Callable[[], Awaitable[FirstLook]]
 
 #: Commits a found offer in a transaction; it raises `WorldChanged` when another round is needed.
@@ -105,9 +105,9 @@ class Rounds:
         commit: Commit[DoneT],
         own_hold: HoldId | None = None,
     ) -> DoneT | Booking:
-        """What `commit` returns for the best offer; else why there is none, or what was booked.
+        """The result of `commit` for the best offer, why there is none, or the earlier booking.
 
-        The first round plans with what was `seen`, each later one with another look. The drones and
+        The first round plans with `seen`; each later round reads the state again. The drones and
         pads of `own_hold` count as free.
         """
         reasons: tuple[ProviderReason, ...] = ()
@@ -185,7 +185,7 @@ class Rounds:
         commit: Commit[DoneT],
         own_hold: HoldId | None,
     ) -> tuple[DoneT | Booking | None, tuple[ProviderReason, ...]]:
-        """What became of the best offer that is still free; None when a new round is needed."""
+        """The result of committing the best free offer; None if a new round is needed."""
         finder = self._finder(this_round)
         while True:
             # The finder keeps the trips that it has composed.

@@ -1,4 +1,4 @@
-"""All SQL of booking: one read of all it needs to know, and one claim of what an offer needs."""
+"""All SQL of booking: one read before planning, and one claim of what an offer needs."""
 
 import json
 from collections import defaultdict
@@ -41,7 +41,7 @@ from skyway_composition.tables import deliveries, is_open, is_queued, missions, 
 #: The start of a held offer in a calendar: it comes after every mission.
 _LAST_MS: Final = OPEN_MS
 
-#: Where and with what charge its drone begins; only a QUEUED mission is kept to that.
+#: Where and with what charge the drone begins; only a QUEUED mission must begin so.
 _of_queued: Final = case((is_queued, missions.c.candidate)).label("candidate")
 _ON_MISSION: Final = select(
     missions.c.drone_id, missions.c.mission_id, missions.c.start_ms, missions.c.stays, _of_queued
@@ -156,9 +156,9 @@ async def first_look(
     now_ms: int,
     own_hold: HoldId | None = None,
 ) -> FirstLook:
-    """All that this attempt needs to know before it plans for these drones.
+    """All that this attempt must read before it plans for these drones.
 
-    Drones that are held at `now_ms`, fleet time, are engaged, but not those of `own_hold`.
+    Drones that are held at `now_ms`, fleet time, are engaged, except the drones of `own_hold`.
     """
     asked = {
         "delivery_id": delivery_id,

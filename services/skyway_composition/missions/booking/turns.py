@@ -1,8 +1,8 @@
 """Turns: the bookings of a network in this process are committed in the order of asking.
 
-Bookings of one network compete for the same drones and pads. Without turns, the one whose messages
-travel faster would get the better drone. Bookings of other networks go on at the same time, and so
-do repeated calls, which only read.
+Bookings of one network compete for the same drones and pads. Without turns, the booking with the
+faster messages would get the better drone. Bookings of other networks go on at the same time.
+Repeated calls only read, so they need no turn.
 """
 
 import asyncio
@@ -54,7 +54,7 @@ class _Line:
 
     turns: list[Turn] = field(default_factory=list)
     current: Turn | None = None
-    #: Counts who came, because two calls for one delivery have the same order.
+    #: Counts the arrivals, because two calls for one delivery have the same order.
     came: int = 0
 
     def pass_on(self) -> None:
@@ -67,7 +67,7 @@ class _Line:
             first.has_come.set()
 
     def leave(self, turn: Turn) -> None:
-        """Take a booking that is over out of the line."""
+        """Remove a booking that is over from the line."""
         self.turns.remove(turn)
         if self.current is turn:
             self.current = None

@@ -54,13 +54,13 @@ class WithdrawnDrones:
         return False
 
     async def _give_up_last(self, drone_id: DroneId) -> bool:
-        """Give up the drone's last QUEUED mission; whether there was one."""
+        """Give up the drone's last QUEUED mission; returns whether there was one."""
         async with self.db.read() as connection:
             seen = await queued_of_drone(connection, drone_id)
         if not seen:
             return False
         async with self.db.write() as tx:
-            # As every transaction that changes a calendar: the network first, then the drone.
+            # Every transaction that changes a calendar locks the network first, then the drone.
             await share_current(tx, seen[-1].network_id)
             work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
             queued = await queued_of_drone(tx.connection, drone_id)

@@ -48,13 +48,13 @@ from skyway_composition.planning.world import World, still_holds
 
 log = logging.getLogger(__name__)
 
-#: Spans for `fleet_margin`, fleet seconds and wall seconds: until an instruction reaches a drone,
-#: the same with a plan before it, and how long a mission waits for its drone. Our own choice.
+#: Spans for `fleet_margin`, fleet seconds and wall seconds: until an instruction reaches a drone;
+#: the same with the time to plan; and how long a mission waits for its drone. Our own choice.
 _REACH_S: Final = (5.0, 1.0)
 _PLAN_S: Final = (30.0, 2.5)
 _LONGEST_WAIT_S: Final = (600.0, 60.0)
 
-#: A drone's next plan gets this many times what its last one took, but at most this many times
+#: A drone's next plan gets this many times the time of its last plan, but at most this many times
 #: the usual time. Our own choice.
 _TIMES_THE_LAST_PLAN: Final = 2
 _MOST_TIMES_THE_USUAL: Final = 32
@@ -204,7 +204,7 @@ class Calendars:
         return await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
 
     def _times(self, drone_id: DroneId | None = None) -> Times:
-        """The present times; for a drone with the time that a plan for it needs."""
+        """The present times; for a drone, with the time that its plans need."""
         usual_ms, reach_ms = self._ms(_PLAN_S), self._ms(_REACH_S)
         took_ms = 0 if drone_id is None else self._last_plan_took_ms.get(drone_id, 0)
         needed_ms = reach_ms + _TIMES_THE_LAST_PLAN * took_ms

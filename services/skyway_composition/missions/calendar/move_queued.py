@@ -51,7 +51,7 @@ async def send_next(work: MissionUnitOfWork, record: MissionRecord) -> None:
 async def shorten_standby(work: MissionUnitOfWork, record: MissionRecord, *, until_ms: int) -> None:
     """Propose that the drone ends its standby at this moment, where its next mission begins.
 
-    Nothing is sent when the drone has left that stay already; its next landing is found then.
+    If the drone has left that stay already, nothing is sent; its next landing is found later.
     """
     situation = await Situation.of(work, record)
     changed = shortened_steps(situation.planned, until_ms=until_ms)

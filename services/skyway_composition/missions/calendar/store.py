@@ -54,10 +54,10 @@ _TO_LOOK_AT: Final = (
 async def drones_to_look_at(
     connection: AsyncConnection, *, soon_ms: int, hand_over_ms: int, overdue_ms: int
 ) -> list[DroneId]:
-    """The drones whose next mission may begin, does not fit, or was planned in another world.
+    """The drones whose next mission may begin, does not fit, or has an outdated plan.
 
-    A mission may begin when its drone is idle and its start lies before `soon_ms`. Also the drones
-    whose next mission should have begun before `overdue_ms`.
+    A mission may begin when its drone is idle and its start lies before `soon_ms`. Drones whose
+    next mission should have begun before `overdue_ms` are found too.
     """
     values = {"soon_ms": soon_ms, "hand_over_ms": hand_over_ms, "overdue_ms": overdue_ms}
     found = await connection.execute(_TO_LOOK_AT, values)
@@ -80,7 +80,7 @@ async def save_start(tx: Tx, record: MissionRecord) -> None:
 
 
 async def free_times(tx: Tx, mission_ids: Collection[MissionId]) -> None:
-    """Let these QUEUED missions take no time of their drone, until they are saved again.
+    """Make these QUEUED missions take no time of their drone until they are saved again.
 
     Without this, a mission that moves could overlap another one that has not moved yet.
     """

@@ -1,6 +1,6 @@
-"""What closures do to live missions: those that a closure hits need other plans.
+"""What closures do to live missions: missions that a closure hits need other plans.
 
-Ground stops are enforced again and again: the next take-off of a mission changes as it goes on.
+Ground stops are checked again and again, because the next take-off of a mission changes.
 """
 
 from collections.abc import Mapping

@@ -56,7 +56,7 @@ async def record_loading(
     if passed:
         record = _report(work, record, "LOADED", event, passed)
     if passed and record.needs_plan:
-        # Planning may wait until the drone has cancelled the mission, which is too late now.
+        # Planning may wait for the drone's cancellation, which now comes too late.
         await plan_now(work.tx, record.mission_id)
     cancelled = [each for each in step.packages if each.package_id in taken - requested]
     return await return_cancelled_packages(work, record, cancelled) if cancelled else record
@@ -116,7 +116,7 @@ async def _pass_on(
     to: Custodian,
     event: DroneEvent,
 ) -> tuple[PackageId, ...]:
-    """Pass these packages on, except those that are delivered or with `to` already."""
+    """Pass these packages on, except packages that are delivered or that `to` holds already."""
     held = await held_packages(work.tx.connection, record.mission.delivery_id)
     passed = [each for each in package_ids if may_pass(held.get(each), to)]
     rows = [Held(each, held[each].seq + 1 if each in held else 1, to) for each in passed]

@@ -1,7 +1,8 @@
 """Following missions: what arrives from drones is judged, and handled in batches.
 
 A batch that fails is tried again, and then handled message by message. Messages that cannot be
-taken are set aside (`skyway_composition.quarantine`), and the rest of their batch is handled.
+handled are set aside (`skyway_composition.quarantine`); the other messages of their batch are
+handled.
 """
 
 import asyncio
@@ -89,7 +90,7 @@ class Follower:
         return True
 
     def _without_ahead(self, batch: Sequence[Received[Any]]) -> list[Received[Any]]:
-        """The batch without messages about the future: nobody knows whether they will be true.
+        """The batch without messages about the future, which may turn out false.
 
         A drone whose clock is ahead repeats its events when it is asked; they count when their time
         has come.

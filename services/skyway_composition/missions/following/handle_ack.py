@@ -98,7 +98,7 @@ async def _handle_failsafe_refusal(work: MissionUnitOfWork, record: MissionRecor
     """A drone has refused a new plan because of its failsafe; returns the changed record.
 
     The plan is made again once the failsafe is over. If an operator had asked for the plan,
-    operators get an alarm. A plan that could not override the failsafe does not try so again.
+    operators get an alarm. A plan that could not override the failsafe does not try that again.
     """
     trouble = record.trouble
     if trouble is None:
@@ -128,7 +128,7 @@ async def _handle_gap(work: MissionUnitOfWork, link: DroneLink, ack: Ack) -> Non
     the outbox repeats the missing instruction, so nothing is to be done.
     """
     state, expected_seq = link.state, ack.data.get("expected_seq")
-    # Only a state of this session says with which number its events continue.
+    # Only a state of this session says at which number its events continue.
     is_of_now = state is not None and state.session == ack.session and ack.stream == link.stream
     if state is None or not is_of_now or not isinstance(expected_seq, int):
         return

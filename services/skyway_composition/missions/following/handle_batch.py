@@ -101,7 +101,7 @@ class ReportHandler:
             again -= await store.live_among(connection, again)
             old = {each for each in again if self._cached_links.have_old(each, said[each])}
             if old:
-                # They are news if the drone has other credentials since.
+                # They count as new if the drone has got other credentials since.
                 renewed = await renewals_of(connection, old)
                 again -= self._cached_links.forget_renewed(renewed)
         for drone_id in again:
@@ -124,7 +124,7 @@ class ReportHandler:
         provider_id, drone_id = ProviderId(received.ids[0]), DroneId(received.ids[1])
         link = work.links[drone_id]
         if link.provider_id != provider_id:
-            # The broker lets a drone write under its own provider only: this one has changed.
+            # The broker lets a drone write under its own provider only: its provider has changed.
             count("skyway_foreign_provider", "messages under another provider's name")
             detail = f"the drone belongs to {link.provider_id}"
             self._quarantine.add(received, "FOREIGN_PROVIDER", detail)
@@ -147,9 +147,9 @@ class ReportHandler:
                 _handle_connection(work, link, connection)
 
     def _is_of_earlier_credentials(self, link: DroneLink, received: Received[Any]) -> bool:
-        """Whether the broker has kept the message from before a renewal of credentials.
+        """Whether the broker retained the message from before a renewal of credentials.
 
-        Its sender may have said that it is from the near future.
+        Its sender may have dated it in the near future.
         """
         if link.renewed_ms is None or not received.retained:
             return False

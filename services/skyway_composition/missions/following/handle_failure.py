@@ -40,7 +40,7 @@ from skyway_composition.missions.replanning.store import plan_now
 
 log = logging.getLogger(__name__)
 
-#: How long no drone is sent to an occupied pad. Our own choice.
+#: Time for which no drone is sent to an occupied pad. Our own choice.
 _PAD_CLOSED_FOR: Final = timedelta(minutes=15)
 
 #: The code of a STEP_FAILED whose hand-over may or may not have happened.
@@ -111,7 +111,7 @@ async def wait_for_revision(
         )
         return
     if state is None or state.station_id is None:
-        # Its place is unknown: its next state or the end of its plan decides.
+        # The drone's place is unknown: its next state or the end of its plan decides.
         log.warning(
             "stuck drone without a station", extra={"mission_id": record.mission_id, "code": code}
         )

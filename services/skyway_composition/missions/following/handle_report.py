@@ -151,20 +151,21 @@ async def _handle_mission_end(
 
 
 async def handle_state(work: MissionUnitOfWork, link: DroneLink, state: DroneState) -> None:
-    """Handle a newer state; check whether the drone has lost its journal, or we its events."""
+    """Handle a newer state; check whether the drone lost its journal, or we missed its events."""
     if not link.is_newer_state(state):
         return
     must_open_stream = link.needs_new_stream(state) or _has_forgotten_mission(work, link, state)
     may_have_lost_journal = link.may_have_lost_journal(state)
     if link.has_new_journal(state) and state.stream == link.stream:
-        # It has answered an instruction of this stream since. Its events are numbered anew.
+        # The drone has answered an instruction of this stream since, and numbers its events anew.
         link = replace(link, last_event_seq=0)
     is_news = _is_news(link.state, state)
     link = replace(link.without_foreign_events(state), state=state)
     if state.stream == link.stream:
         link = link.acked(state.stream, state.session)
     elif link.acked_stream < link.stream:
-        # It has not accepted any instruction of this stream, so its past events do not matter.
+        # The drone has not accepted any instruction of this stream, so its past events do not
+        # matter.
         link = replace(link, last_event_seq=state.last_event_seq)
     if must_open_stream:
         await open_stream(work, link, state)

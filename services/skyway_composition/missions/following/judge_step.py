@@ -1,4 +1,4 @@
-"""Judges the end of a step; a mission whose drone is not believed waits for an operator."""
+"""Judges the end of a step; a mission with an impossible report waits for an operator."""
 
 from typing import Final
 

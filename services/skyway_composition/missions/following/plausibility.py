@@ -1,6 +1,6 @@
 """Whether a reported step can have happened: by the order of steps, place, time and masses.
 
-A drone that is not honest, or that somebody else speaks for, may report deliveries that it has not
+A dishonest drone, or a sender that pretends to be the drone, may report deliveries that were not
 flown. Custody and money follow only from hand-overs that were possible.
 """
 
@@ -14,8 +14,8 @@ from skyway.drone.model import DroneModel
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_composition.missions.mission.step_store import StepRecord
 
-#: The strongest tailwind with which a drone is believed to fly, metres per second. Our own choice:
-#: no drone of a delivery service takes off in a storm of force 10.
+#: The strongest tailwind in which a reported flight is plausible, metres per second. Our own
+#: choice: no delivery drone takes off in a storm of force 10.
 _TAILWIND_MPS: Final = 25.0
 
 #: How far a message may be ahead of our clock, fleet and wall seconds. Our own choice.
@@ -29,12 +29,12 @@ HandOver = PickUpStep | DeliverStep | ReturnStep
 
 
 def latest_believed(clock: FleetClock) -> datetime:
-    """The latest moment, fleet time, of which a message may speak now."""
+    """The latest fleet time that a message may name."""
     return clock.now() + fleet_margin(clock, fleet_s=_AHEAD_S[0], wall_s=_AHEAD_S[1])
 
 
 def is_ahead(message: DroneReport, *, latest_at: datetime) -> bool:
-    """Whether a message speaks of a moment after `latest_at`, fleet time."""
+    """Whether a message names a moment after `latest_at`, fleet time."""
     match message:
         case DroneEvent(ended_at=about_at) | DroneState(at=about_at):
             return max(message.sent_at, about_at) > latest_at

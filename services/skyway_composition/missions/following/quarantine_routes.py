@@ -18,7 +18,7 @@ from skyway_composition.quarantine.quarantined import QuarantinedMessage
 
 
 class QuarantineQuery(PageQuery):
-    """Which set-aside messages a list shows."""
+    """The set-aside messages that a list shows."""
 
     provider_id: Annotated[
         ProviderId | None,
@@ -34,7 +34,7 @@ def quarantine_routes(*, db: Database, gate: ServiceGate, replays: Replays) -> S
     async def list_quarantine(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[QuarantineQuery, Query()]
     ) -> Page[QuarantinedMessage]:
-        """List the messages of drones that were not taken, the newest first."""
+        """List the messages of drones that were not accepted, the newest first."""
         caller.must_be("operator")
         after = query.after(str)
         async with db.read() as connection:
@@ -56,7 +56,7 @@ def quarantine_routes(*, db: Database, gate: ServiceGate, replays: Replays) -> S
     async def replay_quarantined_message(
         quarantine_id: QuarantineId, caller: Annotated[Caller, Depends(gate)]
     ) -> Response:
-        """Handle a set-aside message now; it leaves the quarantine when it is taken."""
+        """Handle a set-aside message now; it leaves the quarantine when it is accepted."""
         caller.must_be("operator")
         await replays.replay(quarantine_id)
         return Response(status_code=204)
@@ -65,7 +65,7 @@ def quarantine_routes(*, db: Database, gate: ServiceGate, replays: Replays) -> S
     async def delete_quarantined_message(
         quarantine_id: QuarantineId, caller: Annotated[Caller, Depends(gate)]
     ) -> Response:
-        """Delete a set-aside message; it was never taken."""
+        """Delete a set-aside message; it was never accepted."""
         caller.must_be("operator")
         async with db.write() as tx:
             is_gone = await store.remove(tx, quarantine_id)

@@ -92,10 +92,10 @@ async def _record_late_return(
 async def _record_late_hand_over(
     work: MissionUnitOfWork, ended: MissionRecord, event: DroneEvent, *, station_id: StationId
 ) -> None:
-    """The drone has delivered after its mission was given up: people must stop other deliveries.
+    """Note a delivery after its mission was given up, and raise an alarm.
 
-    Custody changes only if nobody else has delivered the package since, and not by a report that
-    cannot be true.
+    Custody changes only if no other drone has delivered the package since, and only by a plausible
+    report.
     """
     step = await _delivering_step(work, ended, event)
     reason = why_not_handed_over(step, event)
@@ -139,7 +139,7 @@ async def _delivering_step(
 async def _raise_not_believed(
     work: MissionUnitOfWork, ended: MissionRecord, event: DroneEvent, reason: str | None
 ) -> None:
-    """Raise an alarm, once: a drone that repeats itself must not hide other alarms."""
+    """Raise an alarm once: a drone that repeats its report must not hide other alarms."""
     if await is_open(work.tx.connection, ended.drone_id, code="IMPLAUSIBLE"):
         return
     await raise_alarm(

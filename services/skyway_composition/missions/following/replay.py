@@ -21,7 +21,7 @@ from skyway_composition.quarantine.store import KeptPayload
 
 @dataclass(frozen=True, slots=True)
 class Replays:
-    """Hands set-aside messages to the handler of drones' messages."""
+    """Gives set-aside messages to the handler of drones' messages."""
 
     db: Database
     clock: FleetClock
@@ -29,14 +29,14 @@ class Replays:
     keys: KeyBook
 
     async def replay(self, quarantine_id: QuarantineId) -> None:
-        """Handle the message; it leaves the quarantine when it was taken.
+        """Handle the message; it leaves the quarantine when it was accepted.
 
         Raises
         ------
         NotFound
-            It is not kept.
+            It is not in the quarantine.
         Conflict
-            It still cannot be taken; it stays where it is.
+            The message still cannot be handled; it stays in the quarantine.
         """
         async with self.db.read() as connection:
             kept = await store.payload_of(connection, quarantine_id)

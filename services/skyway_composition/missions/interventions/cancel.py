@@ -31,10 +31,10 @@ class Cancellations:
     stuck: Wake
 
     async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
-        """Cancel packages; says what becomes of each. A repeated request gets the same answer.
+        """Cancel packages; returns what becomes of each. A repeated request gets the same answer.
 
-        The order of locks is the same as everywhere: the delivery, so that nothing is booked for
-        it meanwhile, then the drones, then their missions.
+        The order of locks is the usual one: the delivery (so that nothing is booked for it
+        meanwhile), the drones, their missions.
         """
         async with self.db.write() as tx:
             await lock_delivery(tx, delivery_id)

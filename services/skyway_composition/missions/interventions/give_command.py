@@ -36,7 +36,7 @@ _CANCELLED_BY_OPERATOR: Final = "CANCELLED_BY_OPERATOR"
 
 
 class Command(JsonModel):
-    """What the drone of a mission is to do; `station_id` says where a DIVERT lands.
+    """A command for the drone of a mission; `station_id` says where a DIVERT lands.
 
     A DIVERT or RETURN_HOME may override an active failsafe, and its faults for the remainder of
     the mission. It never overrides an emergency landing that was ordered because no station can be
@@ -235,7 +235,7 @@ async def _return_home(work: MissionUnitOfWork, record: MissionRecord, command: 
 
 
 async def _is_called_home(work: MissionUnitOfWork, record: MissionRecord) -> bool:
-    """Whether the mission flies home, was proposed to, or waits for a plan to do so."""
+    """Whether the mission flies home, has a proposal to fly home, or waits for such a plan."""
     mission, proposal, trouble = record.mission, record.proposal, record.trouble
     if CALLED_HOME in (proposal and proposal.code, trouble and trouble.code):
         return True

@@ -52,7 +52,7 @@ class CommandPreviews:
         Raises
         ------
         NotFound, Conflict, InvalidInput
-            The command would be refused so.
+            The error with which the command would be refused.
         """
         async with self.db.rehearse() as tx:
             work, record = await lock_mission(

@@ -134,7 +134,7 @@ def intervention_routes(
         caller: Annotated[Caller, Depends(gate)],
         requested: Annotated[CancelMissions, Depends(internal_body(CancelMissions))],
     ) -> Cancellation:
-        """Cancel packages; what was loaded comes back, and the same call again says the same."""
+        """Cancel packages; loaded packages come back, and a repeated call gets the same answer."""
         caller.must_be_service("gateway")
         return await cancellations.cancel(delivery_id, requested)
 

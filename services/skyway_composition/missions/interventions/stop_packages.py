@@ -85,7 +85,7 @@ async def release_queued(
     code: str,
     reason: str,
 ) -> tuple[PackageId, ...]:
-    """Leave these packages of a QUEUED mission at the pickup; returns those that it has.
+    """Leave these packages of a QUEUED mission at the pickup; returns the packages that it had.
 
     Its drone was never instructed, so this is safe. With other packages left the mission is
     refused, so that the gateway books a plan for these.

@@ -1,4 +1,4 @@
-"""Puts a mission in doubt when nobody knows what its drone has done, and ends the doubt.
+"""Puts a mission in doubt when it is unknown what its drone has done, and ends the doubt.
 
 A mission in doubt keeps its drone, its pads and its packages. So no second drone gets the packages
 while the first drone may have them, or may have delivered them.
@@ -14,7 +14,7 @@ from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, 
 #: A doubt is replaced only by one with a larger number.
 _WEIGHTS: Final = {"NO_ANSWER": 0, "SILENT": 0, "JOURNAL_LOST": 1, "IMPLAUSIBLE": 2}
 
-#: What the mission waits for: of a drone that is believed, and of one that is not.
+#: What the mission waits for: after plausible reports, and after impossible reports.
 _WAITS: Final = (
     "the mission waits until the drone reports or an operator gives it up",
     "the mission waits until an operator gives it up; reports of the drone change nothing",
@@ -37,8 +37,8 @@ async def put_in_doubt(
 ) -> MissionRecord:
     """The record in doubt, saved; operators get an alarm, with `data`, and the customer a report.
 
-    The first reason stays, unless the new one says more: with JOURNAL_LOST the drone itself does
-    not know what it did before, and with IMPLAUSIBLE nobody can believe it.
+    The first reason stays, unless the new reason says more: with JOURNAL_LOST the drone itself does
+    not know what it did before, and with IMPLAUSIBLE its reports cannot be true.
     """
     earlier = record.mission.doubt
     if earlier is not None and _WEIGHTS[earlier.code] >= _WEIGHTS[code]:
@@ -74,7 +74,7 @@ async def put_in_doubt(
 def without_doubt(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
     """The record after its drone has reported about the mission; a changed record is staged.
 
-    A mission whose drone is not believed stays in doubt.
+    A mission with impossible reports stays in doubt.
     """
     if record.mission.doubt is None or is_disbelieved(record):
         return record

@@ -1,4 +1,4 @@
-"""The end of a mission: its drone and pads become free in the same transaction (I3)."""
+"""Ends missions: the drone and the pads become free in the same transaction (I3)."""
 
 from dataclasses import replace
 from datetime import datetime

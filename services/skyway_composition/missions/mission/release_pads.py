@@ -26,7 +26,7 @@ async def release_unneeded_pads(work: MissionUnitOfWork, record: MissionRecord) 
 
 
 async def restore_pads(tx: Tx, drone_id: DroneId) -> MissionRecord | None:
-    """Reserve for the drone's live mission again what its QUEUED missions have just given up.
+    """Reserve again, for the drone's live mission, pads that its QUEUED missions gave up.
 
     Returns the live mission. A mission that waits for a new plan needs no pads of its old plan.
     """

@@ -1,6 +1,6 @@
-"""Ends a drone's standby early for its next mission, gives it back, or plans another one.
+"""Ends a drone's standby early for its next mission, restores it, or plans another standby.
 
-A standby is given back when the next mission is gone. Without it, the drone would end its last
+A standby is restored when the next mission is gone. Without it, the drone would end its last
 mission with little charge, and stay there.
 """
 
@@ -39,7 +39,7 @@ WORTH_MS: Final = 60_000
 async def end_standby_before(tx: Tx, mission_id: MissionId, until_ms: int) -> None:
     """End the standby of a QUEUED mission early; its drone's link is locked.
 
-    The standby of a mission that was sent ends when its drone has accepted that.
+    The standby of a mission that was sent ends only when its drone has accepted the change.
     """
     record = await store.get(tx.connection, mission_id, provider_id=None)
     if record is not None and record.mission.state == "QUEUED":
@@ -119,7 +119,7 @@ async def restore_standby(work: MissionUnitOfWork, left: MissionRecord) -> None:
 async def begin_sooner(work: MissionUnitOfWork, drone_id: DroneId) -> None:
     """Have a drone's QUEUED missions planned again if the next one may begin sooner than planned.
 
-    Nobody looks at an idle drone until its next mission is near.
+    Without this, an idle drone is not looked at until its next mission is near.
     """
     first = next(iter(await store.queued_of_drone(work.tx.connection, drone_id)), None)
     if first is None:

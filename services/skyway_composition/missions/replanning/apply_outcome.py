@@ -48,7 +48,7 @@ _RETRY_MS: Final = 2_000
 
 @dataclass(frozen=True, slots=True)
 class Outcomes:
-    """Applies what came of planning for missions."""
+    """Applies the outcomes of planning for missions."""
 
     db: Database
     clock: FleetClock
@@ -121,7 +121,7 @@ class Outcomes:
                 await put_off(tx, record.mission_id, until_wall_ms=NEVER_MS)
 
     async def stop_diverting(self, case: Case, reason: NoTrip) -> None:
-        """Leave the drone held, because it cannot get to where an operator diverts it."""
+        """Leave the drone held, because it cannot reach the station of its diversion."""
         async with self.db.write() as tx:
             work = await self._lock(case.record.drone_id, tx)
             current = work.missions.get(case.record.drone_id)

@@ -53,8 +53,8 @@ async def request_call_off(
 async def handle_answer_to_cancel(work: MissionUnitOfWork, record: MissionRecord, ack: Ack) -> None:
     """End a live mission that its drone has cancelled; plan for it if the drone refused.
 
-    A drone that has lost its journal accepts the CANCEL of a mission that it does not know, and a
-    drone that is not believed may say anything.
+    A drone that has lost its journal accepts the CANCEL of an unknown mission, and the answer of a
+    drone with impossible reports proves nothing.
     """
     doubt = record.mission.doubt
     if doubt is not None and doubt.code in ("JOURNAL_LOST", "IMPLAUSIBLE"):

@@ -1,7 +1,7 @@
 """Checks the plan of a mission after each new event or state.
 
 The plan no longer holds if the mission is so far from the plan that this costs a pad, charge or the
-deadline. A late drone may also meet a closure that it would have avoided in time.
+deadline. A late drone may also meet a closure that it would have avoided on time.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -39,7 +39,7 @@ REPORT_DELAY: Final = {"fleet_s": 30.0, "wall_s": 2.0}
 
 @dataclass(frozen=True, slots=True)
 class _Outlook:
-    """What to expect of the remaining plan: trouble, and the arrival times of packages.
+    """A forecast of the remaining plan: trouble, and the arrival times of packages.
 
     `late_by` is the largest delay of a delivery against the arrival times reported before.
     """
@@ -98,7 +98,7 @@ def _explained(trouble: Trouble, event: DroneEvent) -> Trouble:
 async def _outlook(
     work: MissionUnitOfWork, record: MissionRecord, closed: ClosedAhead | None = None
 ) -> _Outlook | None:
-    """What to expect of the plan.
+    """The forecast of the plan.
 
     None if another plan is needed already, if the mission is held, in doubt or waits, or without a
     report.
@@ -110,7 +110,7 @@ async def _outlook(
         return None
     # The time that a loader takes is not planned: the plan is made again after the confirmation.
     is_waiting = mission.state == "BOOKED" or mission.loading == "AWAITED"
-    # Nobody knows what a drone in doubt does: to say that its mission is replanned would be false.
+    # What a drone in doubt does is unknown: to say that its mission is replanned would be false.
     if needs_no_check or is_waiting or mission.doubt is not None or not record.is_live:
         return None
     if _is_as_booked(record, work.links[record.drone_id].state, now=work.clock.now()):
@@ -122,7 +122,7 @@ async def _outlook(
 
 
 def _is_as_booked(record: MissionRecord, state: DroneState | None, *, now: datetime) -> bool:
-    """Whether a drone stands ready as when its first plan was made, so that the plan holds."""
+    """Whether a drone is as ready as when its first plan was made, so that the plan holds."""
     mission, drone = record.mission, record.candidate
     is_to_begin = (mission.state, mission.revision) == ("ACCEPTED", 1) and now <= mission.start_at
     # A loader's confirmation or a cancellation changes what the drone was booked for.
@@ -245,7 +245,8 @@ def _closed_by_then(
 ) -> Trouble | None:
     """The first flight or hand-over that meets a closure, and would not at its planned time.
 
-    A flight that meets a closure at its planned time was planned so, because no other way was left.
+    A flight that meets a closure at its planned time was planned so, because there was no other
+    way.
     """
     for predicted in ahead:
         step = predicted.step

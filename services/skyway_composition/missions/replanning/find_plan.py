@@ -1,7 +1,7 @@
-"""Finds out what becomes of a mission that needs another plan; changes nothing.
+"""Finds what becomes of a mission that needs another plan; nothing is changed.
 
 The new plan begins at the anchor: where the drone stands, or the first place where its plan can be
-changed. `Replanner` does what was found. A dry run only shows it.
+changed. `Replanner` carries the outcome out. A dry run only shows it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -160,7 +160,7 @@ class PlanFinder:
     ) -> Found:
         """No plan was found: the drone stays where it is, or lands where it flies to."""
         if anchor.is_in_the_air:
-            # No open station is in reach: it lands where it flies to, closed or not.
+            # No open station is in reach: the drone lands at its next station, open or closed.
             landing = self._anchor(case, closed=ClosedAhead(case.world.skyway.network))
             if landing is None:
                 return NoPlanYet("START_UNKNOWN")

@@ -1,4 +1,4 @@
-"""Foresees what a change would mean for missions, for dry runs.
+"""Finds what a change would mean for missions, for dry runs.
 
 The change is made in a transaction that is rolled back (`Database.rehearse`). The new plan is then
 made as for the change itself, and is not sent.

@@ -39,7 +39,7 @@ from skyway_composition.planning.world import ClosedAhead, World, still_holds
 
 log = logging.getLogger(__name__)
 
-#: A mission with this many revisions keeps the rest for causes that endanger it. Our own choice.
+#: A mission with this many revisions keeps its remaining revisions for dangers. Our own choice.
 _MOST_REVISIONS: Final = 20
 
 #: The service whose pads count as reserved; its mission is not booked yet.

@@ -13,7 +13,8 @@ async def request_plan(
 ) -> MissionRecord:
     """Save why a mission needs another plan; the replanner finds the mission once woken.
 
-    The first trouble is reported, later ones are not. The caller wakes `stuck` after the commit.
+    The first trouble is reported, later troubles are not. The caller wakes `stuck` after the
+    commit.
     """
     record = _with_trouble(work, record, trouble)
     await work.save(record)

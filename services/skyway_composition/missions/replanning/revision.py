@@ -96,7 +96,7 @@ def _placed(
 
 
 def _has_forgotten_its_load(link: DroneLink, carried: frozenset[PackageId]) -> bool:
-    """Whether the drone reports none of its load on board, and none of its events is missing."""
+    """Whether the drone wrongly reports an empty load, and none of its events is missing."""
     state = link.state
     if state is None or state.last_event_seq < link.last_event_seq:
         return False

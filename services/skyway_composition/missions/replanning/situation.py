@@ -22,7 +22,7 @@ from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.problem_for import planned_more
 
-#: While one of these is active a drone refuses new steps, unless they override it.
+#: While one of these failsafes is active, a drone refuses new steps that do not override it.
 _STEERING: Final = (Failsafe.DIVERT, Failsafe.LAND_NOW)
 
 

@@ -45,7 +45,7 @@ LONGEST_SPAN: Final = timedelta(days=31)
 
 
 class FutureSpanQuery(JsonModel):
-    """``?from=&to=``: from now on, and 31 days, unless said otherwise."""
+    """``?from=&to=``; by default 31 days from now on."""
 
     from_at: Annotated[
         FleetMoment | None,
@@ -61,7 +61,7 @@ class FutureSpanQuery(JsonModel):
     ] = None
 
     def span(self, now: datetime) -> Span:
-        """The span that is meant.
+        """The requested span.
 
         Raises
         ------

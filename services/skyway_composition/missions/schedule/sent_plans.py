@@ -1,4 +1,4 @@
-"""The plans that a drone was sent, for replays of a past time."""
+"""The plans that were sent to a drone, for replays of a past time."""
 
 from typing import Annotated
 

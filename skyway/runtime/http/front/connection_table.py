@@ -1,7 +1,7 @@
-"""The open connections of a process, and which of them goes when there are too many.
+"""The open connections of a process, and which of them is closed when there are too many.
 
-A connection is in use from the moment at which its request has come as a whole until the answer is
-sent. Any other connection waits, and the one that waits longest goes first. So connections that
+A connection is in use from the end of its request until the answer is sent. Any other connection
+waits. If there are too many, the connection that has waited longest is closed. So connections that
 send nothing, or half a request, cannot keep others out.
 """
 
@@ -18,12 +18,12 @@ class Closable(Protocol):
     """A connection."""
 
     def close_waiting(self) -> None:
-        """Close the connection, which waits."""
+        """Close the connection; it must be waiting."""
         ...
 
 
 class _Address:
-    """The connections of one address; those that wait, the longest waiting first."""
+    """The connections of one address; the waiting ones in the order of their wait."""
 
     __slots__ = ("open", "waiting")
 
@@ -33,9 +33,9 @@ class _Address:
 
 
 class ConnectionTable:
-    """Counts connections, of all and of each address.
+    """Counts the connections of the process and of each address.
 
-    The addresses in `trusted_proxies`, separated by commas, may have all connections.
+    An address in `trusted_proxies` (separated by commas) may have all connections.
     """
 
     def __init__(self, limits: FrontLimits, *, trusted_proxies: str = "") -> None:

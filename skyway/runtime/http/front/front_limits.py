@@ -1,14 +1,14 @@
-"""The limits of what a caller may send, and how long it may take."""
+"""Limits for callers: how much they may send, and how long they may take."""
 
 import contextlib
 import resource
 from dataclasses import dataclass
 from typing import Final, Protocol, Self
 
-#: Files that a process keeps for its databases, its calls to others and its webhooks.
+#: Open files that a process needs for its databases, its calls to others and its webhooks.
 _OTHER_FILES: Final = 400
-#: As many open files as a process asks for where the system allows it.
-_FILES_WANTED: Final = 8192
+#: Number of open files that a process asks for, if the system allows it.
+_FILES_REQUESTED: Final = 8192
 
 
 class FrontSettings(Protocol):
@@ -36,12 +36,12 @@ class FrontSettings(Protocol):
 
     @property
     def http_head_s(self) -> float:
-        """Seconds within which the header lines must have come."""
+        """Seconds within which all header lines must arrive."""
         ...
 
     @property
     def http_body_s(self) -> float:
-        """Seconds within which a body must have come, and one more for each 64 KiB."""
+        """Seconds within which a body must arrive, plus one second for each 64 KiB."""
         ...
 
 
@@ -56,13 +56,13 @@ class FrontLimits:
     head_s: float
     body_s: float
     header_lines: int = 100
-    #: Requests that may wait behind one that is being answered, on the same connection.
+    #: Requests that may wait on a connection while an earlier one is answered.
     pipelined: int = 16
-    #: A body may be this slow, bytes a second, after its first `body_s`.
+    #: Slowest body, bytes a second, after its first `body_s`.
     slowest_body_bps: int = 64 * 1024
-    #: What is read and dropped after a request was refused, so that its sender sees the answer.
+    #: Bytes that are read and dropped after a refusal, so that the sender sees the answer.
     dropped_bytes: int = 1024 * 1024
-    #: Seconds for which a caller may leave an answer unread.
+    #: Longest time for which a caller may leave an answer unread, seconds.
     unread_s: float = 30.0
 
     @classmethod
@@ -82,11 +82,11 @@ class FrontLimits:
 
 
 def _raise_file_limit() -> int:
-    """How many files the process may have open; more than at its start if it may ask for more."""
+    """The limit of open files, raised first if the system allows that."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = _FILES_WANTED if hard == resource.RLIM_INFINITY else min(_FILES_WANTED, hard)
-    if soft != resource.RLIM_INFINITY and soft < wanted:
+    requested = _FILES_REQUESTED if hard == resource.RLIM_INFINITY else min(_FILES_REQUESTED, hard)
+    if soft != resource.RLIM_INFINITY and soft < requested:
         with contextlib.suppress(OSError, ValueError):
-            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+            resource.setrlimit(resource.RLIMIT_NOFILE, (requested, hard))
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return _FILES_WANTED if soft == resource.RLIM_INFINITY else soft
+    return _FILES_REQUESTED if soft == resource.RLIM_INFINITY else soft

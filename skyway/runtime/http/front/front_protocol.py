@@ -1,4 +1,4 @@
-"""uvicorn's protocol with limits: what is too large or too slow ends before it is collected."""
+"""uvicorn's protocol with limits: too large or too slow requests end before they are collected."""
 
 import json
 import socket
@@ -17,7 +17,7 @@ from skyway.runtime.http.front.connection_table import ConnectionTable
 from skyway.runtime.http.front.front_limits import FrontLimits
 from skyway.runtime.metrics import count
 
-#: Linux only: elsewhere a caller counts as there until something is read.
+#: Linux only: on other systems a caller counts as present until something is read.
 _TCP_INFO: Final[int | None] = getattr(socket, "TCP_INFO", None)
 #: The state of a connection that neither side has closed (Linux, tcp_states.h).
 _ESTABLISHED: Final = 1
@@ -35,8 +35,8 @@ class _Refused(Exception):
 class FrontProtocol(HttpToolsProtocol):
     """One connection.
 
-    It waits for a head, then for a body, then for the app's answer. A timer runs while it waits
-    for the caller: for the head, for the body, or for a caller that does not read.
+    It waits for the head, then for the body, then for the app's answer. A timer runs while the
+    caller must act: send the head, send the body, or read the answer.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class FrontProtocol(HttpToolsProtocol):
     # The connection.
 
     def connection_made(self, transport: Transport) -> None:  # type: ignore[override]  # as uvicorn
-        """Take the connection in, if there is room for it."""
+        """Accept the connection if there is room for it."""
         super().connection_made(transport)
         host = self.client[0] if self.client else ""
         self._name = self._table.enter(self, host)
@@ -116,7 +116,7 @@ class FrontProtocol(HttpToolsProtocol):
             self._time_caller()
 
     def is_caller_gone(self) -> bool:
-        """Whether the caller has closed its side, which is not seen while nothing is read."""
+        """Whether the caller has closed its side; reading alone would notice that too late."""
         opened = self.transport.get_extra_info("socket")
         if opened is None or self.transport.is_closing():
             return True
@@ -184,7 +184,7 @@ class FrontProtocol(HttpToolsProtocol):
     # What goes out.
 
     def pause_writing(self) -> None:
-        """Give a caller that does not read some time."""
+        """Stop writing, and give the caller some time to read."""
         super().pause_writing()
         if self._reading_timer is None:
             self._reading_timer = self.loop.call_later(self._limits.unread_s, self._cut, "unread")
@@ -214,7 +214,7 @@ class FrontProtocol(HttpToolsProtocol):
             if self.cycle.response_started or self.pipeline:
                 self.transport.abort()
                 return
-            # The app is told that its caller has left.
+            # The app learns that its caller has left.
             self.cycle.disconnected = True
             self.cycle.message_event.set()
         self.transport.write(_problem(status))
@@ -229,7 +229,7 @@ class FrontProtocol(HttpToolsProtocol):
             self.transport.abort()
 
     def _count_unparsed(self, part_bytes: int, *, was_in_body: bool) -> None:
-        """Count what the parser itself still collects: half a header, or what frames a chunk."""
+        """Count bytes that the parser still collects: half a header, or a chunk's frame."""
         if self._is_in_head and not self._began_in_this_part:
             self._head_bytes += part_bytes
             if self._head_bytes > self._limits.head_bytes:
@@ -241,7 +241,7 @@ class FrontProtocol(HttpToolsProtocol):
                 self._refuse(HTTPStatus.BAD_REQUEST)
 
     def _time_caller(self) -> None:
-        """Start the timer of what the caller has to send next."""
+        """Start the timer for the next part that the caller must send."""
         if self._is_in_body:
             self._body_since_s = self.loop.time()
             self._arm(self._limits.body_s)
@@ -257,12 +257,12 @@ class FrontProtocol(HttpToolsProtocol):
             self._caller_timer = None
 
     def _on_late(self) -> None:
-        """The caller did not send in time what the timer waits for."""
+        """End the connection: the caller did not send the next part in time."""
         self._caller_timer = None
         if self._is_in_body:
             bonus_s = self._body_bytes / self._limits.slowest_body_bps
             left_s = self._body_since_s + self._limits.body_s + bonus_s - self.loop.time()
-            # While we do not read, it is not the caller who is slow.
+            # While we do not read, the caller is not to blame.
             if left_s > 0.0 or self.flow.read_paused:
                 self._arm(max(left_s, 1.0))
                 return

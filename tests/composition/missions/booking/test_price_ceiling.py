@@ -68,7 +68,7 @@ async def test_a_quote_shows_the_dear_drone_and_its_offer_can_be_booked(
     assert booked.json()["outcome"] == "BOOKED"
 
 
-async def test_a_ceiling_below_nothing_is_refused(composition: Any, make: Any) -> None:
+async def test_a_negative_max_price_is_refused(composition: Any, make: Any) -> None:
     answer = await composition(
         "operator:op", "PUT", "/v1/networks/row", make.network(price_ceiling=-1)
     )

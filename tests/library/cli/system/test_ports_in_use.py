@@ -6,7 +6,7 @@ from contextlib import ExitStack
 import pytest
 
 from skyway.cli.system.children import Ports, bind_when_free, listen
-from skyway.cli.system.patience import NotNow
+from skyway.cli.system.retry import NotNow
 
 
 def test_a_taken_port_is_named_with_its_purpose() -> None:

@@ -136,8 +136,8 @@ def test_a_chained_fleet_serves_everybody_and_sooner_than_one_mission_at_a_time(
     place: Place,
 ) -> None:
     case = draw_case(place, LOAD, seed=1)
-    chained = simulate(case, CHAINED, patience_ms=HOUR_MS)
-    before = simulate(case, ONE_AT_A_TIME, patience_ms=HOUR_MS)
+    chained = simulate(case, CHAINED, longest_wait_ms=HOUR_MS)
+    before = simulate(case, ONE_AT_A_TIME, longest_wait_ms=HOUR_MS)
     before_without_limit = simulate(case, ONE_AT_A_TIME)
 
     assert not chained.unserved
@@ -147,7 +147,7 @@ def test_a_chained_fleet_serves_everybody_and_sooner_than_one_mission_at_a_time(
 
 
 def test_a_request_is_booked_when_it_comes_if_it_can_be_booked_behind_a_busy_drone() -> None:
-    chained = simulate(draw_case("city", Load(1, 5), seed=1), CHAINED, patience_ms=0)
+    chained = simulate(draw_case("city", Load(1, 5), seed=1), CHAINED, longest_wait_ms=0)
 
     assert not chained.unserved
     assert [each.request.number for each in chained.missions] == [0, 1, 2, 3, 4]

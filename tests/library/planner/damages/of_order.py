@@ -79,7 +79,7 @@ def something_after_the_last_delivery(good: GoodPlan) -> Iterator[Plan]:
         yield fitted(good.plan, (*good.steps, step))
 
 
-def a_wait_before_packages_change_hands(good: GoodPlan) -> Iterator[Plan]:
+def a_wait_before_a_hand_over(good: GoodPlan) -> Iterator[Plan]:
     """The rest of the plan is made to fit: only the rule against such waits is broken."""
     for number, step in enumerate(good.steps):
         if isinstance(step, PickUp | Deliver):
@@ -114,7 +114,7 @@ DAMAGES = (
     no_steps,
     the_whole_plan_later,
     something_after_the_last_delivery,
-    a_wait_before_packages_change_hands,
+    a_wait_before_a_hand_over,
     a_wait_of_negative_length,
     a_recharge_in_the_air,
 )

@@ -1,8 +1,8 @@
 """Tiny random problems that mix every feature of docs/reference/planner-problem.md, by seed.
 
-Three in four are smooth: every flight, stop, window and closure lasts a multiple of 10 s, whatever
-the load, so that the grid programme loses nothing but the share of a tick by which a recharge ends
-between two. The rest are rough: any float. Batteries hold one to four segments.
+Three in four are smooth: every flight, stop, window and closure lasts a multiple of 10 s with any
+load. So the grid programme is late by less than one tick, because a recharge may end between two
+ticks. The others are rough: any float. Batteries hold one to four segments.
 """
 
 from collections.abc import Sequence

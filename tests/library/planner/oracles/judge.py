@@ -17,12 +17,12 @@ _SLACK_S = 0.01
 #: Labels after which a contestant gives up.
 _MOST_LABELS = 20_000
 
-#: Seconds within which a plan is looked for where the reason is asked why there is none.
+#: Seconds within which a plan must end, where the test asks why there is none.
 _REASON_HORIZON_S = 40_000.0
 _ABOUT_TIME = ("NO_PAD_IN_TIME", "TOO_LATE")
 
-#: The mixed-integer model looks for plans of at least so many segments, until this time, with
-#: this patience, and is believed to this precision.
+#: The mixed-integer model looks for plans of at least so many segments that end before the horizon.
+#: It runs for at most the limit, and its times are exact up to the slack.
 _LEAST_SEGMENTS, _MILP_HORIZON_S, _MILP_LIMIT_S, _MILP_SLACK_S = 7, 6000.0, 60.0, 0.5
 
 

@@ -47,7 +47,7 @@ async def test_a_service_without_its_broker_is_ready_for_requests(
     assert (answer.status_code, answer.json()["checks"]) == (200, await no_broker())
 
 
-def test_routes_are_taken_over_as_they_are_for_one_that_is_included_is_matched_twice(
+def test_each_route_is_matched_once(
     make_app: Callable[..., FastAPI],
 ) -> None:
     assert all(isinstance(route, Route) for route in make_app().routes)

@@ -29,15 +29,15 @@ class Server:
 
     answer: Answer
     connections: int = 0
-    heard: list[bytes] = field(default_factory=list)
+    received: list[bytes] = field(default_factory=list)
     url: str = ""
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self.connections += 1
         try:
             while head := await _head(reader):
-                self.heard.append(head + await _body(reader, head))
-                await self.answer(self.heard[-1], writer)
+                self.received.append(head + await _body(reader, head))
+                await self.answer(self.received[-1], writer)
                 await writer.drain()
         except (ConnectionError, asyncio.IncompleteReadError):
             pass
@@ -98,14 +98,14 @@ async def test_calls_after_one_another_share_a_connection(identity: ServiceIdent
 
         assert answers == [Parcel(name="b")] * 3
         assert server.connections == 1
-        assert all(heard.endswith(b'{"name":"a"}') for heard in server.heard)
+        assert all(received.endswith(b'{"name":"a"}') for received in server.received)
 
 
 async def test_a_call_carries_only_our_own_headers(identity: ServiceIdentity) -> None:
     async with serving(identity) as (server, client):
         await client.call("POST", "/x", body=PARCEL, query={"a": "b c"})
 
-    request_line, *headers = server.heard[0].partition(b"\r\n\r\n")[0].decode().split("\r\n")
+    request_line, *headers = server.received[0].partition(b"\r\n\r\n")[0].decode().split("\r\n")
     names = {header.partition(":")[0].lower() for header in headers}
     assert request_line == "POST /x?a=b+c HTTP/1.1"
     assert names == {"host", "authorization", "skyway-caller", "content-type", "content-length"}
@@ -119,7 +119,7 @@ async def test_a_cookie_is_not_kept(identity: ServiceIdentity) -> None:
         for _ in range(2):
             await client.call("GET", "/x")
 
-    assert b"cookie" not in server.heard[1].lower()
+    assert b"cookie" not in server.received[1].lower()
 
 
 async def test_an_answer_that_breaks_off_is_unavailable(identity: ServiceIdentity) -> None:
@@ -150,8 +150,8 @@ async def test_only_repeatable_methods_are_sent_again(
         with pytest.raises(ServiceUnavailable, match="cannot be reached"):
             await client.call(method, "/x", body=PARCEL)
 
-        assert len(server.heard) == attempts
-        assert all(heard.endswith(b'{"name":"a"}') for heard in server.heard)
+        assert len(server.received) == attempts
+        assert all(received.endswith(b'{"name":"a"}') for received in server.received)
 
 
 async def test_a_restarted_service_is_called_again(

@@ -61,7 +61,7 @@ class InMemoryMqtt:
     ) -> None:
         message_id = json.loads(payload)["message_id"]
         self.asked.append(message_id)
-        self.changes.tell()
+        self.changes.notify()
         if message_id in self.gates:
             await self.gates[message_id].wait()
         if self.failures:
@@ -69,30 +69,30 @@ class InMemoryMqtt:
             raise MqttUnavailable("gone")
         self.taken.append(message_id)
         self.on_taken()
-        self.changes.tell()
+        self.changes.notify()
 
 
 class InMemoryService:
-    """A service that notes what it is told, and answers as it is told to."""
+    """A service that notes the calls that it gets, and answers as the test has set it up."""
 
     def __init__(self) -> None:
-        self.told: list[tuple[str, str, str]] = []
+        self.calls: list[tuple[str, str, str]] = []
         self.traces: list[str | None] = []
         self.errors: list[Exception] = []
         self.is_hanging = False
         self.changes = Changes()
 
     async def call(self, method: str, path: str, *, body: bytes) -> None:
-        self.told.append((method, path, body.decode()))
+        self.calls.append((method, path, body.decode()))
         self.traces.append(current_traceparent())
-        self.changes.tell()
+        self.changes.notify()
         if self.is_hanging:
             await asyncio.Event().wait()
         if self.errors:
             raise self.errors.pop(0)
 
     def paths(self) -> list[str]:
-        return [path for _, path, _ in self.told]
+        return [path for _, path, _ in self.calls]
 
 
 class Note(JsonModel):
@@ -366,10 +366,10 @@ async def test_a_report_is_posted_as_it_was_written(db: Database, clock: FleetCl
     async with running(ReportSender(db, {"gateway": gateway}, clock)):
         with tracing(None) as traceparent:
             await report(db, "/internal/a")
-        await gateway.changes.until(lambda: bool(gateway.told))
+        await gateway.changes.until(lambda: bool(gateway.calls))
         await until_waiting(db, 0)
 
-    assert gateway.told == [("POST", "/internal/a", '{"text":"/internal/a","number":1}')]
+    assert gateway.calls == [("POST", "/internal/a", '{"text":"/internal/a","number":1}')]
     assert (gateway.traces[0] or "")[3:35] == traceparent[3:35]
 
 

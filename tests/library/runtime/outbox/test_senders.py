@@ -29,14 +29,14 @@ class Note(JsonModel):
 
 
 class InMemoryService:
-    """Notes what it is told, and refuses what comes together as it is told to."""
+    """Notes the calls that it gets, and refuses bulk calls with the given errors."""
 
     def __init__(self, *refusals: Exception) -> None:
         self.refusals = list(refusals)
-        self.told: list[tuple[str, Any]] = []
+        self.calls: list[tuple[str, Any]] = []
 
     async def call(self, method: str, path: str, *, body: bytes) -> None:
-        self.told.append((path, json.loads(body)))
+        self.calls.append((path, json.loads(body)))
         await asyncio.sleep(0)
         if path == "/reports/many" and self.refusals:
             raise self.refusals.pop(0)
@@ -96,7 +96,7 @@ async def test_reports_found_in_one_look_travel_together_each_with_its_trace(
     async with sending(db, service, clock):
         await until_sent(db, clock)
 
-    [(path, body)] = service.told
+    [(path, body)] = service.calls
     assert path == "/reports/many"
     assert body["reports"] == [
         {"traceparent": trace, "report": {"text": text}}
@@ -113,17 +113,17 @@ async def test_reports_to_a_service_with_a_slow_pace_wait_for_each_other(
     async with sending(db, service, clock, pace=Pace(hour_s, clock=clock)):
         await report(db, "a")
         async with asyncio.timeout(60):
-            while not service.told:
+            while not service.calls:
                 await traces(db)
 
         await report(db, "b")
         await report(db, "c")
         clock.advance(timedelta(seconds=hour_s))
         async with asyncio.timeout(60):
-            while len(service.told) < 2:
+            while len(service.calls) < 2:
                 await traces(db)
 
-    path, body = service.told[1]
+    path, body = service.calls[1]
     assert path == "/reports/many"
     assert [each["report"]["text"] for each in body["reports"]] == ["b", "c"]
 
@@ -135,7 +135,7 @@ async def test_one_report_travels_alone(db: Database, clock: ManualClock) -> Non
     async with sending(db, service, clock):
         await until_sent(db, clock)
 
-    assert service.told == [("/reports", {"text": "a"})]
+    assert service.calls == [("/reports", {"text": "a"})]
 
 
 async def test_reports_for_other_paths_stay_apart(db: Database, clock: ManualClock) -> None:
@@ -145,7 +145,7 @@ async def test_reports_for_other_paths_stay_apart(db: Database, clock: ManualClo
     async with sending(db, service, clock):
         await until_sent(db, clock)
 
-    assert sorted(service.told, key=str) == [
+    assert sorted(service.calls, key=str) == [
         ("/cancellations", {"text": "a"}),
         ("/cancellations", {"text": "b"}),
     ]
@@ -167,8 +167,8 @@ async def test_reports_of_a_refused_batch_are_sent_again_one_by_one(
     async with sending(db, service, clock):
         await until_sent(db, clock)
 
-    assert [path for path, _ in service.told] == ["/reports/many", "/reports", "/reports"]
-    assert sorted(body["text"] for _, body in service.told[1:]) == ["a", "b"]
+    assert [path for path, _ in service.calls] == ["/reports/many", "/reports", "/reports"]
+    assert sorted(body["text"] for _, body in service.calls[1:]) == ["a", "b"]
 
 
 async def test_a_report_that_does_not_fit_travels_in_another_request(
@@ -181,6 +181,6 @@ async def test_a_report_that_does_not_fit_travels_in_another_request(
     async with sending(db, service, clock):
         await until_sent(db, clock)
 
-    told = [body["reports"] if path == "/reports/many" else [body] for path, body in service.told]
-    assert sorted(len(reports) for reports in told) == [1, 2]
-    assert sum(len(reports) for reports in told) == 3
+    bulks = [body["reports"] if path == "/reports/many" else [body] for path, body in service.calls]
+    assert sorted(len(reports) for reports in bulks) == [1, 2]
+    assert sum(len(reports) for reports in bulks) == 3

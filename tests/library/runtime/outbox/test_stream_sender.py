@@ -43,7 +43,7 @@ class CountingDatabase(Database):
     @asynccontextmanager
     async def write(self) -> AsyncIterator[Tx]:
         self.blocks += 1
-        self.changes.tell()
+        self.changes.notify()
         async with super().write() as tx:
             yield tx
 
@@ -51,18 +51,18 @@ class CountingDatabase(Database):
         self, statement: Executable, parameters: Mapping[str, Any] | Sequence[Mapping[str, Any]]
     ) -> Sequence[Row[*tuple[Any, ...]]]:
         self.alone += 1
-        self.changes.tell()
+        self.changes.notify()
         return await super().write_alone(statement, parameters)
 
 
 class Receiver:
-    """Notes what it is sent, and has it sent again after so many seconds, if any."""
+    """Notes the rows that it receives, and asks for each again after the next given time."""
 
     def __init__(self, *again_after_s: float) -> None:
         self.again_after_s = list(again_after_s)
         self.taken: list[tuple[str, int]] = []  # addresses, and how often each was tried before
 
-    async def take(self, row: Row[Any]) -> Retry | None:
+    async def receive(self, row: Row[Any]) -> Retry | None:
         self.taken.append((row.address, row.attempts))
         if not self.again_after_s:
             return None
@@ -72,8 +72,8 @@ class Receiver:
 class BrokenOnce(Receiver):
     """Fails with a bug the first time."""
 
-    async def take(self, row: Row[Any]) -> Retry | None:
-        await super().take(row)
+    async def receive(self, row: Row[Any]) -> Retry | None:
+        await super().receive(row)
         if len(self.taken) == 1:
             raise LookupError("a bug")
         return None
@@ -89,7 +89,7 @@ async def db(database_url: str) -> AsyncIterator[CountingDatabase]:
 
 @contextlib.asynccontextmanager
 async def sending(db: Database, receiver: Receiver, clock: ManualClock) -> AsyncIterator[None]:
-    sender = StreamSender(db, CHANNEL, receiver.take, clock=clock, pace=quick_pace())
+    sender = StreamSender(db, CHANNEL, receiver.receive, clock=clock, pace=quick_pace())
     task = asyncio.create_task(sender.run())
     try:
         yield
@@ -153,10 +153,10 @@ async def test_on_postgresql_a_look_at_the_table_is_one_statement(
     assert db.alone == len(addresses) + 1
 
 
-async def test_the_table_does_not_hear_of_a_row_that_waits_before_it_is_due(
+async def test_a_retry_within_a_claim_is_not_written_before_the_row_is_due(
     db: CountingDatabase, clock: ManualClock
 ) -> None:
-    # Both within a claim: of a longer wait the table hears at once.
+    # Both waits end within the claim: a longer wait is written to the table immediately.
     receiver = Receiver(2.0, 2.0)
     await write(db, "/a")
 

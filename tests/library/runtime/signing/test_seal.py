@@ -41,7 +41,7 @@ def test_a_drone_obeys_what_composition_has_signed_for_it() -> None:
     ids=[
         "stripped",
         "of another service",
-        "by a stranger",
+        "by another key",
         "for another drone",
         "changed",
         "clock",

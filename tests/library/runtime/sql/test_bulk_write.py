@@ -140,14 +140,14 @@ async def rows_of(db: Database, table: Table) -> list[tuple[Any, ...]]:
 
 
 async def move(db: Database, *, known: str, heavier_than: int = 0) -> list[str]:
-    """Three crates' new weights, two of them moves, if station `known` is there; who was told."""
-    told: list[str] = []
+    """Write three weights, two of them moves, if station `known` exists; returns the callbacks."""
+    notified: list[str] = []
     async with db.write() as tx:
         tx.add(STATIONS, [{"name": "c"}])
         tx.add_derived(
             MOVED,
             {"of": "top", "heavier_than": heavier_than},
-            on_added=lambda: told.append("moved"),
+            on_added=lambda: notified.append("moved"),
         )
         new = [
             {"name": name, "weight": weight, "moves": moves}
@@ -155,7 +155,7 @@ async def move(db: Database, *, known: str, heavier_than: int = 0) -> list[str]:
         ]
         tx.update_rows(CRATES, {"shelf": "top"}, new, key="name", increments=["moves"])
         tx.only_if(OF_A, {"known": known, "now": "b"}, otherwise=GoneError())
-    return told
+    return notified
 
 
 @pytest.fixture

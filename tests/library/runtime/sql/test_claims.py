@@ -34,7 +34,7 @@ async def db(database: Database) -> Database:
     return database
 
 
-async def take(
+async def claim_rows(
     db: Database, clock: ManualClock, *, claimant: str, limit: int = 10
 ) -> list[Row[tuple[int, ...]]]:
     return await claim(
@@ -50,8 +50,8 @@ async def take(
 
 
 async def test_rows_are_claimed_in_order(db: Database, clock: ManualClock) -> None:
-    first = await take(db, clock, claimant="a", limit=2)
-    second = await take(db, clock, claimant="b", limit=2)
+    first = await claim_rows(db, clock, claimant="a", limit=2)
+    second = await claim_rows(db, clock, claimant="b", limit=2)
 
     assert [row.number for row in first] == [0, 1]
     assert [row.number for row in second] == [2, 3]
@@ -63,12 +63,12 @@ async def test_a_claim_until_the_year_3000_does_not_count(db: Database, clock: M
             REQUESTS.update().values(claimed_by="ghost", claimed_until_ms=32_503_680_000_000)
         )
 
-    assert len(await take(db, clock, claimant="a", limit=10)) == 6
+    assert len(await claim_rows(db, clock, claimant="a", limit=10)) == 6
 
 
 async def test_replicas_never_hold_the_same_row(db: Database, clock: ManualClock) -> None:
     taken = await asyncio.gather(
-        *(take(db, clock, claimant=f"replica-{number}", limit=1) for number in range(8))
+        *(claim_rows(db, clock, claimant=f"replica-{number}", limit=1) for number in range(8))
     )
 
     numbers = [row.number for rows in taken for row in rows]
@@ -84,7 +84,7 @@ async def test_a_claim_passes_by_rows_that_another_replica_is_claiming(
     async with db.write() as tx:
         first = await claiming.run(tx, limit=2, claimant="a", lease_s=10.0, clock=clock)
         async with asyncio.timeout(60):
-            second = await take(db, clock, claimant="b", limit=2)
+            second = await claim_rows(db, clock, claimant="b", limit=2)
 
     assert [row.number for row in first] == [0, 1]
     assert [row.number for row in second] == [2, 3]
@@ -93,26 +93,26 @@ async def test_a_claim_passes_by_rows_that_another_replica_is_claiming(
 async def test_a_held_row_is_not_given_to_its_own_holder_again(
     db: Database, clock: ManualClock
 ) -> None:
-    await take(db, clock, claimant="a")
+    await claim_rows(db, clock, claimant="a")
 
-    assert await take(db, clock, claimant="a") == []
+    assert await claim_rows(db, clock, claimant="a") == []
 
 
 async def test_a_claim_runs_out(db: Database, clock: ManualClock) -> None:
-    await take(db, clock, claimant="dead")
+    await claim_rows(db, clock, claimant="dead")
 
     clock.advance(timedelta(seconds=9.9))
-    early = await take(db, clock, claimant="heir")
+    early = await claim_rows(db, clock, claimant="heir")
     clock.advance(timedelta(seconds=0.1))
-    late = await take(db, clock, claimant="heir")
+    late = await claim_rows(db, clock, claimant="heir")
 
     assert early == []
     assert len(late) == 6
 
 
 async def test_a_freed_row_can_be_claimed_immediately(db: Database, clock: ManualClock) -> None:
-    await take(db, clock, claimant="a")
+    await claim_rows(db, clock, claimant="a")
     async with db.write() as tx:
         await tx.execute(REQUESTS.update().where(REQUESTS.c.number == 3).values(FREE))
 
-    assert [row.number for row in await take(db, clock, claimant="b")] == [3]
+    assert [row.number for row in await claim_rows(db, clock, claimant="b")] == [3]

@@ -30,12 +30,12 @@ async def db(database: Database) -> Database:
     return database
 
 
-@pytest.mark.parametrize("wanted", [[], ["a"], ['c"', "a", "z"], ["a", "a", "b", "d"]])
-async def test_rows_in_the_list_are_found(db: Database, wanted: list[str]) -> None:
+@pytest.mark.parametrize("requested", [[], ["a"], ['c"', "a", "z"], ["a", "a", "b", "d"]])
+async def test_rows_in_the_list_are_found(db: Database, requested: list[str]) -> None:
     async with db.read() as connection:
-        found = await connection.execute(NAMED, {"ids": wanted})
+        found = await connection.execute(NAMED, {"ids": requested})
 
-        assert [*found.scalars()] == sorted({*wanted} - {"z"})
+        assert [*found.scalars()] == sorted({*requested} - {"z"})
 
 
 async def test_numbers_are_found_by_lists_of_numbers(db: Database) -> None:
@@ -83,12 +83,12 @@ async def test_rows_are_found_by_the_index(db: Database) -> None:
 
 
 async def test_two_columns_have_statements_of_their_own(db: Database) -> None:
-    texts = select(DRONES.c.number).where(in_list(DRONES.c.drone_id, "wanted"))
-    numbers = select(DRONES.c.number).where(in_list(DRONES.c.number, "wanted"))
+    texts = select(DRONES.c.number).where(in_list(DRONES.c.drone_id, "requested"))
+    numbers = select(DRONES.c.number).where(in_list(DRONES.c.number, "requested"))
 
     async with db.read() as connection:
-        by_text = await connection.execute(texts, {"wanted": ["b"]})
-        by_number = await connection.execute(numbers, {"wanted": [2]})
+        by_text = await connection.execute(texts, {"requested": ["b"]})
+        by_number = await connection.execute(numbers, {"requested": [2]})
 
         assert [*by_text.scalars()] == [1]
         assert [*by_number.scalars()] == [2]

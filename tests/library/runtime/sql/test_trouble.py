@@ -137,7 +137,7 @@ def test_a_read_only_database_is_trouble_for_writers_and_a_bug_of_readers(error:
 
 
 @pytest.mark.parametrize("error", [on_postgresql("XX002"), on_sqlite(sqlite3.SQLITE_NOTADB)])
-def test_damage_is_told_apart_from_trouble_that_passes(error: Exception) -> None:
+def test_damage_is_distinguished_from_trouble_that_passes(error: Exception) -> None:
     assert isinstance(trouble_of_reading(error), DamagedDatabase)
 
 

@@ -245,8 +245,8 @@ def _without_ends(record: MissionRecord) -> MissionRecord:
 def _as_aimed(record: MissionRecord) -> DeliveryRequest:
     """The mission's request with the present aim of each package as its destination.
 
-    A package that was cancelled too late to stay off is returned where it is picked up. A package
-    that goes elsewhere has no window.
+    A package that was loaded although it was cancelled is returned at the pickup. A package that
+    goes elsewhere has no window.
     """
     packages = tuple(_aimed_at(each, record.aim_of(each)) for each in record.request.packages)
     return record.request.model_copy(update={"packages": packages})

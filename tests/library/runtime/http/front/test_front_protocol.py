@@ -27,7 +27,7 @@ LIMITS = FrontLimits(
 )
 OK = b"HTTP/1.1 200"
 
-#: What the app was told about the caller of `/gone`.
+#: Whether the app learned that the caller of `/gone` had left.
 gone: list[bool] = []
 
 
@@ -165,7 +165,7 @@ CHUNKED = b"POST / HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\n"
         (b"1;x=", *[b"y" * 3_000] * 300),
     ],
 )
-async def test_what_surrounds_a_body_is_bounded(front: Front, parts: tuple[bytes, ...]) -> None:
+async def test_chunk_framing_is_limited(front: Front, parts: tuple[bytes, ...]) -> None:
     answer = await front.ask(CHUNKED, *parts)
 
     assert answer.startswith((b"HTTP/1.1 431", b"HTTP/1.1 400"))

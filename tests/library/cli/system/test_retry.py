@@ -5,7 +5,7 @@ from datetime import timedelta
 
 import pytest
 
-from skyway.cli.system.patience import NotNow, until_done
+from skyway.cli.system.retry import NotNow, until_done
 from skyway.errors import SkywayError
 from skyway.runtime.clock import ManualClock
 

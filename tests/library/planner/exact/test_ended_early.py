@@ -1,4 +1,4 @@
-"""What the exact search does when patience or a limit ends before its proof."""
+"""What the exact search does when its labels or its time run out before the proof."""
 
 from collections.abc import Callable, Iterator
 from itertools import chain, repeat
@@ -15,7 +15,7 @@ from skyway.planner.exact import exact_with
 from skyway.planner.exact_task import Method
 from skyway.planner.problem import Problem
 
-#: Half of a limit is the search's patience, before it looks for some plan in haste.
+#: After half of a limit the search looks for any plan in haste.
 _LIMITS = (4000, 5000, 6000)
 
 
