@@ -6,6 +6,7 @@ the other sections of the page stay as they were measured.
 
 import os
 import platform
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -65,7 +66,7 @@ the best plan found for the instance, as a share of the best delivery time.
 def write_fragment(
     laboratory: Laboratory, name: str, section: Section, *, elapsed_s: float
 ) -> None:
-    """Keep this section for the page."""
+    """Write this section beside its figures; `write_page` puts it on the page."""
     size = laboratory.size(quick="quick", full="full")
     measured = (
         f"*Seed {laboratory.seed}, {size} run, {duration(elapsed_s)}; {platform.machine()}, "
@@ -77,9 +78,13 @@ def write_fragment(
 
 
 def write_page(folder: Path) -> Path:
-    """The page of all fragments that there are, beside the folder."""
+    """Write the page of all fragments in this folder beside the folder."""
     fragments = [folder / f"{name}.md" for name in PARTS]
-    texts = [path.read_text(encoding="utf-8") for path in fragments if path.exists()]
+    texts = [
+        re.sub(r"(!\[[^\]]*\]\()", rf"\1{folder.name}/", path.read_text(encoding="utf-8"))
+        for path in fragments
+        if path.exists()
+    ]
     page = folder.parent / PAGE
     page.write_text("\n".join((_HEAD, *texts)), encoding="utf-8")
     return page

@@ -34,8 +34,8 @@ class Section:
 
 
 def image(name: str, meaning: str) -> str:
-    """A figure of the experiments' folder, as the page shows it."""
-    return f"![{meaning}](experiments/{name})"
+    """A figure, as a page beside it shows it."""
+    return f"![{meaning}]({name})"
 
 
 def write_rows(path: Path, rows: Sequence[Row]) -> None:

@@ -83,14 +83,9 @@ def prose(page: Path) -> str:
     return re.sub(r"```.*?```", "", text_of(page), flags=re.DOTALL)
 
 
-def folder_of(page: Path) -> Path:
-    """The folder from which a page's links are read; parts of experiments.md belong beside it."""
-    return page.parent.parent if page.parent == Path("docs/experiments") else page.parent
-
-
 def link_works(page: Path, target: str) -> bool:
     name, _, anchor = target.partition("#")
-    linked = (ROOT / folder_of(page) / name).resolve() if name else ROOT / page
+    linked = (ROOT / page.parent / name).resolve() if name else ROOT / page
     if not linked.is_relative_to(ROOT) or not linked.exists():
         return False
     return not anchor or anchor in anchors_of(linked.relative_to(ROOT))

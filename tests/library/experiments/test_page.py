@@ -4,7 +4,7 @@ import pytest
 
 from skyway.experiments.laboratory import Laboratory
 from skyway.experiments.page import PARTS, write_fragment, write_page
-from skyway.experiments.report import Section, SummaryLine
+from skyway.experiments.report import Section, SummaryLine, image
 
 #: Parts that simulate fleets, each run twice with the same seed.
 REPEATED = ("booked-fleet", "causes", "fleet")
@@ -17,7 +17,7 @@ def run_part(laboratory: Laboratory, name: str) -> str:
 
     written = (laboratory.folder / f"{name}.csv").read_text(encoding="utf-8")
     rows = list(csv.DictReader(written.splitlines()))
-    shown = [text.split("experiments/")[1][:-1] for text in section.paragraphs if text[:2] == "!["]
+    shown = [text.split("](")[1][:-1] for text in section.paragraphs if text[:2] == "!["]
     assert section.findings
     assert rows
     assert all((laboratory.folder / figure).stat().st_size > 1_000 for figure in shown)
@@ -47,3 +47,14 @@ def test_running_one_part_again_keeps_the_others_on_the_page(laboratory):
     assert "first" not in page
     assert page.index("## paper") < page.index("## scale")
     assert "- is it there: yes" in page
+
+
+def test_a_fragment_and_the_page_both_link_to_the_figure(laboratory: Laboratory) -> None:
+    section = Section("paper", [image("paper.png", "time")])
+    write_fragment(laboratory, "paper", section, elapsed_s=1.0)
+
+    page = write_page(laboratory.folder)
+
+    fragment = (laboratory.folder / "paper.md").read_text(encoding="utf-8")
+    assert "![time](paper.png)" in fragment
+    assert f"![time]({laboratory.folder.name}/paper.png)" in page.read_text(encoding="utf-8")
