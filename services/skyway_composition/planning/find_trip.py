@@ -198,6 +198,7 @@ class TripFinder:
         held: Sequence[BookedPad],
     ) -> Trip | NoTrip:
         latest_ms, start_ms = self.latest_ms, self.start_of(candidate.drone_id)
+        is_ready_first = False  # whether the next mission comes before the deadline
         opening, world = self.openings.get(candidate.drone_id), self.world
         standby = StandbyChoice.of(candidate)
         ready: Slot | None = None
@@ -206,8 +207,11 @@ class TripFinder:
             if opening.before is not None:
                 ready = opening.before.ready
                 standby = standby_for(ready)
-                latest_ms = min(ready.at_ms, ready.at_ms if latest_ms is None else latest_ms)
+                is_ready_first = latest_ms is None or ready.at_ms < latest_ms
+                latest_ms = ready.at_ms if is_ready_first else latest_ms
         if latest_ms is not None and latest_ms < start_ms:
+            if is_ready_first:
+                return _TOO_SHORT
             detail = "the deadline lies before the earliest start"
             return self._with_deadline(NoTrip("TOO_LATE", detail, is_temporary=False), start_ms)
         standing = Standing(candidate.model, candidate.soc, candidate.station_id)
@@ -234,7 +238,7 @@ class TripFinder:
         if ready is not None and isinstance(trip, Trip):
             return fitted(trip, soc=candidate.soc, ready=ready) or _TOO_SHORT
         if isinstance(trip, NoTrip) and trip.code in ("TOO_LATE", "NO_PAD_IN_TIME"):
-            return self._with_deadline(trip, start_ms)
+            return _TOO_SHORT if is_ready_first else self._with_deadline(trip, start_ms)
         return trip
 
     def _with_deadline(self, reason: NoTrip, start_ms: int) -> NoTrip:

@@ -1,14 +1,16 @@
-"""A drone's standby after its last delivery: home, where it stands, or a parking station."""
+"""Trips in the openings of a calendar, and a drone's standby after its last delivery."""
 
 from typing import Any
 
 import pytest
+from skyway_composition.planning.availability import NextMission, Opening
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.offer import Limits
 from skyway_composition.planning.world import World
 
 from skyway.drone.models import DRONE_MODELS
-from skyway.ids import DroneModelId
+from skyway.ids import DroneId, DroneModelId, MissionId, StationId
+from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import NoTrip, Trip
 from skyway.units import moment_to_ms
 
@@ -150,3 +152,44 @@ async def test_a_drone_stays_in_a_network_without_parking_stations(
     assert isinstance(trip, Trip)
     assert trip.home_recharge is not None
     assert trip.home_recharge.station_id == "c"
+
+
+@pytest.mark.parametrize("gap_s", [-1, 0, 1, 60])
+async def test_a_drone_without_time_before_its_next_mission_is_busy_and_no_deadline_is_named(
+    composition: Any, make: Any, gap_s: int
+) -> None:
+    trip = await trip_before_the_next_mission(composition, make, gap_s=gap_s)
+
+    assert isinstance(trip, NoTrip)
+    assert (trip.code, trip.is_temporary) == ("BUSY", True)
+
+
+@pytest.mark.parametrize(("deadline_s", "code"), [(-1, "TOO_LATE"), (1, "TOO_LATE"), (90, "BUSY")])
+async def test_the_earlier_of_deadline_and_next_mission_is_the_reason(
+    composition: Any, make: Any, deadline_s: int, code: str
+) -> None:
+    trip = await trip_before_the_next_mission(composition, make, gap_s=60, deadline_s=deadline_s)
+
+    assert isinstance(trip, NoTrip)
+    assert trip.code == code
+
+
+async def trip_before_the_next_mission(
+    composition: Any, make: Any, *, gap_s: int, deadline_s: int | None = None
+) -> Trip | NoTrip:
+    """The trip of a drone that must be ready for its next mission after so many seconds."""
+    candidate = make.candidate(model=FAR_FLYER)
+    skyway = await composition.parts.networks.current("row")
+    world = await World.of(skyway, composition.db, after_ms=0)
+    start_ms = moment_to_ms(composition.clock.now())
+    here = Slot(StationId("a"), start_ms, candidate.soc)
+    ready = Slot(StationId("a"), start_ms + 1000 * gap_s, candidate.soc)
+    opening = Opening(here, None, NextMission(MissionId("mis_next"), ready))
+    finder = TripFinder(
+        composition.parts.solver,
+        world,
+        start_ms,
+        None if deadline_s is None else start_ms + 1000 * deadline_s,
+        openings={DroneId(candidate.drone_id): opening},
+    )
+    return await finder.trip(candidate, make.request("c"))
