@@ -142,12 +142,21 @@ def _all_stations(folder: DataFolder) -> list[str]:
     return stations
 
 
+#: Printed when the drones of a new provider were refused.
+_LEFT_BEHIND: Final = (
+    "the new provider {owner} has no drones, and is suspended; providers cannot be deleted.\n"
+    "To use it for the next try, set its state with "
+    'PATCH /v1/providers/{owner} {{"state": "ACTIVE"}}, and add --provider-id {owner}'
+)
+
+
 def _register(
     folder: DataFolder, provider_id: str | None, new_drones: list[dict[str, str]]
 ) -> Drones:
     """Register the drones, without `provider_id` for a new provider.
 
-    A new provider whose drones are refused is suspended: it must not look as if it could fly.
+    A new provider whose drones are refused is suspended, because it cannot fly. It stays: the API
+    deletes no providers, so the message says how to use it.
     """
     from skyway.runtime.signing.fleet_keys import FleetKeys  # other commands start without it
 
@@ -158,7 +167,7 @@ def _register(
     except typer.Exit:
         if provider_id is None:
             _operate(folder, "PATCH", f"/v1/providers/{owner}", {"state": "SUSPENDED"})
-            typer.echo(f"the new provider {owner} has no drones and is suspended", err=True)
+            typer.echo(_LEFT_BEHIND.format(owner=owner), err=True)
         raise
     registered = keys.kept(answer["items"])
     typer.echo(f"{len(registered)} drones registered with provider {owner}", err=True)

@@ -23,7 +23,9 @@ _ACCOUNTS: Final = "../../passwords"
 def nats_command(
     hosts: Annotated[
         list[str],
-        typer.Argument(metavar="HOST...", help="The name or address of each node: one, or three."),
+        typer.Argument(
+            metavar="HOST...", help="The name or address of each node: one, three or five."
+        ),
     ],
     listen: Annotated[str, typer.Option(help="The address on which nodes listen.")] = "0.0.0.0",  # noqa: S104 - a broker is for others
     mqtt_port: Annotated[int, typer.Option(help="The port for MQTT over TLS.")] = _MQTT_PORT,

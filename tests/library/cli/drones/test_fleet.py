@@ -89,7 +89,10 @@ def test_a_new_provider_whose_drones_are_refused_is_suspended(gateway: Gateway) 
 
     assert result.exit_code == 1
     assert gateway.calls[-1] == ("PATCH", "/v1/providers/prv_1", {"state": "SUSPENDED"})
-    assert "the new provider prv_1 has no drones and is suspended" in result.stderr
+    assert "the new provider prv_1 has no drones, and is suspended" in result.stderr
+    assert 'PATCH /v1/providers/prv_1 {"state": "ACTIVE"}, and add --provider-id prv_1' in (
+        result.stderr
+    )
 
 
 def test_a_fleet_that_can_fly_is_registered_and_stored(
