@@ -10,6 +10,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 #: A page named in code, a comment, a setting or a document, with its anchor if it has one.
 PAGE = re.compile(r"(?<![\w./*{}<-])([\w./-]*\w\.md)(?:#([\w-]+))?\b")
+#: A source file named with its folder in code, a comment or a document, between backquotes.
+SOURCE = re.compile(r"`([\w-]+(?:/[\w-]+)+\.py)(?=[`: ])")
 LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)\s]+)\)")
 IMAGE = re.compile(r"!\[[^\]]*\]\(([^)\s]+)\)")
 #: Pages that programs write into a folder of the user's choice.
@@ -30,6 +32,9 @@ def tracked_files() -> list[Path]:
 
 FILES = tracked_files()
 PAGES = [path for path in FILES if path.suffix == ".md"]
+SOURCES = [f"/{path.as_posix()}" for path in FILES if path.suffix == ".py"]
+#: Decisions name files that later decisions have removed.
+HISTORY = Path("docs/decisions")
 
 
 def text_of(path: Path) -> str:
@@ -102,6 +107,23 @@ def test_every_page_that_a_file_names_is_in_the_repository() -> None:
         str(path): names
         for path in FILES
         if path != Path(__file__).relative_to(ROOT) and (names := sorted(broken_citations(path)))
+    }
+
+    assert not broken
+
+
+def test_every_source_file_that_a_file_names_is_in_the_repository() -> None:
+    broken = {
+        str(path): names
+        for path in FILES
+        if not path.is_relative_to(HISTORY)
+        and (
+            names := [
+                name
+                for name in SOURCE.findall(text_of(path))
+                if not any(source.endswith(f"/{name}") for source in SOURCES)
+            ]
+        )
     }
 
     assert not broken

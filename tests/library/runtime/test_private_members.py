@@ -8,10 +8,11 @@ import inspect
 import aiosqlite
 from alembic.script import ScriptDirectory
 from paho.mqtt.client import Client
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 
 def test_aiosqlite_runs_every_statement_through_execute() -> None:
-    """`runtime/sql/sqlite_driver.py` overrides `_execute` and reads the other members."""
+    """`runtime/sql/engines.py` overrides `_execute` and reads the other members."""
     source = inspect.getsource(aiosqlite.Connection)
 
     assert inspect.iscoroutinefunction(aiosqlite.Connection._execute)
@@ -25,9 +26,16 @@ def test_paho_opens_its_socket_through_create_socket() -> None:
 
 
 def test_alembic_lists_the_revisions_of_an_upgrade() -> None:
-    """`runtime/sql/migrations.py` calls `_upgrade_revs`, as alembic's own `upgrade` does."""
+    """`runtime/sql/upgrade.py` calls `_upgrade_revs`, as alembic's own `upgrade` does."""
     assert list(inspect.signature(ScriptDirectory._upgrade_revs).parameters) == [
         "self",
         "destination",
         "current_rev",
     ]
+
+
+def test_uvicorn_ends_its_keepalive_timer_when_data_arrive() -> None:
+    """`runtime/http/front/front_protocol.py` calls `_unset_keepalive_if_required` too."""
+    assert "self._unset_keepalive_if_required()" in inspect.getsource(
+        HttpToolsProtocol.data_received
+    )
