@@ -11,7 +11,6 @@ from fastapi import FastAPI
 from starlette.middleware import Middleware
 
 from skyway.contracts.topics import CONNECTION
-from skyway.runtime.gauges import GaugeSource
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -20,10 +19,10 @@ from skyway.runtime.http.app import (
     nothing_to_wait_for,
 )
 from skyway.runtime.http.identity import read_secret
-from skyway.runtime.http.metrics_routes import metrics_routes
-from skyway.runtime.http.readiness_gauges import readiness_gauges
+from skyway.runtime.http.metrics_routes import metrics_routes, readiness_gauges
 from skyway.runtime.idempotency_store import sweep
 from skyway.runtime.loops import Loops, repeat
+from skyway.runtime.metrics import GaugeSource
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.senders import MqttSender, ReportSender

@@ -7,16 +7,14 @@ from typing import Final
 
 from skyway.announced_networks import NetworkLearner, stations_from
 from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
-from skyway.runtime.fair_queue import FairQueue
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import KeyEntrance, Meters
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.http.request_boundary import body_limits
+from skyway.runtime.limits import Budget, FairQueue, Meter, Slots
 from skyway.runtime.loops import Wake
-from skyway.runtime.meter import Budget, Meter
 from skyway.runtime.minting import mint
-from skyway.runtime.slots import Slots
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import session_store
 from skyway_gateway.access.keys import Keys

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from skyway.runtime.gauges import Gauge, GaugeSource
-from skyway.runtime.outbox.outbox_gauges import OutboxGauges
+from skyway.runtime.metrics import Gauge, GaugeSource
+from skyway.runtime.outbox.outbox_store import OutboxGauges
 from skyway.units import moment_to_ms
 from skyway_gateway import gauge_store
 from skyway_gateway.gauge_store import StoredQueue

@@ -7,15 +7,14 @@ from typing import Final
 
 from skyway.announced_networks import NetworkLearner
 from skyway.runtime.clock import AnchoredClock, FleetClock
-from skyway.runtime.fair_queue import FairQueue
-from skyway.runtime.gauges import Gauges
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import KeyEntrance, Meters
 from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.http.request_boundary import BodyLimit
+from skyway.runtime.limits import FairQueue, Slots
+from skyway.runtime.metrics import Gauges
 from skyway.runtime.minting import mint
-from skyway.runtime.slots import Slots
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.login_codes import LoginCodes

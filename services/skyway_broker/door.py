@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from skyway.runtime.errors import BudgetSpent
-from skyway.runtime.meter import Meter
+from skyway.runtime.limits import Meter
 from skyway_broker.limits import Limits
 
 log = logging.getLogger(__name__)

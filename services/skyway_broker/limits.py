@@ -8,7 +8,7 @@ import resource
 from dataclasses import dataclass, field
 from typing import Final
 
-from skyway.runtime.meter import Budget
+from skyway.runtime.limits import Budget
 
 #: Open connections in all, and of one address: a fleet of 5,000 may be behind one address.
 CONNECTIONS: Final = 16_000

@@ -4,7 +4,7 @@ import asyncio
 
 from skyway.contracts.broker_rules import SERVICE_ACCOUNTS
 from skyway.runtime.errors import BudgetSpent
-from skyway.runtime.meter import Meter
+from skyway.runtime.limits import Meter
 from skyway_broker.limits import AccountLimits, Limits
 
 

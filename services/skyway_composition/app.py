@@ -8,7 +8,6 @@ from typing import Final
 
 from fastapi import FastAPI
 
-from skyway.runtime.gauges import GaugeSource
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -19,11 +18,10 @@ from skyway.runtime.http.app import (
 )
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import ServiceEntrance
-from skyway.runtime.http.figures_routes import figures_routes
 from skyway.runtime.http.identity import ServiceIdentity, read_secret
-from skyway.runtime.http.metrics_routes import metrics_routes
-from skyway.runtime.http.readiness_gauges import readiness_gauges
+from skyway.runtime.http.metrics_routes import figures_routes, metrics_routes, readiness_gauges
 from skyway.runtime.loops import Loops
+from skyway.runtime.metrics import GaugeSource
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal

@@ -6,8 +6,8 @@ from typing import Final, get_args
 
 from skyway.contracts.drone_report import AlarmLevel, Fault
 from skyway.contracts.mission import OPEN_MISSION_STATES
-from skyway.runtime.gauges import Gauge, GaugeSource
-from skyway.runtime.outbox.outbox_gauges import OutboxGauges
+from skyway.runtime.metrics import Gauge, GaugeSource
+from skyway.runtime.outbox.outbox_store import OutboxGauges
 from skyway_composition import gauge_store
 from skyway_composition.parts import Parts
 from skyway_composition.tables import outbox

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from skyway.runtime.clock import FleetClock, load_clock
-from skyway.runtime.gauges import Gauges
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.loops import Wake
+from skyway.runtime.metrics import Gauges
 from skyway.runtime.minting import Mint, mint
 from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.signing.key_book import KeyBook

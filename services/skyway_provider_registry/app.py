@@ -10,7 +10,6 @@ from typing import Final
 
 from fastapi import FastAPI
 
-from skyway.runtime.gauges import GaugeSource
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -20,12 +19,11 @@ from skyway.runtime.http.app import (
     nothing_to_wait_for,
 )
 from skyway.runtime.http.entrance import ServiceEntrance
-from skyway.runtime.http.figures_routes import figures_routes
 from skyway.runtime.http.identity import read_secret
-from skyway.runtime.http.metrics_routes import metrics_routes
-from skyway.runtime.http.readiness_gauges import readiness_gauges
+from skyway.runtime.http.metrics_routes import figures_routes, metrics_routes, readiness_gauges
 from skyway.runtime.idempotency_store import sweep
 from skyway.runtime.loops import Loops, repeat
+from skyway.runtime.metrics import GaugeSource
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.migrations import migrate
 from skyway_provider_registry.candidates.routes import candidate_routes, service_state_routes

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final, get_args
 
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.gauges import Gauge, GaugeSource
+from skyway.runtime.metrics import Gauge, GaugeSource
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_provider_registry.fleets import statistics_store

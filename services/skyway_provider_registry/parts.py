@@ -10,11 +10,11 @@ from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
 from skyway.broker_setup.nats_accounts import NatsAccounts
 from skyway.runtime.clock import FleetClock, load_clock
-from skyway.runtime.gauges import Gauges
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.loops import Pace
+from skyway.runtime.metrics import Gauges
 from skyway.runtime.minting import Mint, mint
 from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile

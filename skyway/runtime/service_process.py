@@ -18,10 +18,9 @@ from skyway.errors import SkywayError
 from skyway.runtime.clock import AnchoredClock
 from skyway.runtime.errors import exit_code_of
 from skyway.runtime.garbage import load_without_collecting
-from skyway.runtime.last_errors import LAST_ERRORS
 from skyway.runtime.settings import DatabaseSettings, ServiceSettings
 from skyway.runtime.sql.database import Database
-from skyway.runtime.tracing import configure_logs
+from skyway.runtime.tracing import LAST_ERRORS, configure_logs
 from skyway.runtime.verification.check import check
 from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.rule import Rule

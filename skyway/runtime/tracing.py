@@ -1,6 +1,7 @@
-"""W3C trace context, and logs as JSON lines on standard error that name the trace.
+"""W3C trace context, logs as JSON lines on standard error, and the last errors of the process.
 
-One `traceparent` follows a request through REST, messages and logs.
+One `traceparent` follows a request through REST, messages and logs. `LAST_ERRORS` keeps the newest
+warning or error of each kind for operators.
 """
 
 import json
@@ -8,13 +9,17 @@ import logging
 import re
 import secrets
 import sys
+import threading
 import time
-from collections.abc import Callable, Iterator
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final
+
+from skyway.contracts.figures import LoggedError
 
 _TRACEPARENT = re.compile(r"([0-9a-f]{2})-([0-9a-f]{32})-([0-9a-f]{16})-([0-9a-f]{2})(-.*)?")
 _NO_TRACE = "0" * 32
@@ -176,3 +181,56 @@ def configure_logs(service: str, level: str) -> None:
 
 def _is_secret(name: str) -> bool:
     return any(word in name.lower() for word in _SECRET_WORDS)
+
+
+#: Kinds that are kept. One kind is one text in the code, with any values filled in.
+MOST_KINDS: Final = 20
+#: Characters of a text that are kept.
+_LONGEST_TEXT: Final = 300
+
+
+class LastErrors(logging.Handler):
+    """Counts log records from WARNING on by kind, and keeps the newest record of each kind."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self._kinds: OrderedDict[tuple[str, str], LoggedError] = OrderedDict()
+        # Records come from other threads too.
+        self._guard = threading.Lock()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Note a record; with too many kinds, the kind with the oldest record is forgotten."""
+        try:
+            self._note(record)
+        except (TypeError, ValueError, KeyError):
+            # A text whose values do not fit is reported, and does not stop the work.
+            self.handleError(record)
+
+    def _note(self, record: logging.LogRecord) -> None:
+        kind = (record.name, str(record.msg))
+        with self._guard:
+            earlier = self._kinds.pop(kind, None)
+            self._kinds[kind] = LoggedError(
+                at=datetime.fromtimestamp(record.created, UTC),
+                level=record.levelname,
+                event=record.getMessage()[:_LONGEST_TEXT],
+                reason=_reason_of(record),
+                times=1 if earlier is None else earlier.times + 1,
+                trace_id=current_trace_id(),
+            )
+            if len(self._kinds) > MOST_KINDS:
+                self._kinds.popitem(last=False)
+
+    def newest(self) -> Sequence[LoggedError]:
+        """The newest record of each kind, the newest kind first."""
+        with self._guard:
+            return tuple(reversed(self._kinds.values()))
+
+
+def _reason_of(record: logging.LogRecord) -> str | None:
+    error = record.exc_info[1] if record.exc_info else None
+    return None if error is None else f"{type(error).__name__}: {error}"[:_LONGEST_TEXT]
+
+
+#: The warnings and errors of this process.
+LAST_ERRORS: Final = LastErrors()

@@ -3,7 +3,7 @@
 from skyway_broker.door import Door
 from skyway_broker.limits import Limits
 
-from skyway.runtime.meter import Budget
+from skyway.runtime.limits import Budget
 
 
 class Connection:

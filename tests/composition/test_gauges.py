@@ -9,7 +9,7 @@ import skyway_composition
 import skyway_provider_registry
 from skyway_composition.gauges import ALARM_CODES, CompositionGauges
 
-from skyway.runtime.gauges import Gauges
+from skyway.runtime.metrics import Gauges
 from tests.composition.test_alarm_routes import raise_alarm
 
 

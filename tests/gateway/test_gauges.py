@@ -4,7 +4,7 @@ from datetime import timedelta
 
 from skyway_gateway.gauges import GatewayGauges
 
-from skyway.runtime.gauges import Gauges
+from skyway.runtime.metrics import Gauges
 from tests.gateway.whole_gateway import Gateway
 
 

@@ -11,7 +11,7 @@ from skyway_provider_registry.telemetry.keep_telemetry import TelemetryRecorder
 from skyway.contracts.topics import CONNECTION, STATE
 from skyway.ids import DroneId
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.gauges import Gauges
+from skyway.runtime.metrics import Gauges
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
 

@@ -17,7 +17,7 @@ from skyway.ids import KeyId, ProviderId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, Unauthenticated
 from skyway.runtime.http.identity import Caller, KeyHolder, read_secret
-from skyway.runtime.idempotency import Answer, once
+from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx

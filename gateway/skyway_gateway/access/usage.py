@@ -10,8 +10,7 @@ from skyway.contracts.drone_key import DroneQuota
 from skyway.ids import ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.meter import Reading
-from skyway.runtime.slots import Slots
+from skyway.runtime.limits import Reading, Slots
 
 
 class UsageBudget(JsonModel):

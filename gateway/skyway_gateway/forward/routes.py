@@ -11,14 +11,14 @@ from fastapi.responses import StreamingResponse
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
-from skyway.runtime.fair_queue import FairQueue
 from skyway.runtime.http.answers import IdempotencyKey, response_of
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.client_disconnect import cancel_on_disconnect, refuse_gone
 from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.idempotency import Answer, once
+from skyway.runtime.idempotency_store import Answer, once
+from skyway.runtime.limits import FairQueue
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.api_key import NewKey
 from skyway_gateway.access.keys import Keys

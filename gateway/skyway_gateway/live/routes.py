@@ -12,8 +12,7 @@ from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.meter import Meter
-from skyway.runtime.slots import Slots
+from skyway.runtime.limits import Meter, Slots
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.scope import Scope

@@ -16,9 +16,9 @@ from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter, operation_id
-from skyway.runtime.idempotency import Answer, once
+from skyway.runtime.idempotency_store import Answer, once
+from skyway.runtime.limits import Slots
 from skyway.runtime.minting import Mint
-from skyway.runtime.slots import Slots
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.notifications import webhook_store

@@ -13,7 +13,7 @@ from skyway.runtime.errors import Conflict
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.idempotency import Answer, once
+from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_gateway.access.routes import KeyGate

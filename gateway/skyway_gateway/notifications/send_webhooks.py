@@ -15,9 +15,8 @@ from typing import Final, Never, get_args
 
 from skyway.ids import EventId
 from skyway.runtime.clock import FleetClock, sleep_wall
-from skyway.runtime.durations import observe
 from skyway.runtime.loops import MissingParts, Wake, repeat
-from skyway.runtime.metrics import count
+from skyway.runtime.metrics import count, observe
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import current_traceparent, tracing

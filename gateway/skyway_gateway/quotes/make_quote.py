@@ -15,9 +15,9 @@ from skyway.geo import Position
 from skyway.ids import HoldId, OfferId, QuoteId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
-from skyway.runtime.fair_queue import FairQueue
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.idempotency import Answer, answered_before, once
+from skyway.runtime.idempotency_store import Answer, answered_before, once
+from skyway.runtime.limits import FairQueue
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx

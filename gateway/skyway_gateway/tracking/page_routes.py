@@ -12,7 +12,7 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.slots import Slots
+from skyway.runtime.limits import Slots
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.scope import Scope

@@ -22,8 +22,8 @@ from skyway.planner.problem import Problem
 from skyway.planner.stop import Stop, TimeLimit, first_of
 from skyway.planner.verify import PlanRejected
 from skyway.planner.warm import warm
-from skyway.runtime.durations import timed
 from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.metrics import timed
 
 log = logging.getLogger(__name__)
 

@@ -11,7 +11,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.idempotency import Answer, once
+from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.sql.database import Database, Tx
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile

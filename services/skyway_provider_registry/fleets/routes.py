@@ -16,7 +16,7 @@ from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.idempotency import Answer, once
+from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.minting import Mint
 from skyway.runtime.signing.cloud_key_file import CloudKeyFile
 from skyway.runtime.sql.database import Database, Tx

@@ -11,7 +11,7 @@ from skyway.runtime.http.answers import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.idempotency import Answer, once
+from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment

@@ -17,7 +17,7 @@ from skyway.contracts.problem_details import (
     ProblemDetails,
 )
 from skyway.runtime.http.problems import problem_of_kind
-from skyway.runtime.idempotency import Answer
+from skyway.runtime.idempotency_store import Answer
 
 #: A part of an OpenAPI document, whose members have no common static type.
 Part = dict[str, Any]

@@ -17,11 +17,10 @@ from fastapi import Request
 from fastapi.security.utils import get_authorization_scheme_param
 
 from skyway.runtime.errors import BudgetSpent, Unauthenticated
-from skyway.runtime.http.brake import Brake
+from skyway.runtime.http.delays import Brake, WrongKeys
 from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey, ServiceGate
 from skyway.runtime.http.session_cookie import SESSION_PREFIX, session_in
-from skyway.runtime.http.wrong_keys import WrongKeys
-from skyway.runtime.meter import Meter, Reading
+from skyway.runtime.limits import Meter, Reading
 from skyway.runtime.network_address import network_of
 
 #: What a request without a key costs its address, and what it costs if it is refused.

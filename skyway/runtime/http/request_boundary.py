@@ -18,7 +18,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from skyway.contracts.problem_details import ProblemDetails
 from skyway.errors import SkywayError
-from skyway.runtime.durations import observe
 from skyway.runtime.errors import TooLarge
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.problems import (
@@ -28,7 +27,7 @@ from skyway.runtime.http.problems import (
     problem_response,
     status_problem,
 )
-from skyway.runtime.metrics import count
+from skyway.runtime.metrics import count, observe
 from skyway.runtime.tracing import tracing
 
 log = logging.getLogger(__name__)

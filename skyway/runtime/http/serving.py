@@ -23,9 +23,8 @@ from starlette.types import Receive, Scope, Send
 
 from skyway.runtime.errors import DamagedDatabase, ExitCode, ServiceUnavailable
 from skyway.runtime.garbage import keep_what_is_loaded
-from skyway.runtime.http.front.connection_table import ConnectionTable
-from skyway.runtime.http.front.front_limits import FrontLimits, FrontSettings
-from skyway.runtime.http.front.front_protocol import FrontProtocol
+from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits, FrontSettings
+from skyway.runtime.http.front_protocol import FrontProtocol
 from skyway.runtime.http.problems import problem_of, problem_response
 from skyway.runtime.loops import MissingParts, missing_part, pause_s
 

@@ -15,8 +15,8 @@ from pydantic import BaseModel
 from skyway.contracts.message import Message
 from skyway.contracts.topics import Address, M, Topic
 from skyway.runtime.errors import MqttUnavailable, ServiceUnavailable
-from skyway.runtime.gauges import Gauge
 from skyway.runtime.loops import MissingParts, pause_s
+from skyway.runtime.metrics import Gauge
 from skyway.runtime.mqtt.address import BrokerAddress
 from skyway.runtime.mqtt.connection import Login, MqttConnection, RawMessage
 from skyway.runtime.mqtt.inbox import Doorkeeper, Inbox, Received, Subscription

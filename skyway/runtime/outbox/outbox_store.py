@@ -1,8 +1,9 @@
-"""The table of messages that wait to be sent, and the SQL by which they are claimed and deleted.
+"""The table of messages that wait to be sent, all its SQL, and its gauges.
 
 A sender makes its statements once: making one takes as long as running it.
 """
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -30,8 +31,9 @@ from sqlalchemy import (
 from sqlalchemy.ext.asyncio import AsyncConnection
 from sqlalchemy.sql.dml import ReturningUpdate
 
+from skyway.runtime.metrics import Gauge
 from skyway.runtime.sql.claims import FREE, NOW_MS, Claiming, claim_columns
-from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.sql.in_list import in_list
 
 
@@ -136,3 +138,34 @@ def _is_oldest(table: Table, channel: str) -> ColumnElement[bool]:
         ~in_list(older.c.id, "sent"),
     )
     return and_(columns.channel == channel, ~in_list(columns.id, "sent"), ~has_older)
+
+
+@dataclass(frozen=True, slots=True)
+class OutboxGauges:
+    """Reads the outbox of a database; the `channels` are shown even if nothing waits on them."""
+
+    db: Database
+    table: Table
+    channels: tuple[str, ...]
+
+    async def read(self) -> list[Gauge]:
+        """How many messages wait on each channel, and the age of the oldest."""
+        async with self.db.survey() as connection:
+            found = {each.channel: each for each in await waiting_messages(connection, self.table)}
+        readings = []
+        for channel in self.channels:
+            waiting = found.get(channel)
+            oldest_wall_ms = None if waiting is None else waiting.oldest_wall_ms
+            age_s = 0.0 if oldest_wall_ms is None else time.time() - oldest_wall_ms / 1000
+            labels, messages = {"channel": channel}, 0 if waiting is None else waiting.messages
+            about = "messages that are not sent, or not confirmed yet"
+            readings += [
+                Gauge("skyway_outbox_depth", about, messages, labels),
+                Gauge(
+                    "skyway_outbox_age_seconds",
+                    "age of the oldest of them",
+                    max(age_s, 0.0),
+                    labels,
+                ),
+            ]
+        return readings

@@ -11,10 +11,9 @@ from typing import Any, Final, Protocol
 from sqlalchemy import Row
 
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.durations import observe
 from skyway.runtime.errors import MqttUnavailable, RemoteProblem, ServiceUnavailable
 from skyway.runtime.loops import Pace
-from skyway.runtime.metrics import count
+from skyway.runtime.metrics import count, observe
 from skyway.runtime.outbox.stream_sender import (
     Retry,
     StreamSender,

@@ -8,9 +8,9 @@ import httpx
 import pytest
 from skyway_gateway.access.recognise import AllKeys
 
-from skyway.runtime.http.brake import Brake
+from skyway.runtime.http.delays import Brake
 from skyway.runtime.http.entrance import Meters
-from skyway.runtime.meter import Budget, Meter
+from skyway.runtime.limits import Budget, Meter
 from skyway.runtime.network_address import network_of
 from tests.gateway.whole_gateway import Gateway
 

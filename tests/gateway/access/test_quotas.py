@@ -12,7 +12,7 @@ from sqlalchemy import text
 
 from skyway.ids import SubjectId
 from skyway.runtime.errors import BudgetSpent, Conflict
-from skyway.runtime.slots import Slots
+from skyway.runtime.limits import Slots
 from tests.gateway.whole_gateway import Gateway, make_request
 
 

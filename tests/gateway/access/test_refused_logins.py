@@ -13,8 +13,8 @@ from skyway_gateway.access.refused_logins import MOST_A_MINUTE, RefusedLogins
 
 from skyway.ids import KeyId
 from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.http.delays import WrongKeys
 from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey
-from skyway.runtime.http.wrong_keys import WrongKeys
 from skyway.runtime.metrics import COUNTERS
 from skyway.runtime.minting import CountingMint, mint
 from tests.gateway.access.key_calls import bearer, make_key, rotate, status_of

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from skyway.runtime.http.wrong_keys import WrongKeys
+from skyway.runtime.http.delays import WrongKeys
 from tests.gateway.access.test_entrance import limit
 from tests.gateway.whole_gateway import Gateway
 

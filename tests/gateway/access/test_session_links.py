@@ -14,7 +14,7 @@ from skyway_gateway.access.session_link_store import MOST_LINKS_PER_KEY
 from skyway_gateway.tables import session_links
 from sqlalchemy import select
 
-from skyway.runtime.http.wrong_keys import WrongKeys
+from skyway.runtime.http.delays import WrongKeys
 from tests.gateway.access.key_calls import bearer, make_key
 from tests.gateway.access.test_audit_trail import entries
 from tests.gateway.access.test_entrance import limit

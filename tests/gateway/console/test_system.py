@@ -6,10 +6,9 @@ from pathlib import Path
 from skyway_gateway.console.small_world import SmallWorld
 
 from skyway.contracts.figures import FIGURES, Figure, Figures
-from skyway.runtime.gauges import Gauge
-from skyway.runtime.http.figures_routes import figures_of
-from skyway.runtime.last_errors import LAST_ERRORS
-from skyway.runtime.metrics import count
+from skyway.runtime.http.metrics_routes import figures_of
+from skyway.runtime.metrics import Gauge, count
+from skyway.runtime.tracing import LAST_ERRORS
 from tests.gateway.whole_gateway import Gateway
 
 

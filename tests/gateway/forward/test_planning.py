@@ -4,7 +4,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from skyway.runtime.fair_queue import FairQueue
+from skyway.runtime.limits import FairQueue
 from tests.gateway.whole_gateway import Gateway, make_request
 
 #: 256 KiB, and 1 KiB for each of 2,000 stations.

@@ -12,7 +12,7 @@ from skyway_gateway.live.viewer_frames import SNAPSHOT_COST, ViewerFrames
 
 from skyway.runtime.errors import BudgetSpent
 from skyway.runtime.http.identity import Caller, CallerRole
-from skyway.runtime.meter import Budget, Meter
+from skyway.runtime.limits import Budget, Meter
 from tests.gateway.access.test_quotas import quotas
 from tests.gateway.live.merged import event_of
 from tests.gateway.whole_gateway import Gateway

@@ -2,7 +2,7 @@
 
 import pytest
 
-from skyway.runtime.slots import Slots
+from skyway.runtime.limits import Slots
 from tests.gateway.access.test_quotas import replace_part
 from tests.gateway.whole_gateway import Gateway
 

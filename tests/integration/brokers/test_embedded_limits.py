@@ -8,7 +8,7 @@ import pytest
 from skyway_broker.limits import Limits
 
 from skyway.contracts.topics import ACKS, CONNECTION, INSTRUCTIONS, STATE
-from skyway.runtime.meter import Budget
+from skyway.runtime.limits import Budget
 
 LIMITS = Limits()
 CONNECTED = bytes((0x20, 2, 0, 0))

@@ -35,7 +35,7 @@ def test_alembic_lists_the_revisions_of_an_upgrade() -> None:
 
 
 def test_uvicorn_ends_its_keepalive_timer_when_data_arrive() -> None:
-    """`runtime/http/front/front_protocol.py` calls `_unset_keepalive_if_required` too."""
+    """`runtime/http/front_protocol.py` calls `_unset_keepalive_if_required` too."""
     assert "self._unset_keepalive_if_required()" in inspect.getsource(
         HttpToolsProtocol.data_received
     )

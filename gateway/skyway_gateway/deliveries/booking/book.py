@@ -18,9 +18,9 @@ from skyway.contracts.mission import Booking, CancelMissions, Mission
 from skyway.contracts.shortlist import Candidates
 from skyway.ids import DeliveryId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.durations import timed
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.loops import MissingParts
+from skyway.runtime.metrics import timed
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import tracing

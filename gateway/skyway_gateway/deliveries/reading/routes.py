@@ -11,13 +11,12 @@ from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
-from skyway.runtime.fair_queue import FairQueue
 from skyway.runtime.http.answers import GeoJsonResponse
 from skyway.runtime.http.event_stream import EventStreamAnswer
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.slots import Slots
+from skyway.runtime.limits import FairQueue, Slots
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_gateway.access.routes import KeyGate

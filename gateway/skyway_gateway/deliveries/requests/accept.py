@@ -19,7 +19,7 @@ from skyway.ids import DeliveryId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.idempotency import Answer, answered_before, once
+from skyway.runtime.idempotency_store import Answer, answered_before, once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.claims import FREE
 from skyway.runtime.sql.database import Database, Tx

@@ -15,9 +15,9 @@ from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
 from skyway.contracts.quote import HoldLoss
 from skyway.ids import DeliveryId, HoldId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.durations import observe
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.loops import Wake
+from skyway.runtime.metrics import observe
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms

@@ -7,10 +7,8 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from skyway.runtime.durations import DURATIONS
-from skyway.runtime.gauges import Gauge, Gauges, GaugeSource
 from skyway.runtime.http.metrics_routes import MetricsGate, metrics_routes
-from skyway.runtime.metrics import METRICS_KEY
+from skyway.runtime.metrics import DURATIONS, METRICS_KEY, Gauge, Gauges, GaugeSource
 
 
 async def one_drone() -> list[Gauge]:

@@ -1,4 +1,7 @@
-"""uvicorn's protocol with limits: too large or too slow requests end before they are collected."""
+"""uvicorn's protocol with limits: too large or too slow requests end before they are collected.
+
+uvicorn itself only limits the connections of a process and the silence between requests.
+"""
 
 import json
 import socket
@@ -13,8 +16,7 @@ from uvicorn.server import ServerState
 
 from skyway.contracts.problem_details import PROBLEM_MEDIA_TYPE
 from skyway.runtime.http.client_disconnect import CALLER_GONE
-from skyway.runtime.http.front.connection_table import ConnectionTable
-from skyway.runtime.http.front.front_limits import FrontLimits
+from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits
 from skyway.runtime.metrics import count
 
 #: Linux only: on other systems a caller counts as present until something is read.

@@ -9,8 +9,7 @@ from sqlalchemy import Column, Integer, MetaData, Table, Text, func, select, tex
 from skyway.errors import InvalidInput
 from skyway.runtime.clock import FleetClock, ManualClock
 from skyway.runtime.errors import Conflict, IdempotencyKeyReused
-from skyway.runtime.idempotency import Act, Answer, once
-from skyway.runtime.idempotency_store import idempotency_table, sweep
+from skyway.runtime.idempotency_store import Act, Answer, idempotency_table, once, sweep
 from skyway.runtime.sql.database import Database, Tx
 
 METADATA = MetaData()

@@ -11,9 +11,8 @@ import uvicorn
 from starlette.types import Receive, Scope, Send
 
 from skyway.runtime.http.client_disconnect import CALLER_GONE
-from skyway.runtime.http.front.connection_table import ConnectionTable
-from skyway.runtime.http.front.front_limits import FrontLimits
-from skyway.runtime.http.front.front_protocol import FrontProtocol
+from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits
+from skyway.runtime.http.front_protocol import FrontProtocol
 
 LIMITS = FrontLimits(
     connections=20,

@@ -1,4 +1,4 @@
-"""Heavy work is shared between tenants."""
+"""Token buckets: what is taken, what comes back, and what is remembered."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -6,7 +6,141 @@ from collections.abc import AsyncIterator
 import pytest
 
 from skyway.runtime.errors import BudgetSpent
-from skyway.runtime.fair_queue import FairQueue
+from skyway.runtime.limits import Budget, FairQueue, Meter
+
+
+class Clock:
+    """Seconds that a test sets."""
+
+    def __init__(self) -> None:
+        self.now_s = 1_000.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+BUDGET = Budget("CALLS", per_s=10.0, burst=20)
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def meter(clock: Clock) -> Meter:
+    return Meter(BUDGET, most=3, now=clock)
+
+
+def taken(meter: Meter, who: str, most: int = 100) -> int:
+    """How many can be taken now."""
+    for number in range(most):
+        try:
+            meter.spend(who)
+        except BudgetSpent:
+            return number
+    return most
+
+
+def test_the_burst_is_there_at_first_and_not_more(meter: Meter) -> None:
+    assert taken(meter, "alice") == 20
+
+
+def test_a_steady_use_at_the_refill_rate_is_never_refused(meter: Meter, clock: Clock) -> None:
+    for _ in range(1_000):
+        meter.spend("alice")
+        clock.now_s += 0.1
+
+    assert meter.read("alice").left == 20
+
+
+def test_a_spent_budget_refills_with_time_up_to_the_burst(meter: Meter, clock: Clock) -> None:
+    taken(meter, "alice")
+
+    clock.now_s += 0.55
+    assert taken(meter, "alice") == 5
+    clock.now_s += 3_600.0
+    assert taken(meter, "alice") == 20
+
+
+def test_a_refusal_says_which_budget_and_when_to_try_again(meter: Meter, clock: Clock) -> None:
+    taken(meter, "alice")
+
+    with pytest.raises(BudgetSpent, match="CALLS") as refusal:
+        meter.spend("alice", 5)
+
+    assert refusal.value.code == "CALLS"
+    assert refusal.value.retry_after_s == pytest.approx(0.5)
+    clock.now_s += refusal.value.retry_after_s + 1e-9
+    meter.spend("alice", 5)
+
+
+def test_a_refused_call_costs_nothing(meter: Meter, clock: Clock) -> None:
+    taken(meter, "alice")
+    for _ in range(1_000):
+        with pytest.raises(BudgetSpent):
+            meter.spend("alice")
+
+    clock.now_s += 0.11
+    meter.spend("alice")
+
+
+def test_one_caller_does_not_spend_the_budget_of_another(meter: Meter) -> None:
+    taken(meter, "alice")
+
+    assert meter.read("bob").left == 20
+
+
+def test_a_charge_takes_at_most_what_is_left(meter: Meter, clock: Clock) -> None:
+    meter.charge("alice", 1_000)
+
+    assert meter.read("alice").left == 0
+    clock.now_s += 2.0
+    assert meter.read("alice").left == 20
+
+
+def test_what_is_given_back_never_exceeds_the_burst(meter: Meter) -> None:
+    meter.spend("alice", 10)
+    meter.charge("alice", -500)
+
+    assert taken(meter, "alice") == 20
+
+
+def test_the_headers_say_what_is_left(meter: Meter) -> None:
+    assert meter.spend("alice", 5).headers == {
+        "RateLimit-Limit": "20",
+        "RateLimit-Remaining": "15",
+        "RateLimit-Reset": "1",
+        "RateLimit-Policy": "20;w=2",
+    }
+
+
+def test_the_memory_is_bounded_and_forgets_who_was_longest_silent(
+    meter: Meter, clock: Clock
+) -> None:
+    for who in ("alice", "bob", "carol", "alice", "dora"):
+        meter.spend(who, 5)
+        clock.now_s += 0.001
+    for number in range(10_000):
+        assert meter.remembered <= 3
+        if number % 2:
+            meter.spend("alice", 0.0001)
+        meter.spend(f"x{number}")
+
+    assert meter.remembered == 3
+    assert meter.read("alice").left < 20
+
+
+def test_a_clock_that_goes_back_delays_nobody_longer_than_a_whole_bucket(
+    meter: Meter, clock: Clock
+) -> None:
+    taken(meter, "alice")
+    clock.now_s -= 900.0
+
+    assert meter.read("alice").full_after_s == pytest.approx(2.0)
+    with pytest.raises(BudgetSpent) as refusal:
+        meter.spend("alice")
+    assert refusal.value.retry_after_s == pytest.approx(0.1)
 
 
 class Works:

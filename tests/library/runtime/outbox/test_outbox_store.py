@@ -3,8 +3,8 @@
 from sqlalchemy import update
 
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.durations import DURATIONS
-from skyway.runtime.outbox.outbox_gauges import OutboxGauges
+from skyway.runtime.metrics import DURATIONS
+from skyway.runtime.outbox.outbox_store import OutboxGauges
 from skyway.runtime.sql.database import Database
 from tests.library.runtime.outbox.test_senders import (
     OUTBOX,
