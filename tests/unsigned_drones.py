@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 
-from skyway.contracts.drone_signature import DroneSignature
+from skyway.contracts.drones import DroneSignature
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.signing.key_book import KeyBook

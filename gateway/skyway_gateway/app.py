@@ -46,8 +46,7 @@ from skyway_gateway.deliveries.reading.routes import (
     reading_routes,
     statistics_routes,
 )
-from skyway_gateway.deliveries.report_routes import report_routes
-from skyway_gateway.deliveries.requests.routes import cancelling_routes, delivery_routes
+from skyway_gateway.deliveries.requests.routes import delivery_routes, report_routes
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.gauges import GatewayGauges
@@ -98,8 +97,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         "3339 UTC, quantities are in SI units, prices in minor units of their currency.",
         # A request is compared with each route in this order: the busiest routes come first.
         routers=[
-            delivery_routes(gate=gate, acceptance=parts.acceptance),
-            cancelling_routes(gate=gate, canceller=parts.canceller),
+            delivery_routes(gate=gate, acceptance=parts.acceptance, canceller=parts.canceller),
             report_routes(gate=parts.services, applier=parts.applier),
             quote_routes(db=db, gate=gate, maker=parts.quote_maker),
             reading_routes(

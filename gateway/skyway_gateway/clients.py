@@ -7,7 +7,7 @@ from pydantic import Field
 
 from skyway.contracts.broker_rules import AccountRole
 from skyway.contracts.candidate import CandidateQuery, PayloadLimit, PayloadLimitQuery
-from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery, DroneQuota
+from skyway.contracts.drones import DroneKeyAnswer, DroneKeyQuery, DroneQuota
 from skyway.contracts.mission import (
     Booking,
     BookMissions,

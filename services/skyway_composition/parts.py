@@ -26,9 +26,8 @@ from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.no_shows import NoShows
 from skyway_composition.planning.plan_offers import Quotes
-from skyway_composition.planning.reading_turn import ReadingTurn
-from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.strategy_rights import StrategyRights
+from skyway_composition.planning.routes import StrategyRights
+from skyway_composition.planning.solver_pool import ReadingTurn, SolverPool
 from skyway_composition.quarantine.set_aside import Quarantine
 from skyway_composition.settings import CompositionSettings
 from skyway_composition.tables import outbox

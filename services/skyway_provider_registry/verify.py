@@ -13,7 +13,7 @@ from sqlalchemy import Column, ColumnElement, and_, func, literal, or_, select
 from skyway.bounds import LATEST
 from skyway.broker_setup.nats_accounts import is_nats_hash
 from skyway.broker_setup.passwords import read_hash
-from skyway.contracts.drone_alarm import DroneAlarm
+from skyway.contracts.drones import DroneAlarm
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.service_facts import AnyFacts, DroneFacts, HintFacts, ProviderFacts
 from skyway.delivery.offer import Tariff

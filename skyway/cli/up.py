@@ -7,7 +7,6 @@ import typer
 from rich.console import Console
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
-from skyway.cli.small_world.requested import until_requested
 from skyway.cli.system.announce import announce, asked_to_stop, login_link
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import running_system
@@ -75,6 +74,17 @@ async def _run(
         else:
             await first_of(until_requested(folder), system.supervisor.failed())
         # Imported here: networks take a moment, and most starts need none.
-        from skyway.cli.small_world.live_on import live_on
+        from skyway.cli.small_world import live_on
 
         await first_of(live_on(system, say=say), system.supervisor.failed())
+
+
+_LOOK_EVERY_S: Final = 0.5
+
+
+async def until_requested(folder: DataFolder) -> None:
+    """Wait until an operator asks for the small world; requests of earlier starts do not count."""
+    folder.small_world_request.unlink(missing_ok=True)
+    # Another process makes the file, so no event of this one can be awaited.
+    while not folder.small_world_request.exists():  # noqa: ASYNC110
+        await asyncio.sleep(_LOOK_EVERY_S)

@@ -20,8 +20,8 @@ from skyway_composition.missions.timeouts import LateMissions, OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.parts import Parts
 from skyway_composition.planning.no_shows import NoShows
+from skyway_composition.planning.routes import StrategyRights
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.strategy_rights import StrategyRights
 from skyway_composition.quarantine.set_aside import Quarantine
 from skyway_composition.tables import outbox
 from skyway_composition.verify.rules import RULES

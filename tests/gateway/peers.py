@@ -14,7 +14,7 @@ from skyway.contracts.candidate import (
     PayloadLimitQuery,
     ProviderReason,
 )
-from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery, DroneQuota
+from skyway.contracts.drones import DroneKeyAnswer, DroneKeyQuery, DroneQuota
 from skyway.contracts.mission import (
     BookMissions,
     CancelMissions,

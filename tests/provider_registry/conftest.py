@@ -13,7 +13,7 @@ from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets.issue_credentials import Issuer
 from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.parts import Parts
-from skyway_provider_registry.presence.no_quarantine import NoQuarantine
+from skyway_provider_registry.presence.judge_states import NoQuarantine
 
 from skyway.announced_networks import NetworkLearner
 from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts

@@ -9,7 +9,7 @@ import hashlib
 from datetime import timedelta
 from typing import Final, Protocol
 
-from skyway.contracts.drone_key import DRONE_KEY_PREFIX
+from skyway.contracts.drones import DRONE_KEY_PREFIX
 from skyway.ids import DroneId, KeyId
 from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock

@@ -6,7 +6,7 @@ from typing import Annotated, Protocol
 
 from pydantic import Field
 
-from skyway.contracts.drone_key import DroneQuota
+from skyway.contracts.drones import DroneQuota
 from skyway.ids import ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.http.identity import Caller

@@ -18,7 +18,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     PackageState,
     PackageStatus,
 )
-from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
+from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
 
 Stage = Literal[
     "REQUESTED", "PLANNED", "LOADING", "ON_THE_WAY", "DELIVERED", "PARTLY_DELIVERED", "ENDED"

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from skyway.contracts.drone_signature import (
+from skyway.contracts.drones import (
     DRONE_SIGNATURES,
     DroneSignature,
     DroneSignatureQuery,

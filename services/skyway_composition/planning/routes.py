@@ -4,6 +4,7 @@ A problem may refer to a published network; then it is completed with the networ
 """
 
 import asyncio
+from collections.abc import Set
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated, Any, Final, Protocol, Self
@@ -17,10 +18,11 @@ from skyway.delivery.plan import Plan
 from skyway.errors import InvalidProblem
 from skyway.ids import NetworkId
 from skyway.json_model import JsonModel
+from skyway.planner.compose import STRATEGIES
 from skyway.planner.problem import Problem
 from skyway.planner.problem_document import read_problem
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import NotFound
+from skyway.runtime.errors import AccessDenied, NotFound
 from skyway.runtime.http.answers import NOT_FOUND
 from skyway.runtime.http.app import internal_body, read_json
 from skyway.runtime.http.client_disconnect import cancel_on_disconnect
@@ -34,9 +36,7 @@ from skyway_composition.networks.routes import MAX_VERSION
 from skyway_composition.networks.settings import NetworkDocument
 from skyway_composition.networks.store import has_networks
 from skyway_composition.planning.no_shows import NoShows
-from skyway_composition.planning.reading_turn import ReadingTurn
-from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.strategy_rights import StrategyRights
+from skyway_composition.planning.solver_pool import ReadingTurn, SolverPool
 from skyway_composition.planning.world import World, compose_in
 
 #: The most bytes of a problem with its network (docs/reference/rest.md).
@@ -156,6 +156,32 @@ def quote_routes(*, gate: ServiceGate, quotes: QuoteAnswerer, no_shows: NoShows)
         return await quotes.answer(query.model_copy(update={"shortlist": shortlist}))
 
     return router
+
+
+@dataclass(frozen=True, slots=True)
+class StrategyRights:
+    """The strategies for everybody; operators and other services may ask for all."""
+
+    open_to_all: Set[str]
+
+    @classmethod
+    def read(cls, names: str) -> Self:
+        """The rights with these strategies for everybody, separated by commas."""
+        return cls(frozenset(each.strip() for each in names.split(",")))
+
+    def check(self, document: Any, caller: Caller) -> None:  # any JSON value
+        """Go on only if the caller may ask for the strategy; unknown ones are refused later.
+
+        Raises
+        ------
+        AccessDenied
+            The strategy of the problem is for operators.
+        """
+        strategy = document.get("strategy") if isinstance(document, dict) else None
+        if not isinstance(strategy, str) or strategy not in STRATEGIES:
+            return
+        if strategy not in self.open_to_all and caller.role in ("customer", "provider"):
+            raise AccessDenied(f"the strategy {strategy} is for operators")
 
 
 def composition_routes(

@@ -1,17 +1,18 @@
-"""Runs the planner without blocking the event loop.
+"""Runs the planner, and reads large problems, without blocking the event loop.
 
 Most local requests are solved in a millisecond. A thread costs more than that: it must wake up,
 wait for the interpreter and report back. So small problems are composed on the event loop, and all
-others in threads.
+others in threads. Large problems are read one at a time, because a caller cannot stop a thread.
 """
 
 import asyncio
 import logging
 import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
-from typing import Final, Self
+from typing import Final, Self, TypeVar
 
 from skyway.delivery.plan import Plan, PlanStatus
 from skyway.planner.airspace import Airspace
@@ -206,3 +207,25 @@ def _is_small(problem: Problem, airspace: Airspace | None, hierarchy: Hierarchy 
         and airspace is not None
         and not airspace.reaches
     )
+
+
+T = TypeVar("T")
+A = TypeVar("A")
+
+
+class ReadingTurn:
+    """Runs functions in a thread, one after another; a caller that leaves gives up its place."""
+
+    def __init__(self) -> None:
+        self._turn = asyncio.Semaphore(1)
+
+    async def run(self, read: Callable[[A], T], value: A) -> T:
+        """What `read` makes of the value."""
+        async with self._turn:
+            reading = asyncio.ensure_future(asyncio.to_thread(read, value))
+            try:
+                return await asyncio.shield(reading)
+            except asyncio.CancelledError:
+                # The next one begins when the thread is free.
+                await asyncio.wait({reading})
+                raise

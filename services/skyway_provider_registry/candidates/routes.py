@@ -9,7 +9,7 @@ from skyway.contracts.candidate import (
     PayloadLimit,
     PayloadLimitQuery,
 )
-from skyway.contracts.drones_in_service import (
+from skyway.contracts.drones import (
     OUT_OF_SERVICE,
     OutOfServiceAnswer,
     OutOfServiceQuery,

@@ -11,9 +11,10 @@ from skyway.contracts.broker_rules import (
     SERVICE_ACCOUNTS,
     operator_account,
 )
-from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery
-from skyway.contracts.drone_signature import (
+from skyway.contracts.drones import (
     DRONE_SIGNATURES,
+    DroneKeyAnswer,
+    DroneKeyQuery,
     DroneSignatureQuery,
     DroneSignatures,
 )

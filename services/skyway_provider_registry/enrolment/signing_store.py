@@ -7,7 +7,7 @@ from typing import Final
 from sqlalchemy import Text, bindparam, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.drone_signature import DroneSignature
+from skyway.contracts.drones import DroneSignature
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId
 from skyway.runtime.sql.connection import AnyRow

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from skyway.contracts.drone_signature import DroneSignature
+from skyway.contracts.drones import DroneSignature
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.signing.key_book import CHANGES_NAMED_FOR

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final, Protocol
 
-from skyway.contracts.renewal import RENEWALS, Renewal, Renewals
+from skyway.contracts.drones import RENEWALS, Renewal, Renewals
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.sql.database import Database

@@ -12,7 +12,7 @@ from skyway.bounds import Moment
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.passwords import PasswordHash
 from skyway.contracts.broker_rules import drone_account
-from skyway.contracts.drone_key import DRONE_KEY_PREFIX
+from skyway.contracts.drones import DRONE_KEY_PREFIX
 from skyway.contracts.message import Soc
 from skyway.contracts.signature import CloudKeys
 from skyway.drone.model import DroneModel

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import Depends
 
-from skyway.contracts.drone_key import DroneQuota
+from skyway.contracts.drones import DroneQuota
 from skyway.ids import ProviderId
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from sqlalchemy import func, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.drone_key import DroneQuota
+from skyway.contracts.drones import DroneQuota
 from skyway.ids import ProviderId
 from skyway.runtime.errors import Conflict
 from skyway.runtime.http.identity import Caller

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from skyway.contracts.drone_alarm import DRONE_ALARMS
+from skyway.contracts.drones import DRONE_ALARMS
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.presence import jump_store

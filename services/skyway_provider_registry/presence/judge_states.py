@@ -1,16 +1,24 @@
-"""Judges the states of a batch: a drone that jumps is taken out of service, with an alarm."""
+"""Judges the states of a batch: a drone that jumps is taken out of service, with an alarm.
+
+Messages that are not from their drones are counted and dropped. Composition reads most of the same
+messages, keeps them in its quarantine, and raises alarms.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Final
+from typing import Any, Final
 
-from skyway.contracts.drone_alarm import DroneAlarm
+from pydantic import ValidationError
+
 from skyway.contracts.drone_report import DroneState
+from skyway.contracts.drones import DroneAlarm
+from skyway.contracts.topics import Topic
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneId, DroneModelId, ProviderId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.metrics import count
+from skyway.runtime.mqtt.inbox import Arrival
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.presence import jump_store
 from skyway_provider_registry.presence.jump import LastSeen, why_jumped
@@ -67,3 +75,23 @@ class StateJudge:
             at=now,
             data={"position": [*state.position], "soc": state.soc},
         )
+
+
+class NoQuarantine:
+    """The `Reception` of the registry; the inbox and the check count what is dropped."""
+
+    def is_shut_out(self, ids: tuple[str, ...]) -> bool:
+        """Never."""
+        del ids
+        return False
+
+    def unreadable(
+        self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, error: ValidationError
+    ) -> None:
+        """Drop it."""
+
+    def forged(self, arrival: Arrival) -> None:
+        """Drop it."""
+
+    def postponed(self, ids: tuple[str, ...]) -> None:
+        """Do nothing: the registry concludes nothing from silence within seconds."""

@@ -6,7 +6,7 @@ from typing import Any, Final
 from sqlalchemy import Row, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.drone_alarm import DroneAlarm
+from skyway.contracts.drones import DroneAlarm
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DRONE_MODELS
 from skyway.geo import Position

@@ -6,7 +6,6 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from skyway.cli.closures.closure_text import affected_lines, closure_line
 from skyway.cli.closures.operate import (
     GROUND_STOPS,
     OPERATOR_KEY,
@@ -15,6 +14,8 @@ from skyway.cli.closures.operate import (
     PadArgument,
     StationArgument,
     ToArgument,
+    affected_lines,
+    closure_line,
     operate,
     pad_path,
     segment_path,

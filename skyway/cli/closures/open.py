@@ -7,7 +7,6 @@ from urllib.parse import quote
 import httpx
 import typer
 
-from skyway.cli.closures.closure_text import closure_line
 from skyway.cli.closures.operate import (
     GROUND_STOPS,
     OPERATOR_KEY,
@@ -16,6 +15,7 @@ from skyway.cli.closures.operate import (
     PadArgument,
     StationArgument,
     ToArgument,
+    closure_line,
     operate,
     pad_path,
     segment_path,

@@ -1,6 +1,7 @@
-"""Calls of the commands for closures, with the operator's key."""
+"""Calls of the commands for closures, with the operator's key, and closures as text."""
 
 import json
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Final
 from urllib.parse import quote
 
@@ -8,6 +9,7 @@ import typer
 
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.gateway import call_gateway
+from skyway.cli.outlook_text import delay_text
 
 OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
 
@@ -39,3 +41,54 @@ def operate(folder: DataFolder, method: str, path: str, body: object = None) -> 
     """The gateway's answer; Any: the route documents its JSON."""
     encoded = None if body is None else json.dumps(body).encode()
     return call_gateway(method, path, key_name=OPERATOR_KEY, folder=folder, body=encoded)
+
+
+#: A JSON object of the gateway, whose members have no common type.
+Document = Mapping[str, Any]
+
+
+def closure_line(closure: Document) -> str:
+    """One line: its id, what is closed, from when until when, and why."""
+    until = closure.get("until")
+    span = f"since {closure['from_at']}" if until is None else f"{closure['from_at']} to {until}"
+    parts = (closure["closure_id"], _subject(closure), span, closure.get("reason"))
+    return "  ".join(part for part in parts if part)
+
+
+def _subject(closure: Document) -> str:
+    match closure["kind"]:
+        case "STATION":
+            return f"station {closure['station_id']}"
+        case "PAD":
+            return f"station {closure['station_id']}, pad {closure['pad']}"
+        case "SEGMENT":
+            begins = closure.get("from_id") or closure["station_id"]
+            return f"segment {begins} to {closure.get('to_id') or closure['to_station_id']}"
+        case "ZONE":
+            return f"zone in {closure['network_id']}"
+        case _:
+            return f"ground stop{_only(closure)}"
+
+
+def _only(closure: Document) -> str:
+    """Which drones a ground stop concerns, if not all."""
+    names = ("network_id", "provider_id", "drone_model_id")
+    only = [closure[name] for name in names if closure.get(name)]
+    return f" of {', '.join(only)}" if only else ""
+
+
+def affected_lines(made: Document) -> Iterator[str]:
+    """A line for each mission that needs another plan, and their number."""
+    missions = made["affected_missions"]
+    for each in missions:
+        where = each["station_id"] or "on its way"
+        state = "flying" if each["is_flying"] else "not in the air"
+        line = f"  {each['mission_id']}  {each['drone_id']}  {where}  {each['at']}  {state}"
+        delay = each.get("delay")
+        yield line if delay is None else f"{line}  {delay_text(delay)}"
+    number = len(missions)
+    is_one, is_dry = number == 1, made["closure_id"] is None
+    needs = "would need" if is_dry else "needs" if is_one else "need"
+    yield f"{number or 'no'} mission{'' if is_one else 's'} {needs} another plan"
+    if is_dry and (left := made["missions_without_delay"]):
+        yield f"delays were planned for the first {number - left} only"

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable
 from datetime import datetime, timedelta
 from typing import Final, Literal, Protocol
 
-from skyway.contracts.drone_signature import MOST_ASKED, DroneSignature
+from skyway.contracts.drones import MOST_ASKED, DroneSignature
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock

@@ -8,7 +8,7 @@ import pytest
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import link_to
 
-from skyway.contracts.renewal import RENEWALS
+from skyway.contracts.drones import RENEWALS
 from skyway.ids import DroneId
 
 REGISTRY = {"Authorization": "Bearer secret of registry"}

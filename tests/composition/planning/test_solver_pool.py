@@ -2,11 +2,12 @@
 
 import asyncio
 import sys
+import threading
 from types import FrameType
 from typing import Any
 
 import pytest
-from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.solver_pool import ReadingTurn, SolverPool
 
 from skyway.delivery.plan import Plan, PlanStatus
 from skyway.network.geojson import read_network
@@ -165,3 +166,32 @@ async def test_a_large_problem_goes_to_a_thread(make: Any, local: Any, members: 
 async def test_a_closed_pool_is_unavailable(make: Any) -> None:
     with pytest.raises(ServiceUnavailable):
         await SolverPool(threads=1, time_limit_s=5.0).compose(make_problem(make))
+
+
+async def test_a_caller_that_leaves_while_it_waits_is_never_read() -> None:
+    turn, may_end, begun = ReadingTurn(), threading.Event(), list[str]()
+
+    def read(name: str) -> str:
+        begun.append(name)
+        may_end.wait(60)
+        return name
+
+    first = asyncio.create_task(turn.run(read, "first"))
+    others = [asyncio.create_task(turn.run(read, f"other {n}")) for n in range(40)]
+    while not begun:  # noqa: ASYNC110 - of a thread
+        await asyncio.sleep(0)
+    for each in (first, *others):
+        each.cancel()
+    await asyncio.sleep(0)
+    may_end.set()
+    last = await turn.run(read, "last")
+
+    assert last == "last"
+    assert begun == ["first", "last"]
+    with pytest.raises(asyncio.CancelledError):
+        await first
+
+
+async def test_an_error_of_the_reader_is_raised() -> None:
+    with pytest.raises(ValueError, match="invalid literal"):
+        await ReadingTurn().run(int, "x")

@@ -9,7 +9,7 @@ import pytest
 from skyway_composition.missions.following.replay import Replays
 from skyway_composition.quarantine.set_aside import Quarantine
 
-from skyway.contracts.drone_signature import DroneSignature
+from skyway.contracts.drones import DroneSignature
 from skyway.contracts.topics import EVENTS, STATE
 from skyway.ids import DroneId, QuarantineId
 from skyway.runtime.errors import Conflict

@@ -47,7 +47,7 @@ def test_each_message_has_a_line_with_its_reason(gateway: Gateway) -> None:
 def test_an_empty_quarantine_says_so(gateway: Gateway) -> None:
     gateway.answers["GET", "/v1/quarantine"] = (200, {"items": [], "next_cursor": None})
 
-    assert run().stdout == "every message of the drones was taken\n"
+    assert run().stdout == "the quarantine is empty\n"
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from skyway.cli.main import make_app
 from skyway.cli.system.announce import announce
 from skyway.cli.system.running_system import System
 from skyway.cli.system.supervisor import Supervisor
+from skyway.cli.up import until_requested
 
 
 @pytest.mark.parametrize("asking", [signal.SIGINT, signal.SIGTERM])
@@ -68,3 +69,17 @@ def test_each_service_is_printed_with_its_address(tmp_path: Path) -> None:
         ["composition", "http://composition:1"],
         ["broker", "mqtt://broker:1883"],
     ]
+
+
+async def test_a_request_of_an_earlier_start_does_not_count(tmp_path: Path) -> None:
+    folder = DataFolder(tmp_path)
+    folder.small_world_request.touch()
+
+    waiting = asyncio.create_task(until_requested(folder))
+    await asyncio.sleep(0)
+    assert not waiting.done()
+    assert not folder.small_world_request.exists()
+    folder.small_world_request.touch()
+
+    async with asyncio.timeout(60):
+        await waiting

@@ -10,7 +10,7 @@ from skyway_provider_registry.fleets.announce_renewals import RenewalAnnouncer
 from skyway_provider_registry.presence.follow import Recorder
 from skyway_provider_registry.verify import RULES
 
-from skyway.contracts.renewal import Renewals
+from skyway.contracts.drones import Renewals
 from skyway.contracts.topics import CONNECTION, STATE
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from skyway_provider_registry.enrolment.stored_keys import StoredKeys
 from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, Recorder
-from skyway_provider_registry.presence.no_quarantine import NoQuarantine
+from skyway_provider_registry.presence.judge_states import NoQuarantine
 
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY, Topic
 from skyway.runtime.clock import ManualClock

@@ -3,5 +3,5 @@
 `delivery` says what a delivery is and which states follow which. `progress` holds what all changes
 have in common, and how a delivery ends. The `..._effects` say what a booking, a cancellation or a
 mission report changes; `package_changes` is the part of reports that concerns packages.
-`event_data` builds events.
+`event_data` builds events. `delivery_parts` and `customer_forms` are what people see of a delivery.
 """

@@ -16,7 +16,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     Flags,
     PackageStatus,
 )
-from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
+from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
 from skyway_gateway.deliveries.lifecycle.progress import (
     CANCELLED_CODE,
     Progress,

@@ -22,8 +22,7 @@ from skyway.ids import (
     SubjectId,
 )
 from skyway.json_model import JsonModel, WireModel
-from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
-from skyway_gateway.deliveries.lifecycle.waiting import Waiting
+from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission, Waiting
 
 DeliveryState = Literal[
     "SCHEDULED",

@@ -17,7 +17,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     PackageStatus,
     Refusal,
 )
-from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
+from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
 from skyway_gateway.deliveries.lifecycle.package_changes import (
     delivered,
     loaded,

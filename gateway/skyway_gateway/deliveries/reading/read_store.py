@@ -15,7 +15,7 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.store import owned
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, DeliveryState
-from skyway_gateway.deliveries.lifecycle.waiting import Waiting
+from skyway_gateway.deliveries.lifecycle.delivery_parts import Waiting
 from skyway_gateway.deliveries.reading.views import DayEarnings, EarningsQuery
 from skyway_gateway.deliveries.records.delivery_store import with_parts
 from skyway_gateway.delivery_tables import deliveries, missions

@@ -21,7 +21,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition
-from skyway_gateway.deliveries.lifecycle.customer_view import shown_to
+from skyway_gateway.deliveries.lifecycle.customer_forms import shown_to
 from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
     DeliveryState,

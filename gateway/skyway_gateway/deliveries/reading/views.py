@@ -19,7 +19,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     PackageState,
     PackageStatus,
 )
-from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
+from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
 
 
 class DeliveryPlan(JsonModel):

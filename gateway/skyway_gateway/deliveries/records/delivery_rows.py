@@ -22,7 +22,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     Proof,
     Refusal,
 )
-from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
+from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery, StoredDelivery
 
 #: The values of a row by the names of their columns.

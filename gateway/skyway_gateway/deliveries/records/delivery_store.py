@@ -43,7 +43,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     PackageStatus,
     may_follow,
 )
-from skyway_gateway.deliveries.lifecycle.flown_mission import FlownMission
+from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
 from skyway_gateway.deliveries.records.delivery_rows import (
     changing,
     delivery_of,

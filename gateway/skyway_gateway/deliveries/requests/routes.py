@@ -1,4 +1,4 @@
-"""Delivery requests and cancellations over REST."""
+"""Delivery requests, cancellations, and the mission reports of composition over REST."""
 
 from collections.abc import Mapping
 from typing import Annotated
@@ -6,16 +6,27 @@ from typing import Annotated
 from fastapi import Body, Depends, Request, Response
 from pydantic import Discriminator, Tag
 
+from skyway.contracts.mission_reports import (
+    MANY_MISSION_REPORTS,
+    MISSION_REPORTS,
+    MissionReport,
+    MissionReports,
+)
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
 from skyway.runtime.http.answers import NOT_FOUND, IdempotencyKey, conflicts, response_of
-from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.app import internal_body
+from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
-from skyway_gateway.deliveries.lifecycle.customer_view import shown_to
+from skyway_gateway.deliveries.apply_reports import ReportApplier
+from skyway_gateway.deliveries.lifecycle.customer_forms import (
+    OfferChoice,
+    RequestedDelivery,
+    shown_to,
+)
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.requests.accept import Acceptance
-from skyway_gateway.deliveries.requests.bodies import OfferChoice, RequestedDelivery
 from skyway_gateway.deliveries.requests.cancel import Canceller, CancelRequest
 
 
@@ -31,8 +42,10 @@ RequestOrOffer = Annotated[
 ]
 
 
-def delivery_routes(*, gate: KeyGate, acceptance: Acceptance) -> ServiceRouter:
-    """POST /v1/deliveries."""
+def delivery_routes(
+    *, gate: KeyGate, acceptance: Acceptance, canceller: Canceller
+) -> ServiceRouter:
+    """POST /v1/deliveries and /v1/deliveries/{delivery_id}/cancel."""
     router = ServiceRouter(tags=("deliveries",))
 
     @router.post(
@@ -72,13 +85,6 @@ def delivery_routes(*, gate: KeyGate, acceptance: Acceptance) -> ServiceRouter:
         )
         return response_of(answer)
 
-    return router
-
-
-def cancelling_routes(*, gate: KeyGate, canceller: Canceller) -> ServiceRouter:
-    """POST /v1/deliveries/{delivery_id}/cancel."""
-    router = ServiceRouter(tags=("deliveries",))
-
     @router.post("/v1/deliveries/{delivery_id}/cancel", responses=conflicts("TOO_LATE"))
     async def cancel_delivery(
         delivery_id: DeliveryId,
@@ -92,5 +98,32 @@ def cancelling_routes(*, gate: KeyGate, canceller: Canceller) -> ServiceRouter:
         caller.must_be("customer", "operator")
         cancelled = await canceller.cancel(caller, delivery_id, wanted or CancelRequest())
         return shown_to(caller, cancelled)
+
+    return router
+
+
+def report_routes(*, gate: ServiceGate, applier: ReportApplier) -> ServiceRouter:
+    """POST /internal/mission-reports and /internal/mission-reports/many."""
+    router = ServiceRouter(tags=("internal",))
+
+    @router.post(MISSION_REPORTS, status_code=204, responses=conflicts("NOT_YET"))
+    async def receive_mission_report(
+        caller: Annotated[Caller, Depends(gate)],
+        report: Annotated[MissionReport, Depends(internal_body(MissionReport))],
+    ) -> Response:
+        """Accept one report of a mission; 409 NOT_YET asks for it again later."""
+        caller.must_be_service("composition")
+        await applier.apply(report)
+        return Response(status_code=204)
+
+    @router.post(MANY_MISSION_REPORTS, status_code=204, responses=conflicts("NOT_YET"))
+    async def receive_mission_reports(
+        caller: Annotated[Caller, Depends(gate)],
+        reports: Annotated[MissionReports, Depends(internal_body(MissionReports))],
+    ) -> Response:
+        """Accept reports of several missions; after a refusal the later reports are refused too."""
+        caller.must_be_service("composition")
+        await applier.apply_all(reports.reports)
+        return Response(status_code=204)
 
     return router

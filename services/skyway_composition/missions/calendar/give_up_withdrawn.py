@@ -6,7 +6,7 @@ mission is not touched: its drone flies it, or people end it by a command.
 
 from dataclasses import dataclass
 
-from skyway.contracts.drones_in_service import (
+from skyway.contracts.drones import (
     MOST_DRONES,
     OUT_OF_SERVICE,
     OutOfServiceAnswer,

@@ -1,11 +1,15 @@
-"""Schedules over REST: operators see those of all drones, a provider those of its own."""
+"""Schedules and sent plans over REST: for operators of all drones, for a provider of its own."""
 
 from collections import defaultdict
 from typing import Annotated, Final
 
 from fastapi import Depends, Query
+from pydantic import Field
 
-from skyway.ids import DroneId, ProviderId, StationId
+from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.message import FleetMoment
+from skyway.ids import DroneId, MissionId, ProviderId, StationId
+from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller, ServiceGate
@@ -14,7 +18,7 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.closures.past_span import PastSpanQuery
-from skyway_composition.links.instruction_store import plans_sent
+from skyway_composition.links.instruction_store import SentPlan, plans_sent
 from skyway_composition.links.store import link_to
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.schedule import store
@@ -27,7 +31,6 @@ from skyway_composition.missions.schedule.schedule import (
     schedule_of,
     station_schedule,
 )
-from skyway_composition.missions.schedule.sent_plans import DronePlans, drone_plan
 from skyway_composition.pads.store import pads_of, reservations_of
 
 #: More than a station's pads can hold in the time that missions are booked ahead.
@@ -155,3 +158,46 @@ def schedule_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Se
 
 def _may_see(caller: Caller, provider_id: ProviderId) -> bool:
     return caller.role == "operator" or caller.subject_id == provider_id
+
+
+class DronePlan(JsonModel):
+    """A plan as it was sent to a drone.
+
+    Its steps replace the steps from `first_step` on of the mission's plan before it.
+    """
+
+    mission_id: Annotated[MissionId, Field(description="Mission of the plan.")]
+    mission_revision: Annotated[
+        int, Field(description="Number of the plan within its mission, from 1.")
+    ]
+    sent_at: Annotated[FleetMoment, Field(description="When it was sent, fleet time.")]
+    is_accepted: Annotated[bool, Field(description="Whether the drone has accepted it.")]
+    first_step: Annotated[int, Field(description="The first step that it replaces.")]
+    steps: Annotated[
+        tuple[FlightStep, ...], Field(description="Its steps, in order, with planned times.")
+    ]
+
+
+class DronePlans(JsonModel):
+    """The plans of the missions that a drone had in a span."""
+
+    drone_id: Annotated[DroneId, Field(description="Id of the drone.")]
+    from_at: Annotated[FleetMoment, Field(description="Start of the span, fleet time.")]
+    to_at: Annotated[FleetMoment, Field(description="End of the span, fleet time.")]
+    plans: Annotated[
+        tuple[DronePlan, ...],
+        Field(description="In the order in which they were sent; some were sent before the span."),
+    ]
+
+
+def drone_plan(sent: SentPlan) -> DronePlan:
+    """A sent plan as a replay shows it."""
+    instruction = sent.instruction
+    return DronePlan(
+        mission_id=instruction.mission_id,
+        mission_revision=instruction.mission_revision,
+        sent_at=instruction.sent_at,
+        is_accepted=sent.is_accepted,
+        first_step=instruction.first_step,
+        steps=instruction.steps,
+    )

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from skyway_composition.missions.calendar.give_up_withdrawn import WithdrawnDrones
 
-from skyway.contracts.drones_in_service import OutOfServiceAnswer, OutOfServiceQuery
+from skyway.contracts.drones import OutOfServiceAnswer, OutOfServiceQuery
 from tests.composition.busy_world import BusyWorld
 from tests.composition.missions.calendar.booked_chain import (
     book_chain,

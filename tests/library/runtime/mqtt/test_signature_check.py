@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from skyway.contracts.drone_signature import DroneSignature
+from skyway.contracts.drones import DroneSignature
 from skyway.contracts.topics import STATE, TELEMETRY, Topic
 from skyway.ids import DroneId
 from skyway.runtime.clock import ManualClock

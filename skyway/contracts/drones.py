@@ -1,0 +1,133 @@
+"""Questions about drones between the services, and what the registry reports about drones.
+
+The gateway asks the registry whose key was shown, and how many drones a provider may have. All
+services ask with which key a drone signs. Composition asks which drones may not begin a mission.
+The registry asks composition to raise alarms, and reports renewed credentials.
+"""
+
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from skyway.bounds import SmallObject, Words
+from skyway.contracts.drone_report import AlarmLevel
+from skyway.contracts.message import FleetMoment
+from skyway.contracts.signature import PublicKey
+from skyway.ids import DroneId, ProviderId
+from skyway.json_model import WireModel
+
+#: How every key of a drone begins; the gateway made all other keys.
+DRONE_KEY_PREFIX: Final = "dk_"
+
+
+class DroneKeyQuery(WireModel):
+    """The SHA-256 of a shown key, in hexadecimal."""
+
+    key_hash: Annotated[
+        str,
+        Field(
+            pattern=r"^[0-9a-f]{64}$",
+            description="SHA-256 of the key that was shown, in hexadecimal.",
+        ),
+    ]
+
+
+class DroneKeyAnswer(WireModel):
+    """The drone that may show this key; None if no drone has this key now."""
+
+    drone_id: DroneId | None
+
+
+class DroneQuota(WireModel):
+    """How many drones a provider may have, and how many it has."""
+
+    most: int
+    used: int
+
+
+#: Where the registry answers.
+DRONE_SIGNATURES: Final = "/internal/drone-signatures"
+
+#: The most drones of one question.
+MOST_ASKED: Final = 2_000
+
+
+class DroneSignature(WireModel):
+    """How a drone's messages are proven.
+
+    Without `is_signed` the drone has registered no key, and its broker account alone proves them.
+    With `is_signed` and without a key, no message of the drone is valid: its key was revoked, or
+    the drone is not registered.
+    """
+
+    drone_id: DroneId
+    is_signed: bool
+    public_key: PublicKey | None = None
+
+
+class DroneSignatureQuery(WireModel):
+    """The drones in question; an empty list asks for those that changed in the last minute."""
+
+    drone_ids: Annotated[tuple[DroneId, ...], Field(max_length=MOST_ASKED)] = ()
+
+
+class DroneSignatures(WireModel):
+    """The answer: each drone in question, or each drone that changed in the last minute."""
+
+    signatures: tuple[DroneSignature, ...]
+
+
+#: Where the registry posts an alarm.
+DRONE_ALARMS: Final = "/internal/drone-alarms"
+
+
+class DroneAlarm(WireModel):
+    """A problem of a drone that operators and its provider must look at."""
+
+    provider_id: ProviderId
+    drone_id: DroneId
+    level: AlarmLevel
+    code: Annotated[str, Field(max_length=100)]
+    detail: Words
+    at: FleetMoment
+    data: SmallObject = Field(default_factory=dict)
+
+
+#: Where composition asks.
+OUT_OF_SERVICE: Final = "/internal/drones-out-of-service"
+
+#: The most drones of one question.
+MOST_DRONES: Final = 1_000
+
+
+class OutOfServiceQuery(WireModel):
+    """The drones that composition plans to send somewhere later."""
+
+    drone_ids: Annotated[tuple[DroneId, ...], Field(max_length=MOST_DRONES)]
+
+
+class OutOfServiceAnswer(WireModel):
+    """Drones in MAINTENANCE, of a SUSPENDED provider, or not registered any more."""
+
+    drone_ids: tuple[DroneId, ...]
+
+
+#: Where the registry posts renewals.
+RENEWALS: Final = "/internal/renewed-credentials"
+
+
+class Renewal(WireModel):
+    """The credentials of a drone have changed, or were revoked.
+
+    Another sender may have used the earlier credentials. The numbers of its messages (session, seq,
+    stream) say nothing about the messages that come with the new credentials.
+    """
+
+    drone_id: DroneId
+    at: FleetMoment
+
+
+class Renewals(WireModel):
+    """The renewals of some drones."""
+
+    renewals: Annotated[tuple[Renewal, ...], Field(max_length=500)]
