@@ -26,7 +26,7 @@ from amqtt.mqtt.connack import NOT_AUTHORIZED, SERVER_UNAVAILABLE
 from amqtt.session import Session
 
 from skyway.contracts.broker_rules import SERVICE_ACCOUNTS, BrokerRules
-from skyway.runtime.network_address import network_of
+from skyway.runtime.limits import network_of
 from skyway_broker.client import Client, ClientReader, ClientWriter, refuse
 from skyway_broker.door import Door
 from skyway_broker.gate import Gate, TooManyAttempts, WrongPasswords

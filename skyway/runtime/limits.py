@@ -1,7 +1,8 @@
 """What each caller may use, in the memory of one process: budgets, slots, and turns in a queue.
 
 A `Meter` counts calls against a budget (a token bucket), `Slots` limit what is open at the same
-time, and a `FairQueue` shares heavy work between tenants.
+time, and a `FairQueue` shares heavy work between tenants. Callers without a valid key spend the
+budget of their network.
 
 The library `limits` is not used: it has no token bucket, it counts by the wall clock, which may be
 set back, and nothing bounds how many callers it remembers.
@@ -14,6 +15,8 @@ from collections import Counter, deque
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
+from ipaddress import IPv6Address, ip_address, ip_network
 from typing import Final
 
 from skyway.runtime.errors import BudgetSpent
@@ -270,3 +273,15 @@ class FairQueue:
             queue.remove(turn)
             if not queue:
                 del self._waiting[who]
+
+
+@lru_cache(maxsize=4096)
+def network_of(host: str) -> str:
+    """The IPv4 address, or the /64 of an IPv6 address; empty when the text is no address."""
+    try:
+        address = ip_address(host[:64])
+    except ValueError:
+        return ""  # a proxy that is trusted named no address
+    if isinstance(address, IPv6Address):
+        return str(address.ipv4_mapped or ip_network((address, 64), strict=False))
+    return str(address)

@@ -20,8 +20,7 @@ from skyway.runtime.errors import BudgetSpent, Unauthenticated
 from skyway.runtime.http.delays import Brake, WrongKeys
 from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey, ServiceGate
 from skyway.runtime.http.session_cookie import SESSION_PREFIX, session_in
-from skyway.runtime.limits import Meter, Reading
-from skyway.runtime.network_address import network_of
+from skyway.runtime.limits import Meter, Reading, network_of
 
 #: What a request without a key costs its address, and what it costs if it is refused.
 KEYLESS_COST: Final = 1.0

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from ipaddress import IPv4Network, IPv6Network, ip_address, ip_network
 from typing import Final, Protocol, Self
 
+from skyway.runtime.limits import network_of
 from skyway.runtime.metrics import count
-from skyway.runtime.network_address import network_of
 
 #: Open files that a process needs for its databases, its calls to others and its webhooks.
 _OTHER_FILES: Final = 400

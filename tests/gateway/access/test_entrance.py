@@ -10,8 +10,7 @@ from skyway_gateway.access.recognise import AllKeys
 
 from skyway.runtime.http.delays import Brake
 from skyway.runtime.http.entrance import Meters
-from skyway.runtime.limits import Budget, Meter
-from skyway.runtime.network_address import network_of
+from skyway.runtime.limits import Budget, Meter, network_of
 from tests.gateway.whole_gateway import Gateway
 
 
