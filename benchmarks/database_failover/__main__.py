@@ -171,7 +171,7 @@ def _one_run(given: argparse.Namespace, *, seed: int) -> bool:
         seconds=given.deliveries / given.rate_per_s,
         clock_rate=_CLOCK_RATE,
         agents=1,
-        patience_s=_END_WITHIN_S,
+        longest_wait_s=_END_WITHIN_S,
         seed=seed,
     )
     with patroni_cluster() as cluster:

@@ -6,9 +6,9 @@ from fastapi import Depends, Query, Response
 from pydantic import Field
 
 from skyway.contracts.drone_report import AlarmLevel
+from skyway.contracts.drones import DRONE_ALARMS, DroneAlarm
 from skyway.contracts.message import FleetMoment
 from skyway.errors import InvalidInput
-from skyway.contracts.drones import DRONE_ALARMS, DroneAlarm
 from skyway.ids import AlarmId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock

@@ -20,9 +20,9 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.metrics_routes import figures_of
 from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.metrics import Gauges
 from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.engines import Dialect
-from skyway.runtime.metrics import Gauges
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.console.small_world import SmallWorld
 

@@ -11,10 +11,10 @@ from typing import Any, Final
 
 from skyway.contracts.figures import FIGURES, Figure, Figures
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
-from skyway.runtime.gauges import Gauges
 from skyway.runtime.http.client import ServiceClient
-from skyway.runtime.http.figures_routes import figures_of
+from skyway.runtime.http.metrics_routes import figures_of
 from skyway.runtime.loops import repeat
+from skyway.runtime.metrics import Gauges
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.merge_patch import JsonObject
 

@@ -11,9 +11,9 @@ from skyway_gateway.live.scope import Scope
 
 from skyway.contracts.figures import Figure, Figures
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.gauges import Gauge, Gauges, GaugeSource
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import Caller
+from skyway.runtime.metrics import Gauge, Gauges, GaugeSource
 
 OPERATOR = Scope.of(Caller("operator", "op"), kinds=None, bbox=None)
 PROVIDER = Scope.of(Caller("provider", "prv_1"), kinds=None, bbox=None)
