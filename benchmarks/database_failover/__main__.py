@@ -82,10 +82,10 @@ async def _request_and_kill(
     kill_at_s = requests[int(len(requests) * _KILLED_AFTER)].at_s
     accepted, started_s = Accepted(), time.monotonic()
     async with httpx.AsyncClient(base_url=url) as client, asyncio.TaskGroup() as group:
-        for number, wanted in enumerate(requests):
+        for number, request in enumerate(requests):
             key = world.customers[number % len(world.customers)].key
-            due_s = started_s + wanted.at_s
-            group.create_task(_request(client, accepted, wanted.body, key, due_s=due_s))
+            due_s = started_s + request.at_s
+            group.create_task(_request(client, accepted, request.body, key, due_s=due_s))
         await asyncio.sleep(kill_at_s)
         await asyncio.to_thread(cluster.wait_until_safe)
         killed_s = time.monotonic()
