@@ -28,7 +28,9 @@ _CHANGED: Final = _SIGNATURES.join(renewals, renewals.c.drone_id == drones.c.dro
 )
 
 _is_of_drone: Final = drone_signing_keys.c.drone_id == bindparam("of_drone", type_=Text)
-_REVOKE: Final = update(drone_signing_keys).where(_is_of_drone, drone_signing_keys.c.is_required)
+_REVOKE: Final = (
+    update(drone_signing_keys).where(_is_of_drone).values(public_key=None, next_public_key=None)
+)
 _FOLLOW: Final = (
     update(drone_signing_keys)
     .where(_is_of_drone, drone_signing_keys.c.next_public_key.is_not(None))
@@ -63,7 +65,7 @@ async def add_keys(tx: Tx, public_keys: Mapping[DroneId, str]) -> None:
 
 
 async def put_key(tx: Tx, drone_id: DroneId, public_key: str | None) -> None:
-    """Let a drone sign with this key from now on, or sign nothing as before.
+    """Let a drone sign with this key from now on, or sign nothing as before; it has no next key.
 
     Raises
     ------
@@ -71,7 +73,7 @@ async def put_key(tx: Tx, drone_id: DroneId, public_key: str | None) -> None:
         The drone has signed before, and there is no key.
     """
     if public_key is None:
-        await _must_not_sign(tx, drone_id)
+        await _sign_nothing(tx, drone_id)
         return
     row = {"is_required": True, "public_key": public_key, "next_public_key": None}
     statement = tx.insert(drone_signing_keys).values(drone_id=drone_id, **row)
@@ -79,7 +81,7 @@ async def put_key(tx: Tx, drone_id: DroneId, public_key: str | None) -> None:
 
 
 async def put_next_key(tx: Tx, drone_id: DroneId, public_key: str | None) -> None:
-    """Store the key that comes into force with the drone's next credentials.
+    """Store the key that comes into force with the drone's next credentials, or that none does.
 
     Raises
     ------
@@ -87,7 +89,7 @@ async def put_next_key(tx: Tx, drone_id: DroneId, public_key: str | None) -> Non
         The drone has signed before, and there is no key.
     """
     if public_key is None:
-        await _must_not_sign(tx, drone_id)
+        await _sign_nothing(tx, drone_id)
         return
     row = {"is_required": False, "public_key": None, "next_public_key": public_key}
     statement = tx.insert(drone_signing_keys).values(drone_id=drone_id, **row)
@@ -101,15 +103,16 @@ async def bring_into_force(tx: Tx, drone_id: DroneId) -> None:
 
 
 async def revoke(tx: Tx, drone_id: DroneId) -> None:
-    """Believe nothing of a drone that signs until it has another key."""
-    values = {"public_key": None, "next_public_key": None}
-    await tx.execute(_REVOKE.values(values), {"of_drone": drone_id})
+    """Believe nothing of a drone that signs until it has another key, and forget its next key."""
+    await tx.execute(_REVOKE, {"of_drone": drone_id})
 
 
-async def _must_not_sign(tx: Tx, drone_id: DroneId) -> None:
+async def _sign_nothing(tx: Tx, drone_id: DroneId) -> None:
     query = select(drone_signing_keys.c.is_required).where(_is_of_drone)
     if (await tx.execute(query, {"of_drone": drone_id})).scalar_one_or_none():
         raise InvalidInput("public_key", "is missing, and this drone signs its messages")
+    # A key that somebody else named before must not come into force with these credentials.
+    await tx.execute(_REVOKE, {"of_drone": drone_id})
 
 
 def _signature(row: AnyRow) -> DroneSignature:  # with the columns of `_SIGNATURES`

@@ -114,6 +114,59 @@ async def test_nothing_of_a_revoked_drone_is_believed_until_it_has_another_key(
     assert await signature_of(api, drone_id) == (True, SECOND)
 
 
+async def credentials_without_a_key(api: Any, drone: Any) -> str:
+    """The key of the credentials that the owner gets by a token, after a thief's rotation."""
+    token = await another_token(api, drone)
+    await enrol(api, drone, None, token)
+    return str((await rotate(api, drone["drone_id"])).json()["key"])
+
+
+async def rotation_without_a_key(api: Any, drone: Any) -> str:
+    """The key of the drone's own next rotation, after a thief's rotation."""
+    return str((await rotate(api, drone["drone_id"])).json()["key"])
+
+
+async def credentials_after_a_revocation(api: Any, drone: Any) -> str:
+    """The key of the drone's rotation after its credentials were revoked and issued again."""
+    path = f"/v1/providers/{drone['provider_id']}/drones/{drone['drone_id']}/credentials"
+    await api("operator:op", "DELETE", path)
+    return await credentials_without_a_key(api, drone)
+
+
+@pytest.mark.parametrize(
+    "recover",
+    [credentials_without_a_key, rotation_without_a_key, credentials_after_a_revocation],
+)
+async def test_a_next_key_that_a_thief_named_never_comes_into_force(
+    api: Any, recover: Any, db: Database
+) -> None:
+    drone = await api.drone(await api.provider())
+    await enrol(api, drone, None)
+    await rotate(api, drone["drone_id"], {"public_key": SECOND})
+
+    await show(api, await recover(api, drone))
+
+    assert await signature_of(api, drone["drone_id"]) == (False, None)
+    assert await broken_rules(db, RULES) == []
+
+
+async def test_a_revocation_forgets_the_next_key_of_a_drone_that_does_not_sign(
+    api: Any, db: Database
+) -> None:
+    drone = await api.drone(await api.provider())
+    await enrol(api, drone, None)
+    await rotate(api, drone["drone_id"], {"public_key": SECOND})
+    path = f"/v1/providers/{drone['provider_id']}/drones/{drone['drone_id']}/credentials"
+
+    await api("operator:op", "DELETE", path)
+
+    async with db.read() as connection:
+        keys = (
+            await connection.execute(text("SELECT next_public_key FROM drone_signing_keys"))
+        ).all()
+    assert [tuple(row) for row in keys] == [(None,)]
+
+
 async def test_a_drone_that_signs_cannot_leave_its_key_out(api: Any, signing: Any) -> None:
     refused = await rotate(api, signing["drone_id"])
 
