@@ -44,19 +44,25 @@ async def page_of(
 async def page_of_provider(
     connection: AsyncConnection, provider_id: ProviderId, query: PageQuery
 ) -> Sequence[Delivery]:
-    """Up to limit + 1 deliveries that a provider's drones fly, with only its own missions."""
+    """Up to limit + 1 deliveries that a provider's drones fly; of each only what these drones do."""
     is_flown = exists().where(
         missions.c.delivery_id == deliveries.c.delivery_id,
         missions.c.provider_id == provider_id,
         missions.c.state != "REFUSED",
     )
     found = await _page(connection, select(deliveries).where(is_flown), query)
-    return [
-        delivery.model_copy(
-            update={"missions": tuple(m for m in delivery.missions if m.provider_id == provider_id)}
-        )
-        for delivery in found
-    ]
+    return [_part_of(provider_id, delivery) for delivery in found]
+
+
+def _part_of(provider_id: ProviderId, delivery: Delivery) -> Delivery:
+    """The delivery with the missions, packages and activity of one provider's drones."""
+    own = tuple(one for one in delivery.missions if one.provider_id == provider_id)
+    mission_ids = {mission.mission_id for mission in own}
+    packages = tuple(one for one in delivery.packages if one.mission_id in mission_ids)
+    # A delivery has one activity: the latest report of any of its drones.
+    activity = delivery.activity if len(own) == len(delivery.missions) else None
+    changes = {"missions": own, "packages": packages, "activity": activity}
+    return delivery.model_copy(update=changes)
 
 
 _place = func.row_number().over(

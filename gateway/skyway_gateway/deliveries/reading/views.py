@@ -83,14 +83,18 @@ class ProviderDelivery(JsonModel):
     state: Annotated[DeliveryState, Field(description="How far the delivery is.")]
     activity: Annotated[
         Activity | None,
-        Field(description="What the drone does now; null before the start and after the end."),
+        Field(
+            description="What the drone does now; null before the start and after the end, and "
+            "when drones of several providers fly the delivery."
+        ),
     ]
     pickup: Annotated[Place, Field(description="Where the packages are picked up.")]
     missions: Annotated[
         tuple[FlownMission, ...], Field(description="The missions of the provider's own drones.")
     ]
     packages: Annotated[
-        tuple[PackageStatus, ...], Field(description="The packages of the delivery.")
+        tuple[PackageStatus, ...],
+        Field(description="The packages that the provider's own drones carry or carried."),
     ]
     created_at: FleetMoment
     updated_at: FleetMoment

@@ -1,6 +1,7 @@
 """Reading deliveries: the caller's own, in pages, and as a stream of events."""
 
 import asyncio
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -80,6 +81,44 @@ async def test_a_provider_sees_deliveries_of_its_drones_without_the_customer(
     other = "/v1/providers/prv_2/deliveries"
     assert (await gateway.http.get(other, headers=gateway.provider)).status_code == 404
     assert (await gateway.http.get(other, headers=gateway.operator)).json()["items"] == []
+
+
+async def _split(gateway: Gateway, candidate: Callable[..., Any]) -> str:
+    """A delivery whose first package a drone of prv_1 carries, and whose second one of prv_2."""
+    gateway.composition.packages_per_trip = 1
+    gateway.registry.candidates_now = [
+        candidate("drn_1"),
+        candidate("drn_2", provider_id="prv_2"),
+    ]
+    delivery_id = str(await gateway.accepted(packages=2))
+    while await gateway.book_next():
+        pass
+    return delivery_id
+
+
+async def test_providers_of_a_split_delivery_see_their_own_packages_only(
+    gateway_on_both: Gateway, candidate: Callable[..., Any]
+) -> None:
+    gateway = gateway_on_both
+    delivery_id = await _split(gateway, candidate)
+    for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
+        await gateway.report(delivery_id, kind, seq=seq)
+    await gateway.report(delivery_id, "ACTIVITY", seq=4, activity="FLYING")
+    await gateway.report(delivery_id, "DELIVERED", seq=5, package_ids=["p1"])
+
+    async def seen_by(provider_id: str) -> Any:
+        path = f"/v1/providers/{provider_id}/deliveries"
+        [seen] = (await gateway.http.get(path, headers=gateway.operator)).json()["items"]
+        return seen
+
+    first, second = await seen_by("prv_1"), await seen_by("prv_2")
+
+    assert [one["package_id"] for one in first["packages"]] == ["p1"]
+    assert first["packages"][0]["proof"]["provider_id"] == "prv_1"
+    assert [one["package_id"] for one in second["packages"]] == ["p2"]
+    assert "prv_1" not in str(second)
+    assert "drn_1" not in str(second)
+    assert (first["activity"], second["activity"]) == (None, None)
 
 
 async def _stream(gateway: Gateway, delivery_id: str, last_event_id: str | None = None) -> Any:
