@@ -2,7 +2,9 @@
 
 An endpoint that did not answer keeps its slot for as long as a request may take. So no customer and
 no destination may have many slots, and all endpoints that did not answer the last time have only a
-part of them together. Of the others, the one that was served longest ago comes first.
+part of them together. At one destination one customer has half of the slots at most, and so have
+the silent endpoints: customers of one large receiver do not delay each other. Of the others, the
+one that was served longest ago comes first.
 """
 
 from collections import Counter
@@ -27,6 +29,11 @@ class SlotLimits:
         return max(self.per_customer // 2, 1)
 
     @property
+    def half_of_destination(self) -> int:
+        """Of one host and port: of one customer there, and of those that did not answer there."""
+        return max(self.per_destination // 2, 1)
+
+    @property
     def silent(self) -> int:
         """Of those that did not answer the last time."""
         return max(self.all * 3 // 8, 1)
@@ -38,7 +45,8 @@ class FairSlots:
 
     limits: SlotLimits = field(default_factory=SlotLimits)
     most_remembered: int = 10_000
-    _served: set[WebhookId] = field(default_factory=set)
+    #: The endpoints that are served now, with the names of what their slots count for.
+    _served: dict[WebhookId, tuple[str, ...]] = field(default_factory=dict)
     _used: Counter[str] = field(default_factory=Counter)
     #: The endpoints that did not answer the last time.
     _silent: dict[WebhookId, None] = field(default_factory=dict)
@@ -54,8 +62,7 @@ class FairSlots:
 
     def release(self, endpoint: Endpoint) -> None:
         """Free the slot of an endpoint that was chosen."""
-        self._served.discard(endpoint.webhook_id)
-        for name in _shares(endpoint):
+        for name in self._served.pop(endpoint.webhook_id, ()):
             self._used[name] -= 1
             if self._used[name] <= 0:
                 del self._used[name]
@@ -72,27 +79,32 @@ class FairSlots:
         if len(self._served) >= limits.all:
             return False
         is_silent = webhook_id in self._silent
-        if is_silent and len(self._served & self._silent.keys()) >= limits.silent:
+        if is_silent and len(self._served.keys() & self._silent.keys()) >= limits.silent:
             return False
-        customer, destination = _shares(endpoint)
-        if (
-            self._used[customer] >= limits.per_customer
-            or self._used[destination] >= limits.per_destination
-        ):
+        shares = self._shares(endpoint, is_silent=is_silent)
+        if any(self._used[name] >= most for name, most in shares.items()):
             return False
-        self._served.add(webhook_id)
-        self._used.update((customer, destination))
+        self._served[webhook_id] = tuple(shares)
+        self._used.update(shares.keys())
         self._choices += 1
         self._chosen.pop(webhook_id, None)
         self._chosen[webhook_id] = self._choices
         self._forget_first(self._chosen)
         return True
 
+    def _shares(self, endpoint: Endpoint, *, is_silent: bool) -> dict[str, int]:
+        """What an endpoint's slot counts for, and how many slots each of these may have."""
+        customer = f"customer {endpoint.customer_id}"
+        destination = f"destination {urlsplit(endpoint.url).netloc}"
+        limits, half = self.limits, self.limits.half_of_destination
+        silent = {f"silent at {destination}": half} if is_silent else {}
+        return {
+            customer: limits.per_customer,
+            destination: limits.per_destination,
+            f"{customer} at {destination}": half,
+            **silent,
+        }
+
     def _forget_first(self, remembered: dict[WebhookId, None] | dict[WebhookId, int]) -> None:
         if len(remembered) > self.most_remembered:
             remembered.pop(next(iter(remembered)))
-
-
-def _shares(endpoint: Endpoint) -> tuple[str, str]:
-    """What an endpoint's slot counts for: its customer, and its host and port."""
-    return f"customer {endpoint.customer_id}", f"destination {urlsplit(endpoint.url).netloc}"

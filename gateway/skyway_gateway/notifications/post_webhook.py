@@ -6,10 +6,9 @@ to another address a moment later gains nothing.
 """
 
 import asyncio
-import socket
 import ssl
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from http import HTTPStatus
 from ipaddress import (
@@ -26,12 +25,15 @@ from typing import Final, Self
 import httpx
 
 from skyway.errors import InvalidInput
+from skyway.ids import SubjectId
+from skyway.runtime.errors import BudgetSpent
+from skyway_gateway.notifications.name_lookups import NameLookups
 
 IpAddress = IPv4Address | IPv6Address
 IpNetwork = IPv4Network | IPv6Network
 
-#: The addresses of a host and port, as text.
-Resolve = Callable[[str, int], Awaitable[Sequence[str]]]
+#: The addresses of a host and port, as text, in the turn of a customer.
+Resolve = Callable[[str, int, SubjectId], Awaitable[Sequence[str]]]
 
 _DEFAULT_PORTS: Final = {"http": 80, "https": 443}
 _LARGEST_PORT: Final = 65535
@@ -49,6 +51,9 @@ _RESERVED: Final = tuple(
 _TIMEOUT_S: Final = 10.0
 
 _CONNECT_S: Final = 5.0
+
+#: How long its name may take to be found, seconds.
+_LOOKUP_S: Final = 5.0
 
 _USER_AGENT: Final = "Skyway-Webhooks/1"
 
@@ -71,35 +76,33 @@ class Target:
     addresses: tuple[IpAddress, ...]
 
 
-async def resolve_by_dns(host: str, port: int) -> Sequence[str]:
-    """The addresses that the system's resolver finds; empty when there are none."""
-    loop = asyncio.get_running_loop()
-    try:
-        found = await loop.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    except (socket.gaierror, UnicodeError):
-        return ()
-    return [str(address[0]) for *_, address in found]
-
-
 @dataclass(frozen=True, slots=True)
 class Targets:
     """Checks URLs; `allowed` are private networks that the operator allows."""
 
     allowed: tuple[IpNetwork, ...] = ()
-    resolve: Resolve = resolve_by_dns
+    resolve: Resolve = field(default_factory=lambda: NameLookups().addresses)
 
-    async def check(self, url: str) -> Target:
-        """The target of a URL.
+    async def check(self, url: str, customer_id: SubjectId) -> Target:
+        """The target of a customer's URL.
 
         Raises
         ------
         ForbiddenTarget
             It is not an http or https URL, has no address, or one of its addresses is forbidden.
+        BudgetSpent
+            Too many names of the customer are being looked up.
         """
         parsed = _parse(url)
         port = parsed.port or _DEFAULT_PORTS[parsed.scheme]
         host = parsed.raw_host.decode("ascii")
-        found = await self.resolve(host, port)
+        try:
+            async with asyncio.timeout(_LOOKUP_S):
+                found = await self.resolve(host, port, customer_id)
+        except TimeoutError as error:
+            raise ForbiddenTarget(
+                f"{parsed.host!r}: no name server answered within {_LOOKUP_S:.0f} s"
+            ) from error
         if not found:
             raise ForbiddenTarget(f"{parsed.host!r} has no address")
         addresses = tuple(dict.fromkeys(ip_address(text.partition("%")[0]) for text in found))
@@ -217,16 +220,20 @@ class WebhookPost:
             raise RuntimeError("notifications are posted only while the client is open")
         return self._opened
 
-    async def send(self, url: str, *, headers: dict[str, str], body: bytes) -> Reply:
+    async def send(
+        self, url: str, customer_id: SubjectId, *, headers: dict[str, str], body: bytes
+    ) -> Reply:
         """The receiver's reply, or why there is none."""
         try:
             async with asyncio.timeout(_TIMEOUT_S):
-                target = await self._targets.check(url)
+                target = await self._targets.check(url, customer_id)
                 return await self._send(target, headers, body)
         except TimeoutError:
             return Reply(None, f"no answer within {_TIMEOUT_S:.0f} s")
         except InvalidInput as refusal:
             return Reply(None, refusal.detail[:_LONGEST_DETAIL])
+        except BudgetSpent:
+            return Reply(None, "too many names of your webhooks are being looked up")
         except httpx.HTTPError as error:
             return Reply(None, f"{type(error).__name__}: {error}"[:_LONGEST_DETAIL])
 

@@ -112,7 +112,7 @@ def webhook_routes(
         Callers: customer.
         """
         caller.must_be("customer")
-        await targets.check(requested.url)
+        await targets.check(requested.url, SubjectId(caller.subject_id))
         webhook = IssuedWebhook(
             webhook_id=WebhookId(mint("whk")),
             url=requested.url,
@@ -179,7 +179,7 @@ def webhook_routes(
         """
         caller.must_be("customer")
         if requested.url is not None:
-            await targets.check(requested.url)
+            await targets.check(requested.url, SubjectId(caller.subject_id))
         async with db.write() as tx:
             webhook = await webhook_store.webhook_of(tx.connection, caller, webhook_id)
             changed = webhook.model_copy(update=_changes(requested))

@@ -182,7 +182,9 @@ class WebhookSender:
         )
         if (traceparent := current_traceparent()) is not None:
             headers["traceparent"] = traceparent
-        reply = await self.post.send(endpoint.url, headers=headers, body=notification.body)
+        reply = await self.post.send(
+            endpoint.url, endpoint.customer_id, headers=headers, body=notification.body
+        )
         self.slots.note_reply(endpoint.webhook_id, is_answer=reply.status is not None)
         return _Sent(at, round((loop.time() - started_s) * 1000), reply)
 

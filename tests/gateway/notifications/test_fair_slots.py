@@ -35,6 +35,24 @@ def test_one_destination_has_a_part_of_the_slots_of_several_customers(slots: Fai
     assert len(slots.choose(same)) == 2
 
 
+def test_a_customer_leaves_slots_at_a_destination_that_others_use(slots: FairSlots) -> None:
+    hanging = [endpoint(n, host="same") for n in range(10)]
+    honest = endpoint(1, customer="alice", host="same")
+
+    assert slots.choose([*hanging, honest]) == [hanging[0], honest]
+
+
+def test_silent_endpoints_of_many_customers_leave_slots_at_their_destination() -> None:
+    slots = FairSlots(SlotLimits(all=64, per_customer=8))  # 4 of one destination
+    hanging = [endpoint(n, customer=f"m{n}", host="same") for n in range(10)]
+    for each in hanging:
+        slots.note_reply(each.webhook_id, is_answer=False)
+
+    assert len(slots.choose(hanging)) == 2
+    honest = [endpoint(n, customer=f"c{n}", host="same") for n in range(10)]
+    assert len(slots.choose(honest)) == 2
+
+
 def test_silent_endpoints_of_many_customers_leave_slots_for_others(slots: FairSlots) -> None:
     hanging = [endpoint(n, customer=f"m{n // 4}") for n in range(100)]
     for each in hanging:

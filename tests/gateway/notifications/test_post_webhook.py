@@ -13,7 +13,10 @@ from skyway_gateway.notifications.post_webhook import (
     WebhookPost,
 )
 
+from skyway.ids import SubjectId
 from tests.gateway.notifications.receiver import Receiver, receiving
+
+ALICE = SubjectId("alice")
 
 
 @pytest.fixture
@@ -25,12 +28,13 @@ async def receiver() -> AsyncIterator[Receiver]:
 async def send(receiver: Receiver, *addresses: str) -> Reply:
     """Post to a name that only our own check resolves, to these addresses."""
 
-    async def resolve(_host: str, _port: int) -> Sequence[str]:
+    async def resolve(_host: str, _port: int, _customer_id: SubjectId) -> Sequence[str]:
         return addresses
 
     targets = Targets(allowed=(ip_network("127.0.0.0/8"),), resolve=resolve)
     async with WebhookPost(targets) as post:
-        return await post.send(f"http://hooks.invalid:{receiver.port}/in", headers={}, body=b"{}")
+        url = f"http://hooks.invalid:{receiver.port}/in"
+        return await post.send(url, ALICE, headers={}, body=b"{}")
 
 
 async def test_a_name_is_not_resolved_again_after_the_check(receiver: Receiver) -> None:
@@ -61,12 +65,12 @@ async def test_an_attempt_ends_although_the_name_is_never_resolved(
 ) -> None:
     monkeypatch.setattr(post_webhook, "_TIMEOUT_S", 0.05)
 
-    async def resolve(_host: str, _port: int) -> Sequence[str]:
+    async def resolve(_host: str, _port: int, _customer_id: SubjectId) -> Sequence[str]:
         await asyncio.Event().wait()
         return ()
 
     async with WebhookPost(Targets(resolve=resolve)) as post, asyncio.timeout(4):
-        reply = await post.send("http://hooks.invalid/in", headers={}, body=b"{}")
+        reply = await post.send("http://hooks.invalid/in", ALICE, headers={}, body=b"{}")
 
     assert reply == Reply(None, "no answer within 0 s")
 
@@ -75,7 +79,7 @@ PUBLIC = "93.184.216.34"
 
 
 def _resolving_to(*addresses: str) -> Targets:
-    async def resolve(_host: str, _port: int) -> Sequence[str]:
+    async def resolve(_host: str, _port: int, _customer_id: SubjectId) -> Sequence[str]:
         return addresses
 
     return Targets(resolve=resolve)
@@ -101,7 +105,7 @@ def _resolving_to(*addresses: str) -> Targets:
 )
 async def test_only_plain_http_urls_are_allowed(url: str) -> None:
     with pytest.raises(ForbiddenTarget):
-        await _resolving_to(PUBLIC).check(url)
+        await _resolving_to(PUBLIC).check(url, ALICE)
 
 
 @pytest.mark.parametrize(
@@ -128,7 +132,7 @@ async def test_only_plain_http_urls_are_allowed(url: str) -> None:
 async def test_literal_addresses_of_our_own_network_are_refused(url: str) -> None:
     """Uses the system's resolver, which accepts all these forms of 127.0.0.1."""
     with pytest.raises(ForbiddenTarget):
-        await Targets().check(url)
+        await Targets().check(url, ALICE)
 
 
 @pytest.mark.parametrize(
@@ -169,19 +173,19 @@ async def test_literal_addresses_of_our_own_network_are_refused(url: str) -> Non
 )
 async def test_a_name_with_a_private_address_is_refused(address: str) -> None:
     with pytest.raises(ForbiddenTarget):
-        await _resolving_to(address).check("https://hooks.example.com/")
+        await _resolving_to(address).check("https://hooks.example.com/", ALICE)
     with pytest.raises(ForbiddenTarget):
-        await _resolving_to(PUBLIC, address).check("https://hooks.example.com/")
+        await _resolving_to(PUBLIC, address).check("https://hooks.example.com/", ALICE)
 
 
 async def test_a_name_without_an_address_is_refused() -> None:
     with pytest.raises(ForbiddenTarget, match="has no address"):
-        await _resolving_to().check("https://hooks.example.com/")
+        await _resolving_to().check("https://hooks.example.com/", ALICE)
 
 
 @pytest.mark.parametrize("address", [PUBLIC, "2606:2800:220:1::1", "::ffff:93.184.216.34"])
 async def test_a_public_address_is_allowed(address: str) -> None:
-    target = await _resolving_to(address).check("https://hooks.example.com:8443/in?x=1")
+    target = await _resolving_to(address).check("https://hooks.example.com:8443/in?x=1", ALICE)
     assert [str(one) for one in target.addresses] == [
         address.replace("93.184.216.34", "5db8:d822")
         if ":" in address and "." in address
@@ -192,22 +196,22 @@ async def test_a_public_address_is_allowed(address: str) -> None:
 
 async def test_only_the_allowed_private_network_is_allowed() -> None:
     targets = Targets(allowed=(ip_network("127.0.0.0/8"),))
-    target = await targets.check("http://127.0.0.1:9000/in")
+    target = await targets.check("http://127.0.0.1:9000/in", ALICE)
     assert [str(one) for one in target.addresses] == ["127.0.0.1"]
-    assert await targets.check("http://[::ffff:127.0.0.1]/")
+    assert await targets.check("http://[::ffff:127.0.0.1]/", ALICE)
     for url in ("http://10.0.0.1/", "http://[::1]/"):
         with pytest.raises(ForbiddenTarget):
-            await targets.check(url)
+            await targets.check(url, ALICE)
 
 
 @pytest.mark.parametrize("address", ["64:ff9b::7f00:1", "64:ff9b::808:808", "64:ff9b:1::1"])
 async def test_an_address_that_nat64_translates_is_refused_although_its_network_is_allowed(
     address: str,
 ) -> None:
-    async def resolve(_host: str, _port: int) -> Sequence[str]:
+    async def resolve(_host: str, _port: int, _customer_id: SubjectId) -> Sequence[str]:
         return [address]
 
     targets = Targets(allowed=(ip_network("::/0"),), resolve=resolve)
 
     with pytest.raises(ForbiddenTarget):
-        await targets.check("https://hooks.example.com/")
+        await targets.check("https://hooks.example.com/", ALICE)

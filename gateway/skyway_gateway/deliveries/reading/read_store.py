@@ -44,7 +44,7 @@ async def page_of(
 async def page_of_provider(
     connection: AsyncConnection, provider_id: ProviderId, query: PageQuery
 ) -> Sequence[Delivery]:
-    """Up to limit + 1 deliveries that a provider's drones fly; of each only what these drones do."""
+    """Up to limit + 1 deliveries that a provider's drones fly, with only what these drones do."""
     is_flown = exists().where(
         missions.c.delivery_id == deliveries.c.delivery_id,
         missions.c.provider_id == provider_id,
