@@ -17,6 +17,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.loops import Wake
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
+from skyway_gateway.deliveries.booking.drones_online import DronesOnline
 from skyway_gateway.deliveries.booking.queue_store import waiting_networks, wake_first
 from skyway_gateway.quotes.store import has_hold_ended
 
@@ -57,6 +58,7 @@ class Waker:
         self._changed = set[NetworkId | None]()
         self._waiting = frozenset[NetworkId | None]()
         self._holds_seen_until: datetime | None = None
+        self._online = DronesOnline()
 
     def note_change_around(self, station_id: StationId) -> None:
         """Note a change that may help requests in the network of this station."""
@@ -98,8 +100,8 @@ class Waker:
             return await has_hold_ended(connection, after=after, until=until)
 
     async def follow(self, connections: AsyncIterator[list[Received[Connection]]]) -> Never:
-        """Note each batch in which a drone came online, for ever."""
+        """Note that drones came online, seldom enough that no drone drives booking; for ever."""
         while True:
             batch = await anext(connections)
-            if any(received.message.status == "ONLINE" for received in batch):
+            if self._online.note(batch, now=self._clock.wall_now()):
                 self.note_change()

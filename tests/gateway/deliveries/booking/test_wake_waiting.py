@@ -8,8 +8,8 @@ import pytest
 from skyway_gateway.deliveries.booking.wake_waiting import next_try_at
 
 from skyway.contracts.candidate import ProviderReason
-from skyway.contracts.drone_report import Connection
 from skyway.ids import ProviderId
+from tests.gateway.deliveries.booking.connections import connection
 from tests.gateway.whole_gateway import Gateway
 
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
@@ -37,6 +37,11 @@ async def quiet(gateway: Gateway) -> None:
         while await gateway.book_next():
             pass
     assert not await gateway.book_next()
+
+
+async def wakes(gateway: Gateway) -> bool:
+    """Whether something was noted since the last look that wakes requests."""
+    return await gateway.parts.waker.noted.wait(0)
 
 
 async def test_a_waiting_request_shows_when_the_first_drone_is_free(gateway: Gateway) -> None:
@@ -190,15 +195,9 @@ async def test_a_change_through_the_gateway_wakes_them(gateway: Gateway) -> None
 
 
 async def test_only_a_drone_that_comes_online_wakes_them(gateway: Gateway) -> None:
-    class Received:
-        def __init__(self, status: str) -> None:
-            body = {"message_id": "msg_1", "session": 1, "connection_number": 1}
-            body |= {"sent_at": NOON, "status": status}
-            self.message = Connection.model_validate(body)
-
     async def connections() -> Any:
-        yield [Received("LOST")]
-        yield [Received("LOST"), Received("ONLINE")]
+        yield [connection("drn_1", "LOST")]
+        yield [connection("drn_2", "LOST"), connection("drn_1", "ONLINE")]
 
     await waiting(gateway)
     await quiet(gateway)
@@ -207,6 +206,24 @@ async def test_only_a_drone_that_comes_online_wakes_them(gateway: Gateway) -> No
     await gateway.parts.waker.step()
 
     assert await gateway.book_next()
+
+
+async def test_a_drone_that_reports_itself_online_again_and_again_wakes_them_once(
+    gateway: Gateway,
+) -> None:
+    async def connections() -> Any:
+        for status in ("ONLINE", "ONLINE", "LOST", "ONLINE") * 10:
+            yield [connection("drn_1", status)]
+            if await wakes(gateway):
+                woken.append(status)
+
+    woken: list[str] = []
+    await waiting(gateway)
+    await quiet(gateway)
+    with pytest.raises(StopAsyncIteration):
+        await gateway.parts.waker.follow(connections())
+
+    assert woken == ["ONLINE"]
 
 
 async def test_a_cancelled_request_gives_its_place_away(gateway: Gateway) -> None:
