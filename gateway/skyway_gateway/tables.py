@@ -52,6 +52,8 @@ api_keys = Table(
     Column("is_next", Boolean, nullable=False, server_default=false()),
     # Whether the registry has the broker account that was issued with the key.
     Column("is_account_open", Boolean, nullable=False),
+    # Whether this account has the password that was issued with the key.
+    Column("gave_password", Boolean, nullable=False, server_default=false()),
     UniqueConstraint("key_hash", name="api_key_hash"),
     CheckConstraint("role IN ('customer', 'provider', 'operator')", name="api_key_role"),
     Index("api_keys_by_subject", "role", "subject_id"),

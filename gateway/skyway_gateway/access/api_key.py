@@ -145,7 +145,10 @@ class ApiKey(JsonModel):
 
 
 class BrokerLogin(JsonModel):
-    """A broker account; each new key of its holder gives the same account a new password."""
+    """A broker account; each new key of its holder gives the same account a new password.
+
+    The account ends when the key ends that gave it its present password.
+    """
 
     user_name: Annotated[str, Field(description="The user name at the broker.")]
     password: Annotated[
@@ -162,8 +165,8 @@ class IssuedKey(ApiKey):
     mqtt: Annotated[
         BrokerLogin | None,
         Field(
-            description="The broker account; null for providers, after a rotation, for a "
-            "customer's key without the scope `deliveries:read`, and for an operator's key with "
-            "scopes."
+            description="The broker account with its new password; null for providers, for a "
+            "customer's key without the scope `deliveries:read`, for an operator's key with "
+            "scopes, and after a rotation while another key's password is valid."
         ),
     ]

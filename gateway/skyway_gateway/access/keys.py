@@ -4,12 +4,11 @@ import secrets
 from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from skyway.contracts.broker_rules import (
     ACCOUNT_ROLES,
     DEPLOYMENT_OPERATOR,
-    AccountRole,
     operator_account,
 )
 from skyway.errors import InvalidInput
@@ -21,8 +20,9 @@ from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
-from skyway_gateway.access import rotation_store, store
+from skyway_gateway.access import account_store, rotation_store, store
 from skyway_gateway.access.api_key import ApiKey, BrokerLogin, IssuedKey, KeyRole, NewKey
+from skyway_gateway.access.broker_accounts import Accounts, BrokerAccounts, new_login
 from skyway_gateway.access.recognise import CachedKeys, secret_hash
 from skyway_gateway.access.usage import UsageQuota
 
@@ -50,22 +50,6 @@ def _new_secret() -> str:
     return _PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
 
 
-class Accounts(Protocol):
-    """The registry, which knows providers, and opens and closes broker accounts of people."""
-
-    async def has_provider(self, provider_id: ProviderId, *, caller: Caller) -> bool:
-        """Whether this provider is registered."""
-        ...
-
-    async def open_account(self, role: AccountRole, name: SubjectId, *, password: str) -> None:
-        """Open an account, or give it another password."""
-        ...
-
-    async def close_account(self, role: AccountRole, name: SubjectId) -> None:
-        """Close an account; an account that does not exist is closed already."""
-        ...
-
-
 class Keys:
     """The API keys of this deployment."""
 
@@ -84,6 +68,7 @@ class Keys:
         self._db = db
         self._cached = cached
         self._accounts = accounts
+        self._broker = BrokerAccounts(db, accounts)
         self._secrets_dir = secrets_dir
         self._clock = clock
         self._mint = mint
@@ -141,7 +126,7 @@ class Keys:
             act=write,
             clock=self._clock,
         )
-        await self._open_account(IssuedKey.read(answer.body))
+        await self._broker.open(IssuedKey.read(answer.body))
         return answer
 
     async def _must_be_registered(self, requested: NewKey, caller: Caller) -> None:
@@ -170,7 +155,7 @@ class Keys:
         key, secret = self._key(requested), _new_secret()
         is_open = requested.role not in ACCOUNT_ROLES
         await store.add(tx, key, key_hash=secret_hash(secret), is_account_open=is_open)
-        return IssuedKey(**dict(key), key=secret, mqtt=self._login(requested))
+        return IssuedKey(**dict(key), key=secret, mqtt=new_login(requested))
 
     async def rotate(
         self, holder: KeyHolder, *, idempotency_key: str | None, body: bytes
@@ -178,12 +163,15 @@ class Keys:
         """The next key of a key, with the same name, scopes and expiry; shown only in this answer.
 
         The present key ends when the next one is first used, at the latest after a day. Another
-        rotation before that replaces the next key. The broker account stays as it is.
+        rotation before that replaces the next key. The broker account gets a new password now,
+        unless it has the password of another key that has not ended.
 
         Raises
         ------
         Unauthenticated
             The key has ended meanwhile.
+        ServiceUnavailable
+            The registry could not change the account: repeat the call.
         """
         caller, key_id = holder.caller, KeyId(holder.key_id)
         if caller.role not in ("customer", "provider", "operator"):
@@ -205,18 +193,18 @@ class Keys:
                 expires_at=old.expires_at,
                 replaces=key_id,
             )
-            secret = _new_secret()
+            secret, login = _new_secret(), await self._next_login(tx, key, replaces=key_id)
             await store.add(
                 tx,
                 key,
                 key_hash=secret_hash(secret),
-                is_account_open=old.is_account_open,
+                is_account_open=old.is_account_open and login is None,
                 is_next=True,
             )
-            issued = IssuedKey(**dict(key), key=secret, mqtt=None)
+            issued = IssuedKey(**dict(key), key=secret, mqtt=login)
             return Answer(201, issued.model_dump_json().encode())
 
-        return await once(
+        answer = await once(
             self._db,
             # The answer belongs to this key: another key of the caller must not get it.
             caller=f"{caller}:{key_id}",
@@ -226,9 +214,18 @@ class Keys:
             act=write,
             clock=self._clock,
         )
+        await self._broker.open(IssuedKey.read(answer.body))
+        return answer
+
+    async def _next_login(self, tx: Tx, key: ApiKey, *, replaces: KeyId) -> BrokerLogin | None:
+        """The login for a next key, with a new password; None if another key's is valid."""
+        is_kept = await account_store.has_password_of_other_key(
+            tx.connection, key.role, key.subject_id, key_id=replaces
+        )
+        return None if is_kept else new_login(key)
 
     async def delete(self, key_id: KeyId) -> None:
-        """Delete a key; a subject without keys loses the broker account, too."""
+        """Delete a key; a broker account with the password of this key ends, too."""
         async with self._db.write() as tx:
             await store.delete(tx, key_id, at=self._clock.wall_now())
             tx.after_commit(self._cached.forget)
@@ -246,39 +243,9 @@ class Keys:
         return False
 
     async def close_orphaned_accounts(self) -> bool:
-        """One step of the loop: close the broker accounts of people without a key."""
-        async with self._db.read() as connection:
-            orphaned = await store.orphaned_accounts(connection)
-        for role, subject_id in orphaned:
-            await self._accounts.close_account(role, subject_id)
-            async with self._db.write() as tx:
-                await store.account_is_closed(tx, role, subject_id)
+        """One step of the loop: close the broker accounts whose key has ended."""
+        await self._broker.close_orphaned()
         return False
-
-    async def _open_account(self, issued: IssuedKey) -> None:
-        """Have the registry open the account, unless it has this key's password already.
-
-        A repeated answer must not restore a password that a later key has replaced.
-        """
-        async with self._db.read() as connection:
-            is_open = await store.is_account_open(connection, issued.key_id)
-        if is_open or issued.mqtt is None or issued.role == "provider":
-            return
-        password = issued.mqtt.password
-        await self._accounts.open_account(issued.role, issued.subject_id, password=password)
-        async with self._db.write() as tx:
-            await store.account_is_open(tx, issued.key_id)
-
-    def _login(self, requested: NewKey) -> BrokerLogin | None:
-        scopes, name = requested.scopes, requested.subject_id
-        if requested.role == "operator" and scopes is None:
-            # The account reads everything, so a key with fewer scopes does not have one.
-            user_name = operator_account(name)
-        elif requested.role == "customer" and (scopes is None or "deliveries:read" in scopes):
-            user_name = name
-        else:
-            return None
-        return BrokerLogin(user_name=user_name, password=secrets.token_urlsafe(24))
 
     def _key(self, requested: NewKey) -> ApiKey:
         return ApiKey(

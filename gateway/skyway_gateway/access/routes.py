@@ -123,7 +123,8 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys, clock: FleetClock) ->
     ) -> Response:
         """Get the next key of the key that is shown, with the same name, scopes and expiry.
 
-        The present key ends when the next one is first used, at the latest after a day.
+        The present key ends when the next one is first used, at the latest after a day. If the
+        broker login came with the present key, it gets a new password now.
 
         Callers: customer, provider, operator.
         """

@@ -22,7 +22,6 @@ from sqlalchemy import (
 )
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.broker_rules import ACCOUNT_ROLES, AccountRole
 from skyway.ids import KeyId, SubjectId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller, KeyHolder
@@ -118,18 +117,6 @@ async def hashes_in_use(connection: AsyncConnection, since_wall_ms: int) -> Sequ
     return list((await connection.execute(statement)).scalars())
 
 
-async def is_account_open(connection: AsyncConnection, key_id: KeyId) -> bool:
-    """Whether the registry has the broker account that was issued with this key."""
-    statement = select(api_keys.c.is_account_open).where(api_keys.c.key_id == key_id)
-    return bool((await connection.execute(statement)).scalar())
-
-
-async def account_is_open(tx: Tx, key_id: KeyId) -> None:
-    """Note that the registry has the key's broker account."""
-    this = api_keys.c.key_id == key_id
-    await tx.execute(update(api_keys).where(this).values(is_account_open=True))
-
-
 async def one(connection: AsyncConnection, key_id: KeyId, *, at: datetime) -> ApiKey:
     """A key that is in use.
 
@@ -202,29 +189,6 @@ async def has_expired(connection: AsyncConnection, *, at: datetime) -> bool:
     return bool((await connection.execute(select(exists().where(is_over)))).scalar())
 
 
-async def orphaned_accounts(
-    connection: AsyncConnection,
-) -> Sequence[tuple[AccountRole, SubjectId]]:
-    """People without a key that gives a broker account, whose account is still open."""
-    other = api_keys.alias("other")
-    reads_own_events = (other.c.role == "customer") & other.c.scopes.contains('"deliveries:read"')
-    has_key = exists().where(
-        other.c.role == api_keys.c.role,
-        other.c.subject_id == api_keys.c.subject_id,
-        other.c.deleted_wall_ms.is_(None),
-        or_(other.c.scopes.is_(None), reads_own_events),
-    )
-    columns = select(api_keys.c.role, api_keys.c.subject_id).distinct()
-    rows = await connection.execute(columns.where(_has_open_account(), ~has_key))
-    return [(row.role, row.subject_id) for row in rows]
-
-
-async def account_is_closed(tx: Tx, role: AccountRole, subject_id: SubjectId) -> None:
-    """Note that the registry has closed somebody's broker account."""
-    this = _has_open_account() & (api_keys.c.role == role) & (api_keys.c.subject_id == subject_id)
-    await tx.execute(update(api_keys).where(this).values(is_account_open=False))
-
-
 async def _end(tx: Tx, which: ColumnElement[bool], at: datetime) -> bool:
     """Mark keys as deleted; whether there were any."""
     statement = update(api_keys).where(which, api_keys.c.deleted_wall_ms.is_(None))
@@ -236,14 +200,6 @@ def _is_in_use(at: datetime) -> ColumnElement[bool]:
     return and_(
         api_keys.c.deleted_wall_ms.is_(None),
         or_(api_keys.c.ends_wall_ms.is_(None), api_keys.c.ends_wall_ms > moment_to_ms(at)),
-    )
-
-
-def _has_open_account() -> ColumnElement[bool]:
-    return and_(
-        api_keys.c.role.in_(ACCOUNT_ROLES),
-        api_keys.c.is_account_open,
-        api_keys.c.deleted_wall_ms.is_not(None),
     )
 
 
