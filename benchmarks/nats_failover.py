@@ -64,6 +64,7 @@ class Cluster:
                 next(ports),
                 folder / str(number),
                 cluster_tls=tls,
+                cluster_password="failover",
             )
             for number in range(_NODES)
         ]
@@ -237,7 +238,7 @@ async def _close(cluster: Cluster, drones: list[Drone]) -> tuple[float, bool]:
 
 
 def _cluster_tls(folder: Path) -> NatsTls:
-    authority = CertificateAuthority.make(folder / "ca")
+    authority = CertificateAuthority.make(folder / "ca", "Skyway nodes")
     signed = authority.sign_node(("127.0.0.1",))
     files = NatsTls(folder / "ca.pem", folder / "node.pem", folder / "node-key.pem")
     write_private(files.ca_file, authority.certificate_pem)

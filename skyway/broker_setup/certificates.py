@@ -81,12 +81,12 @@ class CertificateAuthority:
         return cls(certificate, key)
 
     @classmethod
-    def make(cls, folder: Path) -> Self:
-        """The authority in this folder; a new one if it has none yet."""
+    def make(cls, folder: Path, name: str = "Skyway deployment") -> Self:
+        """The authority in this folder; a new one under this name if it has none yet."""
         if not (folder / _CERTIFICATE).exists():
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            key, name = ec.generate_private_key(ec.SECP256R1()), _name("Skyway deployment")
-            builder = _builder(name, key.public_key(), issuer=name, life=_AUTHORITY_LIFE)
+            key, subject = ec.generate_private_key(ec.SECP256R1()), _name(name)
+            builder = _builder(subject, key.public_key(), issuer=subject, life=_AUTHORITY_LIFE)
             builder = builder.add_extension(x509.BasicConstraints(True, 0), critical=True)
             builder = builder.add_extension(_SIGNS_CERTIFICATES, critical=True)
             signed = _signed(builder, key, by=key)
@@ -111,7 +111,10 @@ class CertificateAuthority:
         return self._sign(host_names[0], [usage], host_names, life=_AUTHORITY_LIFE)
 
     def sign_node(self, names: Iterable[str]) -> SignedKey:
-        """A new key for a node of a broker's cluster, which is server and client of the others."""
+        """A new key for a node of a broker's cluster, which is server and client of the others.
+
+        The authority must sign nodes only: each of its certificates lets into the cluster.
+        """
         host_names = tuple(names)
         usages = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
         return self._sign(host_names[0], usages, host_names, life=_AUTHORITY_LIFE)

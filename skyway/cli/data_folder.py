@@ -78,6 +78,11 @@ class DataFolder:
         return self.path / "drone-ca"
 
     @property
+    def node_ca(self) -> Path:
+        """The authority that signs the nodes of a cluster of NATS, and nothing else."""
+        return self.path / "node-ca"
+
+    @property
     def journals(self) -> Path:
         """The simulated drones' journals."""
         return self.path / "journals"

@@ -61,6 +61,11 @@ def _publish_signing_keys(folder: DataFolder) -> None:
         write_private(file, before + added)
 
 
+def make_secret(folder: DataFolder, name: str) -> None:
+    """Write one more secret, unless it is there."""
+    _write_once(folder.secrets / name, secrets.token_urlsafe(32))
+
+
 def read_secret(folder: DataFolder, name: str) -> str:
     """One secret."""
     return (folder.secrets / name).read_text().strip()

@@ -11,6 +11,7 @@ from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.nats import NatsNode, NatsTls, nats_conf
 from skyway.broker_setup.nats_accounts import hash_for_nats, nats_accounts
 from skyway.contracts.broker_rules import BrokerRules
+from skyway.runtime.errors import InvalidSettings
 
 NODES = ("node-a:6222", "node-b:6222", "node-c:6222")
 
@@ -29,7 +30,7 @@ def tls(tmp_path: Path) -> NatsTls:
 def test_nats_finds_no_fault_in_the_configuration(
     tmp_path: Path, tls: NatsTls, nodes: tuple[str, ...], is_encrypted: bool
 ) -> None:
-    node = NatsNode("a", "127.0.0.1", 1883, 6222, tmp_path / "js")
+    node = NatsNode("a", "127.0.0.1", 1883, 6222, tmp_path / "js", cluster_password="p")
     if is_encrypted:
         node = replace(node, tls=tls, cluster_tls=tls)
     hashes = {name: hash_for_nats(name) for name in ("gateway", "p/d", "customer", "operator/o")}
@@ -48,10 +49,17 @@ def test_nats_finds_no_fault_in_the_configuration(
 
 
 def test_nodes_of_a_cluster_check_each_others_certificates(tmp_path: Path, tls: NatsTls) -> None:
-    node = NatsNode("a", "127.0.0.1", 1883, 6222, tmp_path, tls=tls, cluster_tls=tls)
+    node = NatsNode("a", "127.0.0.1", 1883, 6222, tmp_path, tls, tls, cluster_password="p")
 
     text = nats_conf(node, nodes=NODES, accounts_file="accounts.conf")
 
     clients, cluster = text.split("cluster {")
     assert "verify: false" in clients
     assert "verify: true" in cluster
+
+
+def test_a_cluster_without_a_password_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidSettings, match="password"):
+        nats_conf(
+            NatsNode("a", "127.0.0.1", 1883, 6222, tmp_path), nodes=NODES, accounts_file="a.conf"
+        )
