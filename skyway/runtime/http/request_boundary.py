@@ -65,6 +65,9 @@ _DEFAULT_HEADERS: Final = (
 
 _TENANTS: Final = ("customer", "provider")
 
+#: Path parameters that are secrets, such as the token of a tracking page.
+_SECRET_PARAMETERS: Final = frozenset({"token"})
+
 #: Services behind the gateway must see the same path that was checked here.
 _ENCODED_SLASHES: Final = (b"%2f", b"%5c")
 
@@ -142,7 +145,7 @@ class RequestBoundary:
         try:
             await self._app(request.scope, exchange.receive, exchange.send)
         except ClientDisconnect:
-            log.info("client left", extra={"path": request.scope["path"]})
+            log.info("client left", extra={"path": _logged_path(request)})
         except Exception:  # noqa: BLE001 - the outermost frame of a request: log and answer
             await _answer_uncaught(request, exchange)
 
@@ -217,7 +220,7 @@ class _Exchange:
 
 
 async def _answer_uncaught(request: Request, exchange: _Exchange) -> None:
-    place = {"method": request.method, "path": request.scope["path"]}
+    place = {"method": request.method, "path": _logged_path(request)}
     log.exception("request failed", extra=place)
     if exchange.status == 0:
         await exchange.answer(our_failure())
@@ -240,6 +243,18 @@ def _encoded(headers: Mapping[str, str]) -> list[tuple[bytes, bytes]]:
 def _announced_bytes(request: Request) -> int:
     announced = request.headers.get("content-length", "0")
     return int(announced) if announced.isdecimal() else 0
+
+
+def _logged_path(request: Request) -> str:
+    """The path for the log, without the secrets in it; of an unknown path only how it begins."""
+    route = getattr(request.scope.get("route"), "path", None)
+    if route is None:
+        first = request.scope["path"].split("/")[1:2]
+        return "/".join(["", *first, "..."])
+    shown = request.scope.get("path_params", {})
+    for name in shown.keys() - _SECRET_PARAMETERS:
+        route = route.replace(f"{{{name}}}", str(shown[name]))
+    return str(route)
 
 
 def _span_name(request: Request) -> str:

@@ -269,3 +269,17 @@ async def test_a_link_that_is_asked_often_does_not_keep_composition_busy(
     await gateway.http.post(f"/v1/deliveries/{delivery_id}/cancel", headers=gateway.customer)
     assert (await gateway.http.get(f"{path}/state")).status_code == 200
     assert asked == [delivery_id] * 2
+
+
+async def test_a_page_that_cannot_be_shown_leaves_no_token_in_the_log(
+    gateway: Gateway, caplog: pytest.LogCaptureFixture
+) -> None:
+    delivery_id, path = await requested(gateway)
+    await gateway.execute("ALTER TABLE packages RENAME TO elsewhere")
+
+    assert (await gateway.http.get(f"{path}/state")).status_code == 500
+    await gateway.execute("ALTER TABLE elsewhere RENAME TO packages")
+
+    logged = [str(vars(record)) for record in caplog.records] + [caplog.text]
+    assert any(f"/track/{delivery_id}/{{token}}/state" in each for each in logged)
+    assert not [each for each in logged if path.rpartition("/")[2] in each]
