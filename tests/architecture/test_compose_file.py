@@ -78,12 +78,23 @@ def test_every_service_listens_where_the_others_look_for_it(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", OURS)
-def test_a_process_of_ours_has_no_more_rights_than_it_needs(name: str) -> None:
+def test_a_process_of_ours_runs_the_one_image(name: str) -> None:
+    assert SERVICES[name]["image"] == "skyway"
+
+
+@pytest.mark.parametrize("name", list(SERVICES))
+def test_no_process_has_more_rights_than_it_needs(name: str) -> None:
     service = SERVICES[name]
 
-    assert service["image"] == "skyway"
     assert service["read_only"] is True
+    assert "/tmp" in service["tmpfs"]
     assert service["cap_drop"] == ["ALL"]
+    assert "cap_add" not in service
+
+
+def test_the_database_runs_as_its_own_user_and_has_a_place_for_its_socket() -> None:
+    assert SERVICES["postgres"]["user"] == "postgres"
+    assert "/var/run/postgresql" in SERVICES["postgres"]["tmpfs"]
 
 
 @pytest.mark.parametrize("name", list(SERVICES))
