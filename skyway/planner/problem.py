@@ -58,6 +58,9 @@ __all__ = [
 #: Labels; whole numbers up to here are exact in any JSON reader.
 MAX_LABELS = 10**15
 
+#: The most reservations, and the most closures, of one problem.
+MAX_HELD = 100_000
+
 #: The most faults reported for one problem: a hostile document must not cause megabytes of text.
 MAX_FAULTS = 50
 
@@ -134,12 +137,16 @@ class Problem(JsonModel):
         ),
         BeforeValidator(_few_packages),
     ]
-    # A list without a limit reports only its first fault.
+    # A long list reports only its first fault.
     pad_reservations: Annotated[
-        tuple[PadReservation, ...], Field(description="Pads that other drones hold."), FailFast()
+        tuple[PadReservation, ...],
+        Field(max_length=MAX_HELD, description="Pads that other drones hold."),
+        FailFast(),
     ] = ()
     closures: Annotated[
-        tuple[Closure, ...], Field(description="Stations and segments that are closed."), FailFast()
+        tuple[Closure, ...],
+        Field(max_length=MAX_HELD, description="Stations and segments that are closed."),
+        FailFast(),
     ] = ()
     strategy: Annotated[
         Annotated[str, Field(max_length=64)] | None,

@@ -12,6 +12,7 @@ from typing import Annotated
 from pydantic import Field
 
 from skyway.contracts.mission import Cancellation, CancelMissions, Mission
+from skyway.delivery.request import MAX_PACKAGES
 from skyway.errors import InvalidInput
 from skyway.ids import DeliveryId, PackageId
 from skyway.json_model import JsonModel
@@ -37,7 +38,7 @@ class CancelRequest(JsonModel):
     """What is to be cancelled: the whole delivery, or these packages; and why."""
 
     package_ids: Annotated[
-        Annotated[tuple[PackageId, ...], Field(min_length=1)] | None,
+        Annotated[tuple[PackageId, ...], Field(min_length=1, max_length=MAX_PACKAGES)] | None,
         Field(description="The packages to cancel; without them, the whole delivery."),
     ] = None
     reason: Annotated[
