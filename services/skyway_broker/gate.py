@@ -9,6 +9,7 @@ from typing import Final
 
 from skyway.broker_setup.account_files import service_files
 from skyway.broker_setup.passwords import hash_password, matches, read_password_file
+from skyway_broker.refused_logins import RefusedLogins
 
 log = logging.getLogger(__name__)
 
@@ -54,6 +55,7 @@ class Gate:
     """The accounts of a password file, and of the services' file beside it."""
 
     def __init__(self, password_file: Path) -> None:
+        self.refused = RefusedLogins(password_file)
         self._clients = _AccountFile(password_file)
         self._services = _AccountFile(service_files(password_file).password_file)
         #: Compared when there is no such account: so the answer takes as long as for any other.

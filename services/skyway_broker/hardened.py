@@ -152,12 +152,14 @@ class HardenedBroker(Broker):  # type: ignore[misc] # amqtt has no types
         try:
             await self._wrong_passwords.wait(address, user_name)
         except TooManyAttempts:
+            self._gate.refused.note()
             return _TRY_LATER
         # Not only at the next poll: a new account may connect now, and a removed one may not.
         self._check_accounts()
         is_right = self._gate.admits(session.username, session.password)
         self._wrong_passwords.note(address, user_name, was_right=is_right)
         if not is_right:
+            self._gate.refused.note()
             return _NOT_AUTHORIZED
         has_room = self._has_room(user_name, place_of(user_name, session.client_id))
         return None if has_room and self._usage.may_connect(user_name) else _TRY_LATER
@@ -216,6 +218,7 @@ class HardenedBroker(Broker):  # type: ignore[misc] # amqtt has no types
             self._check_accounts()
             if poll % _POLLS_PER_LOOK == 0:
                 self._put_out_slow_readers()
+                self._gate.refused.write()
 
     def _check_accounts(self) -> None:
         """Disconnect clients whose account is no longer in the password file."""

@@ -173,7 +173,7 @@ def build_app(settings: RegistrySettings) -> FastAPI:
         return {"database": await parts.db.is_answering(), "mqtt": mqtt.is_connected}
 
     inboxes = GaugeSource("mqtt", mqtt.gauges, kept_s=0.0)
-    own = RegistryGauges(parts.db, parts.clock, recorder)
+    own = RegistryGauges(parts.db, parts.clock, recorder, settings.broker_password_file)
     parts.gauges.show(readiness_gauges(readiness), *own.sources(), inboxes)
     return registry_app(parts, lifespan=lifespan, readiness=readiness)
 

@@ -1,8 +1,11 @@
 """The gauges of the registry."""
 
+import asyncio
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, get_args
 
+from skyway.broker_setup.account_files import refused_logins_file
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.metrics import Gauge, GaugeSource
 from skyway.runtime.sql.database import Database
@@ -24,13 +27,26 @@ class RegistryGauges:
     db: Database
     clock: FleetClock
     recorder: TelemetryRecorder
+    password_file: Path
 
     def sources(self) -> tuple[GaugeSource, ...]:
         """Where the gauges come from."""
         return (
             GaugeSource("drones", self._drones, kept_s=_DRONES_KEPT_S),
             GaugeSource("telemetry", self._telemetry, kept_s=0.0),
+            GaugeSource("broker", self._broker, kept_s=0.0),
         )
+
+    async def _broker(self) -> list[Gauge]:
+        """What the embedded broker counts; nothing of another broker."""
+        try:
+            refused = int(
+                await asyncio.to_thread(refused_logins_file(self.password_file).read_text)
+            )
+        except (OSError, ValueError):
+            return []
+        about = "logins that the embedded broker refused since its start"
+        return [Gauge("skyway_broker_logins_refused", about, refused)]
 
     async def _drones(self) -> list[Gauge]:
         now, since_ms = self.clock.now(), moment_to_ms(self.clock.wall_now() - SILENCE)

@@ -27,3 +27,8 @@ def service_files(password_file: Path) -> AccountFiles:
         password_file.with_name(f"service_{password_file.name}"),
         password_file.with_name("service_acl"),
     )
+
+
+def refused_logins_file(password_file: Path) -> Path:
+    """The file beside it in which the embedded broker counts the logins that it refused."""
+    return password_file.with_name("refused_logins")

@@ -21,6 +21,22 @@ def test_an_account_needs_its_own_password(tmp_path):
     assert not gate.admits(None, None)
 
 
+def test_refused_logins_are_counted_in_a_file_beside_the_accounts(tmp_path):
+    refused = Gate(tmp_path / "passwords").refused
+    refused.write()
+    before = (tmp_path / "refused_logins").read_text()
+
+    for _ in range(3):
+        refused.note()
+    refused.write()
+
+    assert (before, (tmp_path / "refused_logins").read_text()) == ("0\n", "3\n")
+
+
+def test_a_folder_that_cannot_be_written_does_not_end_the_broker(tmp_path):
+    Gate(tmp_path / "nowhere" / "passwords").refused.write()
+
+
 def test_a_replaced_file_is_read_and_an_unchanged_file_is_not_read_again(tmp_path):
     write_password_file(tmp_path / "passwords", {"drone-1": hash_password("a")})
     gate = Gate(tmp_path / "passwords")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from datetime import timedelta
+from pathlib import Path
 from typing import Any
 
 from skyway_provider_registry.gauges import RegistryGauges
@@ -18,9 +19,11 @@ from skyway.runtime.sql.database import Database
 Maker = Callable[..., Any]
 
 
-async def shown(recorder: TelemetryRecorder, db: Database, clock: ManualClock) -> dict[Any, float]:
+async def shown(
+    recorder: TelemetryRecorder, db: Database, clock: ManualClock, folder: Path = Path("nowhere")
+) -> dict[Any, float]:
     gauges = Gauges()
-    gauges.show(*RegistryGauges(db, clock, recorder).sources())
+    gauges.show(*RegistryGauges(db, clock, recorder, folder / "passwords").sources())
     return {(each.name, *each.labels.values()): each.value for each in await gauges.read()}
 
 
@@ -59,3 +62,16 @@ async def test_telemetry_is_as_old_as_its_newest_sample(
     found = await shown(recorder, db, clock)
     assert found[("skyway_telemetry_age_seconds",)] == 4.0
     assert found[("skyway_telemetry_depth",)] == 2
+
+
+async def test_logins_that_the_embedded_broker_refused_are_shown(
+    db: Database, clock: ManualClock, tmp_path: Path
+) -> None:
+    recorder = TelemetryRecorder(db, clock)
+    before = await shown(recorder, db, clock, tmp_path)
+
+    (tmp_path / "refused_logins").write_text("7\n")
+
+    found = await shown(recorder, db, clock, tmp_path)
+    assert ("skyway_broker_logins_refused",) not in before
+    assert found[("skyway_broker_logins_refused",)] == 7

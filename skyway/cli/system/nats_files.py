@@ -67,8 +67,8 @@ def nats_command(
 def _certificates(folder: DataFolder, place: Path, host: str) -> tuple[NatsTls, NatsTls]:
     """A node's certificates, for its clients and for the other nodes.
 
-    They come from two authorities. The first one also signs drones, and whoever it has signed must
-    not join the cluster as a node.
+    They come from two authorities. The first one also signs drones, and a drone must not join the
+    cluster as a node.
     """
     # Imported here: X.509 takes a tenth of a second, and no other command needs it.
     from skyway.broker_setup.certificates import CertificateAuthority
