@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from skyway.ids import SubjectId
-from skyway.runtime.fair_queue import FairQueue
+from skyway.runtime.limits import FairQueue
 
 #: The addresses that the system's resolver finds; empty when there are none.
 FindByDns = Callable[[str, int], Sequence[str]]
