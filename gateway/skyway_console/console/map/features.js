@@ -25,12 +25,11 @@ function closedStations(closures) {
   return closed;
 }
 
+// The pads that are taken include those that are closed now.
 function padState(pads, live, closed) {
-  if (closed === true) return "closed";
-  const usable = pads - (closed?.length ?? 0);
-  if (usable <= 0) return "closed";
+  if (closed === true || closed?.length >= pads) return "closed";
   const taken = live?.pads_taken ?? 0;
-  if (taken >= usable) return "full";
+  if (taken >= pads) return "full";
   return taken > 0 ? "busy" : "free";
 }
 
