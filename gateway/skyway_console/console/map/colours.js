@@ -18,4 +18,8 @@ const darkTheme = matchMedia("(prefers-color-scheme: dark)");
 export const colours = () => (darkTheme.matches ? DARK : LIGHT);
 // The colour of an element: the browser changes it with the theme.
 export const colourInBothThemes = (name) => `light-dark(${LIGHT[name]}, ${DARK[name]})`;
-export const onThemeChange = (action) => darkTheme.addEventListener("change", action);
+// Runs an action when the theme changes; the answer is a function that ends this.
+export function onThemeChange(action) {
+  darkTheme.addEventListener("change", action);
+  return () => darkTheme.removeEventListener("change", action);
+}

@@ -29,11 +29,12 @@ export class DroneLayer {
     this.asked = null;
     map.on("move", () => this.ask());
     map.on("resize", () => this.ask());
-    onThemeChange(() => this.ask());
+    this.leaveTheme = onThemeChange(() => this.ask());
     this.ask();
   }
 
   remove() {
+    this.leaveTheme();
     cancelAnimationFrame(this.asked);
     this.asked = null;
     this.isGone = true;

@@ -26,20 +26,27 @@ export class FleetMap {
     this.drones = new DroneLayer(this.map);
     this.data = {};
     this.drawn = {};
+    this.isGone = false;
     this.map.on("click", (event) => onClick(this.whatIsAt(event)));
     this.isReady = new Promise((resolve) => this.map.once("load", resolve));
     this.isReady.then(() => this.showGround());
-    onThemeChange(() => this.map.setStyle(mapStyle(this.ownStyle)));
+    this.leaveTheme = onThemeChange(() => this.map.setStyle(mapStyle(this.ownStyle)));
     this.map.on("style.load", () => this.putAll());
   }
 
   remove() {
+    this.isGone = true;
+    this.leaveTheme();
     this.drones.remove();
     this.map.remove();
   }
 
   whatIsAt({point, lngLat}) {
     return {...this.drones.whatIsAt(point), position: [lngLat.lng, lngLat.lat]};
+  }
+
+  centre() {
+    return this.map.getCenter().toArray();
   }
 
   showNetwork(network) {
@@ -78,12 +85,16 @@ export class FleetMap {
   // What lies below the fleet comes after the fleet: the first picture does not wait for it.
   async showGround() {
     this.ownStyle = await readOwnStyle();
+    if (this.isGone) return;
     if (this.ownStyle) {
       this.map.setStyle(mapStyle(this.ownStyle));
       return;
     }
-    this.put("countries", await outlines("countries"));
-    this.put("counties", await outlines("us-counties"));
+    for (const [source, name] of [["countries", "countries"], ["counties", "us-counties"]]) {
+      const lines = await outlines(name);
+      if (this.isGone) return;
+      this.put(source, lines);
+    }
   }
 
   // Data is kept, because a change of the theme begins with empty sources. What is drawn already
