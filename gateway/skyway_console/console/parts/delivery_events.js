@@ -14,18 +14,43 @@ export const TYPES = [
   ...["delivered", "returned", "stranded", "cancelled"].map((name) => `package.${name}`),
 ];
 
-export function DeliveryEvents({path}) {
-  const [events, setEvents] = useState([]);
-  useEffect(() => {
-    const stream = new EventSource(`${path}/events`);
+const AGAIN_MS = 2_000;
+
+// A stream that is opened again begins with the first event.
+const withEvent = (before, event) =>
+  before.some(({event_id: id}) => id === event.event_id) ? before : [...before, event];
+
+// Calls `take` with each event up to the last one; the answer is a function that ends this.
+function followEvents(url, take) {
+  let stream = null;
+  let again = null;
+  function open() {
+    stream = new EventSource(url);
     for (const type of TYPES) {
       stream.addEventListener(type, ({data}) => {
-        setEvents((before) => [...before, JSON.parse(data)]);
+        take(JSON.parse(data));
         // After its last event the stream ends; the browser would ask for it again and again.
         if (LAST.includes(type)) stream.close();
       });
     }
-    return () => stream.close();
+    stream.addEventListener("error", () => {
+      // The browser connects again by itself, except after a refusal.
+      if (stream.readyState === EventSource.CLOSED) again = setTimeout(open, AGAIN_MS);
+    });
+  }
+  open();
+  return () => {
+    clearTimeout(again);
+    stream.close();
+  };
+}
+
+export function DeliveryEvents({path}) {
+  const [events, setEvents] = useState([]);
+  useEffect(() => {
+    setEvents([]);
+    return followEvents(`${path}/events`,
+      (event) => setEvents((before) => withEvent(before, event)));
   }, [path]);
   return html`
     <ol class="timeline" aria-label="What happened">
