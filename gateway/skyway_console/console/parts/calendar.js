@@ -40,26 +40,38 @@ function useWidth(element) {
   return width;
 }
 
-// While somebody drags, only the picture moves; then the new span is asked for.
+// While somebody drags, only the picture moves. When the pointer rests or is let go, the new span is
+// asked for; the drag goes on from there.
 function useDrag(span, onSpan, chartWidth) {
-  const [shift, setShift] = useState(0);
+  const [drag, setDrag] = useState({span, shift: 0});
   const begin = useRef(null);
   const settle = useRef(null);
-  useEffect(() => setShift(0), [span.from, span.to]);
-  const msOf = (px) => (px * (span.to - span.from)) / chartWidth;
+  useEffect(() => () => clearTimeout(settle.current?.timer), []);
+  // A shift counts from the span in which it was made.
+  const shift = drag.span === span ? drag.shift : 0;
+  const settled = (clientX) => {
+    if (settle.current === null) return;
+    clearTimeout(settle.current.timer);
+    const {moved} = settle.current;
+    settle.current = null;
+    begin.current = clientX;
+    onSpan({from: span.from + moved, to: span.to + moved});
+  };
   return {
     shown: {from: span.from + shift, to: span.to + shift},
     handlers: {
       onPointerDown: ({clientX}) => (begin.current = clientX),
       onPointerMove: ({clientX, buttons}) => {
         if (begin.current === null || buttons === 0) return;
-        const moved = msOf(begin.current - clientX);
-        setShift(moved);
-        clearTimeout(settle.current);
-        settle.current = setTimeout(
-          () => onSpan({from: span.from + moved, to: span.to + moved}), DRAG_SETTLES_MS);
+        const moved = ((begin.current - clientX) * (span.to - span.from)) / chartWidth;
+        setDrag({span, shift: moved});
+        clearTimeout(settle.current?.timer);
+        settle.current = {moved, timer: setTimeout(() => settled(clientX), DRAG_SETTLES_MS)};
       },
-      onPointerUp: () => (begin.current = null),
+      onPointerUp: ({clientX}) => {
+        settled(clientX);
+        begin.current = null;
+      },
     },
   };
 }
