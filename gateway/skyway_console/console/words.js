@@ -36,8 +36,11 @@ export function distanceText(moment) {
 
 export const percent = (share) => `${Math.round(share * 100)} %`;
 
-export const money = ({amount, currency}) =>
-  new Intl.NumberFormat([], {style: "currency", currency}).format(amount / 100);
+// Amounts are in the smallest unit of their currency: cents, but whole yen.
+export function money({amount, currency}) {
+  const format = new Intl.NumberFormat([], {style: "currency", currency});
+  return format.format(amount / 10 ** format.resolvedOptions().maximumFractionDigits);
+}
 
 // The ends of ids differ, their beginnings hardly do.
 export const shortId = (id) => (id.length > 12 ? `…${id.slice(-6)}` : id);
