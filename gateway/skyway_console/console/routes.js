@@ -2,7 +2,16 @@
 
 import {signal} from "@preact/signals";
 
-const read = () => location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
+// An address that somebody has broken opens the first view, not a blank page.
+function decoded(part) {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return part;
+  }
+}
+
+const read = () => location.hash.replace(/^#\/?/, "").split("/").map(decoded);
 
 export const route = signal(read());
 
