@@ -3,6 +3,7 @@
 import {batch, computed, signal} from "@preact/signals";
 
 import {get} from "./api.js";
+import {onWake} from "./wakes.js";
 
 export const KINDS = ["drones", "missions", "deliveries", "stations", "closures", "alarms", "services"];
 
@@ -29,13 +30,21 @@ export function merged(target, patch) {
 
 export function followPicture() {
   leavePicture();
+  let hasSnapshot = false;
   stream = new EventSource("/v1/live");
-  stream.addEventListener("snapshot", ({data}) => showWhole(JSON.parse(data)));
+  // The browser has connected again, and the stream goes on where it was: perhaps nothing has changed.
+  stream.addEventListener("open", () => {
+    if (hasSnapshot) connection.value = "open";
+  });
+  stream.addEventListener("snapshot", ({data}) => {
+    hasSnapshot = true;
+    showWhole(JSON.parse(data));
+  });
   stream.addEventListener("change", ({data}) => showChange(JSON.parse(data)));
   stream.addEventListener("error", () => {
     connection.value = "lost";
     // The browser connects again by itself, except after a refusal.
-    if (stream.readyState === EventSource.CLOSED) again = setTimeout(askAgain, AGAIN_MS);
+    if (stream?.readyState === EventSource.CLOSED) again = setTimeout(askAgain, AGAIN_MS);
   });
 }
 
@@ -48,7 +57,12 @@ async function askAgain() {
 function leavePicture() {
   clearTimeout(again);
   stream?.close();
+  stream = null;
 }
+
+onWake(() => {
+  if (stream !== null) followPicture();
+});
 
 // Nothing of one session is seen in the next.
 export function forgetPicture() {
