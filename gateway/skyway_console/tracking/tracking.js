@@ -10,18 +10,22 @@ const STAGES = [
 ];
 // A drone this near, in seconds of fleet time, is arriving.
 const ARRIVING_S = 120;
+// A delivery that is later than expected by so much, in seconds of fleet time, is overdue.
+const OVERDUE_S = 120;
 const LOOK_AGAIN_MS = 60_000;
-// A stream that was refused is tried again after this time.
-const FOLLOW_AGAIN_MS = 5_000;
+// What was refused or not answered is tried again after this time.
+const AGAIN_MS = 5_000;
 
 const here = location.pathname.replace(/\/$/, "");
 const element = (id) => document.getElementById(id);
 
 let state = null;
 let readAt = 0;
-let drones = {};
+// What the stream says of the drones, or null while the state is newer.
+let drones = null;
 let stream = null;
 let followAgainAt = 0;
+let again = null;
 let isEnded = false;
 
 const nameOf = (stationId) =>
@@ -45,9 +49,13 @@ function nextPackage() {
     .sort((one, other) => Date.parse(one.eta_at) - Date.parse(other.eta_at))[0];
 }
 
+const isOverdue = (next) => secondsTo(next.eta_at) < -OVERDUE_S;
+
 function isArriving(next) {
-  return state.stage === "ON_THE_WAY" && next !== undefined && secondsTo(next.eta_at) <= ARRIVING_S;
+  return state.stage === "ON_THE_WAY" && !isOverdue(next) && secondsTo(next.eta_at) <= ARRIVING_S;
 }
+
+const withoutTime = () => (state.stage === "ON_THE_WAY" ? "On the way" : "Planned");
 
 function headline(next) {
   switch (state.stage) {
@@ -56,14 +64,15 @@ function headline(next) {
     case "ENDED": return state.state === "CANCELLED" ? "Cancelled" : "Not delivered";
     case "REQUESTED": return state.is_waiting ? "Waiting for a drone" : "Requested";
     default:
-      if (isArriving(next)) return "Arriving";
-      return next ? `Arrives at ${clockTime(next.eta_at)}` : "On the way";
+      if (next === undefined || state.is_replanning || isOverdue(next)) return withoutTime();
+      return isArriving(next) ? "Arriving" : `Arrives at ${clockTime(next.eta_at)}`;
   }
 }
 
 function detail(next) {
   if (state.is_over || next === undefined) return "";
   if (state.is_replanning) return "The plan is being changed. A new time follows.";
+  if (isOverdue(next)) return `Expected at ${clockTime(next.eta_at)}. It takes longer than planned.`;
   const [from, until] = [clockTime(next.eta_at), clockTime(next.eta_until_at)];
   const minutes = Math.max(0, Math.round(secondsTo(next.eta_at) / 60));
   const range = from === until ? "" : `Between ${from} and ${until}. `;
@@ -129,7 +138,7 @@ function show() {
   document.title = `${headline(next)} – your delivery`;
   showStages();
   showPackages();
-  const flying = Object.values(drones).length ? Object.values(drones) : state.drones;
+  const flying = drones === null ? state.drones : Object.values(drones);
   drawWay(element("map"), state, state.is_over ? [] : flying, nameOf);
 }
 
@@ -147,13 +156,19 @@ function showEnd() {
   for (const id of ["stages", "map", "packages"]) element(id).hidden = true;
 }
 
+function showTrouble(text) {
+  showConnection(text);
+  again = setTimeout(look, AGAIN_MS);
+}
+
 async function look() {
+  clearTimeout(again);
   if (isEnded) return;
   let answer;
   try {
     answer = await fetch(`${here}/state`);
   } catch {
-    showConnection("No connection. The page goes on by itself.");
+    showTrouble("No connection. The page goes on by itself.");
     return;
   }
   if (answer.status === 404) {
@@ -161,11 +176,13 @@ async function look() {
     return;
   }
   if (!answer.ok) {
-    showConnection("The service does not answer just now. The page goes on by itself.");
+    showTrouble("The service does not answer just now. The page goes on by itself.");
     return;
   }
   state = await answer.json();
   readAt = Date.now();
+  // A stream that does not run knows less than this state.
+  if (stream?.readyState !== EventSource.OPEN) drones = null;
   showConnection("");
   show();
   if (state.is_over) stream?.close();
@@ -189,7 +206,7 @@ function isFollowing() {
 
 function follow() {
   let picture = {};
-  followAgainAt = Date.now() + FOLLOW_AGAIN_MS;
+  followAgainAt = Date.now() + AGAIN_MS;
   stream = new EventSource(`${here}/events`);
   const take = (document) => {
     const before = JSON.stringify(picture.deliveries);
@@ -203,12 +220,16 @@ function follow() {
   stream.addEventListener("error", () => {
     if (stream.readyState !== EventSource.CLOSED) return; // the browser connects again by itself
     look();
-    setTimeout(look, FOLLOW_AGAIN_MS);
+    setTimeout(look, AGAIN_MS);
   });
 }
 
+// While the page slept its stream may have ended, and looks open: nothing has told the browser.
 document.addEventListener("visibilitychange", () => {
-  if (document.visibilityState === "visible") look();
+  if (document.visibilityState !== "visible") return;
+  stream?.close();
+  followAgainAt = 0;
+  look();
 });
 setInterval(() => state && !state.is_over && show(), 1_000);
 setInterval(() => document.visibilityState === "visible" && !state?.is_over && look(), LOOK_AGAIN_MS);
