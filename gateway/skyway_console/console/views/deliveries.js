@@ -1,6 +1,6 @@
 // Deliveries: a list with promise against ETA, and one delivery with all that happened to it.
 
-import {useEffect, useState} from "preact/hooks";
+import {useEffect, useRef, useState} from "preact/hooks";
 
 import {get, part} from "../api.js";
 import {html} from "../html.js";
@@ -12,23 +12,55 @@ import {DeliveryPage, isLate} from "../parts/delivery_page.js";
 const STATES = ["SCHEDULED", "REQUESTED", "PLANNED", "DISPATCHED", "LOADING", "IN_PROGRESS", "COMPLETED",
   "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"];
 
+// So many deliveries are shown at first, and so many more each time.
+const PAGE = 50;
+const MOST_OF_A_PAGE = 200;
+
+// The first deliveries of a list: as many as are wanted.
+async function firstOf(path, wanted) {
+  let [items, cursor] = [[], null];
+  do {
+    const limit = Math.min(MOST_OF_A_PAGE, wanted - items.length);
+    const next = await get(`${path}&limit=${limit}${cursor ? `&cursor=${part(cursor)}` : ""}`);
+    [items, cursor] = [[...items, ...next.items], next.next_cursor];
+  } while (cursor && items.length < wanted);
+  return {items, hasMore: Boolean(cursor)};
+}
+
 function useDeliveries(state, reference) {
-  const [page, setPage] = useState({items: [], next_cursor: null});
+  const [page, setPage] = useState({items: [], hasMore: false});
   const [problem, setProblem] = useState("");
-  const filters = new URLSearchParams({limit: "50"});
-  if (state) filters.set("state", state);
-  if (reference) filters.set("reference", reference);
-  const path = `/v1/deliveries?${filters}`;
+  const path = `/v1/deliveries?${new URLSearchParams({
+    ...(state ? {state} : {}), ...(reference ? {reference} : {}),
+  })}`;
+  const [asked, ask] = useState({path, rows: PAGE});
+  const rows = asked.path === path ? asked.rows : PAGE;
   // The list is read again when a delivery comes or goes; the live picture updates the rows.
-  const open = Object.keys(picture.deliveries.value).length;
+  const open = Object.keys(picture.deliveries.value).sort().join();
+  // An answer is shown unless the answer to a later question is.
+  const [turn, shown] = [useRef(0), useRef({path, turn: 0})];
+  if (shown.current.path !== path) shown.current = {path, turn: turn.current};
   useEffect(() => {
-    get(path).then((read) => (setPage(read), setProblem("")), (refusal) => setProblem(refusal.message));
-  }, [path, open]);
-  async function more() {
-    const next = await get(`${path}&cursor=${encodeURIComponent(page.next_cursor)}`);
-    setPage({items: [...page.items, ...next.items], next_cursor: next.next_cursor});
-  }
-  return {page, problem, more};
+    const own = (turn.current += 1);
+    const show = (action) => {
+      if (own <= shown.current.turn || shown.current.path !== path) return;
+      shown.current = {path, turn: own};
+      action();
+    };
+    firstOf(path, rows).then(
+      (read) => show(() => (setPage(read), setProblem(""))),
+      (refusal) => show(() => setProblem(refusal.message)));
+  }, [path, rows, open]);
+  return {page, problem, more: () => ask({path, rows: rows + PAGE})};
+}
+
+// What can be found in the rows that are read.
+const textOf = ({delivery_id: id, reference, customer_id: customer, request: {pickup}}) =>
+  [id, reference, customer, placeName(pickup)].join(" ").toLowerCase();
+
+function found(items, text) {
+  const words = text.toLowerCase().split(" ").filter(Boolean);
+  return items.filter((each) => words.every((word) => textOf(each).includes(word)));
 }
 
 // A delivery of the list as the live picture shows it now.
@@ -63,7 +95,9 @@ const placeName = (place) => (place.station_id ? stationName(place.station_id) :
 function DeliveryList() {
   const [state, setState] = useState("");
   const [reference, setReference] = useState("");
+  const [text, setText] = useState("");
   const {page, problem, more} = useDeliveries(state, reference);
+  const rows = found(page.items, text);
 
   function open(event) {
     event.preventDefault();
@@ -79,7 +113,9 @@ function DeliveryList() {
           <option value="">All</option>
           ${STATES.map((each) => html`<option value=${each}>${inWords(each)}</option>`)}
         </select></label>
-        <label>Reference<input value=${reference} maxlength="200"
+        <label>Find below: customer, reference, pickup<input type="search" value=${text}
+          onInput=${({target}) => setText(target.value)} /></label>
+        <label>Whole reference<input value=${reference} maxlength="200"
           onChange=${({target}) => setReference(target.value)} /></label>
         <form class="row" onSubmit=${open}><label>Id<input name="delivery" placeholder="dlv_…" /></label></form>
       </div>
@@ -88,11 +124,13 @@ function DeliveryList() {
         <thead><tr><th>Id</th><th>Reference</th><th>Customer</th><th>State</th><th>Pickup</th>
           <th>Packages</th><th>Promised</th><th>Expected</th></tr></thead>
         <tbody>
-          ${page.items.map((delivery) => html`<${Row} key=${delivery.delivery_id} delivery=${delivery} />`)}
-          ${page.items.length === 0 && html`<tr><td colspan="8">No delivery.</td></tr>`}
+          ${rows.map((delivery) => html`<${Row} key=${delivery.delivery_id} delivery=${delivery} />`)}
+          ${rows.length === 0 && html`<tr><td colspan="8">No delivery.</td></tr>`}
         </tbody>
       </table></div>
-      ${page.next_cursor && html`<button onClick=${more}>Show more</button>`}
+      ${text && page.hasMore && html`<p class="hint">${rows.length} of the ${page.items.length} newest
+        deliveries. Older ones are searched when they are shown.</p>`}
+      ${page.hasMore && html`<button onClick=${more}>Show more</button>`}
     </div>`;
 }
 
