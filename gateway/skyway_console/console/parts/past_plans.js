@@ -4,7 +4,8 @@ import {all, get, part} from "../api.js";
 
 const MOST_CLOSURES = 500;
 
-const spanOf = ({from, until}) => `from=${new Date(from).toISOString()}&to=${new Date(until).toISOString()}`;
+// A span as the query of a call.
+export const spanOf = ({from, until}) => `from=${new Date(from).toISOString()}&to=${new Date(until).toISOString()}`;
 
 const endMs = (moment) => (moment ? Date.parse(moment) : Infinity);
 

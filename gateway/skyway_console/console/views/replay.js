@@ -3,7 +3,7 @@
 
 import {useEffect, useRef, useState} from "preact/hooks";
 
-import {get} from "../api.js";
+import {all} from "../api.js";
 import {fleetNow} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {FleetMap} from "../map/fleet_map.js";
@@ -12,11 +12,12 @@ import {inWords, momentText} from "../words.js";
 import {closureName} from "../parts/closures.js";
 import {dronesAt, readRecord} from "../parts/flight_record.js";
 import {attempt} from "../parts/messages.js";
-import {closuresAt, missionAt, readClosures, readPlans} from "../parts/past_plans.js";
+import {closuresAt, missionAt, readClosures, readPlans, spanOf} from "../parts/past_plans.js";
 
 const HOUR_MS = 3_600_000;
 const SPEEDS = [1, 10, 60, 120, 300, 600];
 const STEP_MS = 100;
+const MOST_ALARMS = 500;
 
 // A moment as an input of the type "datetime-local" writes it, in the browser's own zone.
 function localText(ms) {
@@ -58,10 +59,8 @@ function usePlayer(span, isPlaying, speed) {
   return [atMs, setAt];
 }
 
-async function alarmsOf({from, until}) {
-  const {items} = await get("/v1/alarms?limit=200");
-  return items.filter(({at}) => Date.parse(at) >= from && Date.parse(at) <= until).reverse();
-}
+// The alarms of the span, the oldest first.
+const alarmsOf = async (span) => (await all(`/v1/alarms?${spanOf(span)}`, MOST_ALARMS)).reverse();
 
 const NOTHING = {record: new Map(), alarms: [], closures: []};
 
