@@ -11,6 +11,7 @@ import {listNetworks, networkContent} from "../networks.js";
 import {isOperator, session} from "../session.js";
 import {shortId, stationName} from "../words.js";
 import {Calendar} from "../parts/calendar.js";
+import {WaitingRequests} from "../parts/waiting_requests.js";
 
 const AGAIN_MS = 5_000;
 const MOST_ROWS = 200;
@@ -114,5 +115,6 @@ export function ScheduleView() {
         <span class="swatch ACTIVE"></span> flies <span class="swatch ACCEPTED"></span> accepted
         <span class="swatch QUEUED"></span> waits <span class="swatch COMPLETED"></span> done
       </p>
+      ${isOperator() && html`<${WaitingRequests} />`}
     </div>`;
 }
