@@ -92,10 +92,21 @@ function showStages() {
   }));
 }
 
+// What the drone measured at the hand-over.
+function measured({proof_mass_kg: massKg, proof_position: position}) {
+  return [
+    ...(typeof massKg === "number" ? [`Mass: ${Number(massKg.toFixed(3))} kg`] : []),
+    ...(position ? [`Place: ${position[1].toFixed(5)}° north, ${position[0].toFixed(5)}° east`] : []),
+  ];
+}
+
 function packageLines(one) {
   if (one.delivered_at) {
     const where = nameOf(one.proof_station_id ?? one.station_id);
-    return [paragraph(`Handed over at ${where}, ${clockTime(one.delivered_at)}`, "done")];
+    return [
+      paragraph(`Handed over at ${where}, ${clockTime(one.delivered_at)}`, "done"),
+      ...measured(one).map((text) => paragraph(text)),
+    ];
   }
   const ends = {
     RETURNED: "Returned to the sender",
