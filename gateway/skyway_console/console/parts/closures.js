@@ -1,10 +1,9 @@
-// Closures: what one would change, shown before it is made; and lifting one.
+// Closures: what one would change, shown before it is made; and opening again.
 
 import {call, part, post} from "../api.js";
 import {html} from "../html.js";
 import {distanceText, shortId, stationName} from "../words.js";
 import {confirm} from "./confirm_dialog.js";
-import {attempt} from "./messages.js";
 import {delayText} from "./outlook.js";
 
 // So many missions are planned by a dry run, and shown.
@@ -26,14 +25,20 @@ export function affectedText({affected_missions: missions}) {
 // A ground stop needs a reason in its dry run too.
 const DRY_RUN = {reason: "dry run"};
 
+const CLOSURE_MOMENTS = ["from_at", "until"];
+// A ground stop begins immediately.
+export const STOP_MOMENTS = ["until"];
+
 // Asks before something is closed: `path` makes the closure, `order` is what is sent.
-export function askToClose(title, path, order = {}) {
+export function askToClose(title, path, order = {}, moments = CLOSURE_MOMENTS) {
   confirm({
     title,
     verb: "Close it",
-    preview: async () => affectedText(await post(`${path}?dry_run=true`, {...order, ...DRY_RUN})),
-    action: (reason) => post(path, {...order, reason}),
-    done: "It is closed. Missions that need it get another plan.",
+    moments,
+    preview: async (chosen) =>
+      affectedText(await post(`${path}?dry_run=true`, {...order, ...chosen, ...DRY_RUN})),
+    action: (reason, chosen) => post(path, {...order, ...chosen, reason}),
+    done: "The closure is made. Missions that need it get another plan.",
   });
 }
 
@@ -59,5 +64,19 @@ export function closureName({kind, station_id: station, pad, to_station_id: to})
   }
 }
 
-export const lift = (closureId, closure) =>
-  attempt(() => call("DELETE", closurePath(closureId, closure)), `${closureName(closure)} is open again.`);
+const OPENED = "New plans may use it again, and what waits for it is planned again. Missions that have "
+  + "a plan keep it.";
+const STARTED = "Drones may take off again, and what waits for that is planned again.";
+
+export function askToOpen(closureId, closure) {
+  const name = closureName(closure);
+  const isStop = closure.kind === "GROUND_STOP";
+  confirm({
+    title: isStop ? "End the ground stop" : `Open again: ${name}`,
+    verb: isStop ? "End it" : "Open it",
+    reason: "none",
+    preview: async () => html`<p>${isStop ? STARTED : OPENED}</p>`,
+    action: () => call("DELETE", closurePath(closureId, closure)),
+    done: isStop ? "The ground stop has ended." : `${name} is open again.`,
+  });
+}

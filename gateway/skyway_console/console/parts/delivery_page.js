@@ -2,16 +2,16 @@
 
 import {useEffect, useState} from "preact/hooks";
 
-import {call, get} from "../api.js";
+import {get, post} from "../api.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
 import {inWords, money, momentText, shortId, stationName} from "../words.js";
+import {confirm} from "./confirm_dialog.js";
 import {DeliveryAudit} from "./delivery_audit.js";
 import {DeliveryEvents} from "./delivery_events.js";
 import {Facts} from "./facts.js";
-import {attempt} from "./messages.js";
 import {StepList} from "./step_list.js";
 import {TrackingBox} from "./tracking_box.js";
 
@@ -29,10 +29,10 @@ function useDelivery(path, deliveryId) {
   useEffect(() => {
     get(path).then(setDelivery, (refusal) => setProblem(refusal.message));
   }, [path, live]);
-  const isOver = delivery?.packages.some(({delivered_at}) => delivered_at);
+  const handedOver = delivery?.packages.filter(({delivered_at}) => delivered_at).length ?? 0;
   useEffect(() => {
-    if (isOver) get(`${path}/proof`).then(setProof, () => null);
-  }, [path, isOver]);
+    if (handedOver > 0) get(`${path}/proof`).then(setProof, () => null);
+  }, [path, handedOver]);
   return {delivery, proof, problem};
 }
 
@@ -68,15 +68,28 @@ function Missions({missions}) {
   });
 }
 
+// Packages that are not handed over have no moment in the proof.
 function Proof({proof}) {
-  return proof && html`
+  const proven = (proof?.packages ?? []).filter(({at}) => at);
+  return proven.length > 0 && html`
     <h2>Proof</h2>
-    <ul class="timeline">
-      ${(proof.packages ?? []).map(({package_id, station_id, delivered_at, at}) => html`
-        <li><time>${momentText(delivered_at ?? at)}</time>${package_id} handed over
-          ${station_id ? ` at ${stationName(station_id)}` : ""}</li>`)}
+    <ul class="timeline" aria-label="Proof">
+      ${proven.map(({package_id, station_id, at, mass_kg: massKg}) => html`
+        <li key=${package_id}><time>${momentText(at)}</time>${package_id} handed over
+          ${station_id ? ` at ${stationName(station_id)}` : ""}${
+          massKg === null || massKg === undefined ? "" : `, ${Number(massKg.toFixed(3))} kg`}</li>`)}
     </ul>`;
 }
+
+const askToCancel = (path, deliveryId) => confirm({
+  title: `Cancel delivery ${shortId(deliveryId)}`,
+  verb: "Cancel the delivery",
+  reason: "optional",
+  preview: async () => html`<p>Packages that wait are not picked up. Packages on board are brought back
+    to the pickup. What was handed over stays there.</p>`,
+  action: (reason) => post(`${path}/cancel`, reason ? {reason} : {}),
+  done: "The delivery is being cancelled.",
+});
 
 const OVER = ["COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"];
 
@@ -86,7 +99,6 @@ export function DeliveryPage({deliveryId, path: part}) {
   if (!delivery) return html`<div class="page"><p class="refused">${problem}</p></div>`;
   const live = picture.deliveries.value[deliveryId];
   const {state, activity, code, detail, request, price, provider_id: provider} = {...delivery, ...live};
-  const cancel = () => attempt(() => call("POST", `${path}/cancel`, {}), "The delivery is being cancelled.");
   return html`
     <div class="page">
       <p><a href=${pathTo("deliveries")}>All deliveries</a></p>
@@ -103,7 +115,7 @@ export function DeliveryPage({deliveryId, path: part}) {
         ["Provider", provider],
         ["Requested", momentText(delivery.created_at)],
       ]} />
-      ${!OVER.includes(state) && html`<button onClick=${cancel}>Cancel the delivery</button>`}
+      ${!OVER.includes(state) && html`<button onClick=${() => askToCancel(path, deliveryId)}>Cancel the delivery</button>`}
       <h2>Packages</h2>
       <${Packages} packages=${delivery.packages.map((each) => ({...each, ...live?.packages?.[each.package_id]}))} />
       <div class="columns">

@@ -1,11 +1,16 @@
-// What to do first, while the system has no network; operators can have it done.
+// What to do next, while the system has no network, no drone or no delivery; operators can have it done.
 
+import {signal} from "@preact/signals";
 import {useEffect, useState} from "preact/hooks";
 
 import {call, get, post} from "../api.js";
 import {html} from "../html.js";
-import {isOperator} from "../session.js";
+import {connection, picture} from "../live.js";
+import {networks} from "../networks.js";
+import {pathTo} from "../routes.js";
+import {isOperator, session} from "../session.js";
 import {attempt} from "./messages.js";
+import {Panel} from "./panel.js";
 
 const publish = async () =>
   call("PUT", "/v1/networks/texas-corridor", await get("/console/bundled-network.json"));
@@ -20,7 +25,7 @@ function Begin({text, verb, done, action}) {
   return html`<p>${text}</p><button class="main" disabled=${isBusy} onClick=${act}>${verb}</button>`;
 }
 
-function OperatorsHint() {
+function SmallWorld() {
   const [world, setWorld] = useState("UNAVAILABLE");
   useEffect(() => {
     get("/v1/system").then(({small_world: state}) => setWorld(state), () => null);
@@ -30,17 +35,82 @@ function OperatorsHint() {
       text="See everything move: three simulated fleets in Texas, and a delivery every few seconds."
       done="The small world starts. Its drones appear in a moment."
       action=${() => post("/v1/small-world").then(() => setWorld("REQUESTED"))} />`}
-    ${world === "REQUESTED" && html`<p role="status">The small world starts…</p>`}
-    <${Begin} verb="Publish the bundled network"
-      text="Or begin with stations alone: 56 places between San Marcos and San Antonio."
-      done="The network is published." action=${publish} />
-    <p>Or publish a network of your own, then register drones:</p>
-    <pre>skyway network import network.json --network-id my-city
-skyway fleet --drones 12</pre>`;
+    ${world === "REQUESTED" && html`<p role="status">The small world starts…</p>`}`;
 }
 
-export const EmptyHint = () => html`
-  <section class="panel empty" aria-label="First steps">
-    <h2>There is no network yet</h2>
-    ${isOperator() ? html`<${OperatorsHint} />` : html`<p>An operator has to publish one.</p>`}
-  </section>`;
+const OperatorsNetwork = () => html`
+  <${SmallWorld} />
+  <${Begin} verb="Publish the bundled network"
+    text="Or begin with stations alone: 56 places between San Marcos and San Antonio."
+    done="The network is published." action=${publish} />
+  <p>Or publish a network of your own, then register drones:</p>
+  <pre>skyway network import network.json --network-id my-city
+skyway fleet --drones 12</pre>`;
+
+const OperatorsDrones = () => html`
+  <${SmallWorld} />
+  <p>Or let simulated drones fly here:</p>
+  <pre>skyway fleet --drones 12</pre>
+  <p>Or make a key for a provider, who registers drones at <a href=${pathTo("fleet")}>Fleet</a>:
+    ${" "}<a href=${pathTo("account")}>Keys</a>.</p>`;
+
+const ProvidersDrones = () => html`
+  <p>Register a drone at <a href=${pathTo("fleet")}>Fleet</a>. The token that you get there lets it enrol.</p>`;
+
+const OperatorsDeliveries = () => html`
+  <p>Make a key for a customer at <a href=${pathTo("account")}>Keys</a>; with it a customer requests
+    deliveries here. Or request one from the command line:</p>
+  <pre>skyway request PICKUP --package DESTINATION=0.5</pre>`;
+
+const CustomersDeliveries = () => html`
+  <p>Ask for offers at <a href=${pathTo("new")}>New delivery</a>.</p>`;
+
+// The steps in their order: what is missing, and by role what to do about it.
+const STEPS = {
+  network: {title: "There is no network yet",
+    operator: OperatorsNetwork, other: () => html`<p>An operator has to publish one.</p>`},
+  drones: {title: "There is no drone yet", operator: OperatorsDrones, provider: ProvidersDrones},
+  deliveries: {title: "Nobody has requested a delivery yet",
+    operator: OperatorsDeliveries, customer: CustomersDeliveries},
+};
+
+// Whether there was ever a delivery; null while that is not known.
+function useAnyDelivery(isAsked) {
+  const [isAny, setAny] = useState(null);
+  useEffect(() => {
+    if (isAsked) {
+      get("/v1/deliveries?limit=1").then(({items}) => setAny(items.length > 0), () => null);
+    }
+  }, [isAsked]);
+  return isAny;
+}
+
+const isEmpty = (kind) => Object.keys(picture[kind].value).length === 0;
+
+// What is missing, or null. Customers see no drones, and providers no requests.
+function useMissing() {
+  const {role} = session.value;
+  const isKnown = connection.value === "open" && networks.value !== null;
+  const hasNetwork = networks.value?.length > 0;
+  const lacksDrones = role !== "customer" && isEmpty("drones");
+  const mayAsk = role !== "provider" && isKnown && hasNetwork && !lacksDrones;
+  const isAnyDelivery = useAnyDelivery(mayAsk && isEmpty("deliveries"));
+  if (!isKnown) return null;
+  if (!hasNetwork) return "network";
+  if (lacksDrones) return "drones";
+  return mayAsk && isEmpty("deliveries") && isAnyDelivery === false ? "deliveries" : null;
+}
+
+// The step whose hint somebody has closed.
+const closed = signal(null);
+
+export function EmptyHint() {
+  const missing = useMissing();
+  if (missing === null || missing === closed.value) return null;
+  const {title, ...hints} = STEPS[missing];
+  const hint = isOperator() ? hints.operator : hints[session.value.role] ?? hints.other;
+  return hint && html`
+    <${Panel} title=${title} label="First steps" kind="empty" onClose=${() => (closed.value = missing)}>
+      <${hint} />
+    </${Panel}>`;
+}

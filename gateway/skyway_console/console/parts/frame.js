@@ -5,6 +5,7 @@ import {connection, openAlarms, picture} from "../live.js";
 import {pathTo} from "../routes.js";
 import {endSession, session} from "../session.js";
 import {ClockText} from "./clock_text.js";
+import {ConfirmDialog} from "./confirm_dialog.js";
 import {Messages} from "./messages.js";
 
 const CONNECTIONS = {
@@ -50,5 +51,6 @@ export function Frame({views, open, children}) {
       <button class="quiet" onClick=${endSession}>Log out</button>
     </header>
     <main id="view" tabindex="-1">${children}</main>
+    <${ConfirmDialog} />
     <${Messages} />`;
 }

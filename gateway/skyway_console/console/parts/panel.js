@@ -2,8 +2,8 @@
 
 import {html} from "../html.js";
 
-export const Panel = ({title, label, onClose, children}) => html`
-  <section class="panel" aria-label=${label ?? title}>
+export const Panel = ({title, label, kind = "", onClose, children}) => html`
+  <section class="panel ${kind}" aria-label=${label ?? title}>
     <header>
       <h2>${title}</h2>
       <button class="quiet" onClick=${onClose} aria-label="Close the panel">✕</button>

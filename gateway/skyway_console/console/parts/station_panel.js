@@ -10,7 +10,7 @@ import {picture} from "../live.js";
 import {stationsOf} from "../map/features.js";
 import {isOperator} from "../session.js";
 import {momentText, shortId, stationName} from "../words.js";
-import {askToClose, closureName, lift} from "./closures.js";
+import {askToClose, askToOpen, closureName} from "./closures.js";
 import {Facts} from "./facts.js";
 import {Panel} from "./panel.js";
 
@@ -53,8 +53,27 @@ function OpenClosures({stationId}) {
       ${hasBegun(closure) ? "is" : "will be"} closed ${closureTimes(closure)}${
       closure.reason ? `: ${closure.reason}` : "."}
       ${isOperator() && html`
-        <button class="small" onClick=${() => lift(closureId, closure)}>Open again</button>`}
+        <button class="small" onClick=${() => askToOpen(closureId, closure)}>Open again</button>`}
     </p>`);
+}
+
+// The segments that begin at a station. A closure of one holds in its direction only.
+function Segments({stationId, network}) {
+  const ends = (network?.features ?? [])
+    .filter(({properties: {kind, from}}) => kind === "segment" && from === stationId)
+    .map(({properties: {to}}) => to).sort();
+  const close = (to) => askToClose(`Close the segment ${stationName(stationId)} – ${stationName(to)}`,
+    `/v1/segments/${part(stationId)}/${part(to)}/closures`);
+  return ends.length > 0 && html`
+    <details>
+      <summary>Segments from here</summary>
+      <ul class="pads">
+        ${ends.map((to) => html`
+          <li key=${to}>to ${stationName(to)}${" "}
+            <button class="small" aria-label=${`Close the segment to ${stationName(to)}`}
+              onClick=${() => close(to)}>Close</button></li>`)}
+      </ul>
+    </details>`;
 }
 
 export function StationPanel({stationId, network, onClose}) {
@@ -73,7 +92,9 @@ export function StationPanel({stationId, network, onClose}) {
         ["Free at", live?.next_free_at && momentText(live.next_free_at)],
       ]} />
       <${OpenClosures} stationId=${stationId} />
-      ${isOperator() && html`<button onClick=${close}>Close the station</button>`}
+      ${isOperator() && html`
+        <button onClick=${close}>Close the station</button>
+        <${Segments} stationId=${stationId} network=${network} />`}
       <ul class="pads">
         ${(schedule?.pads ?? []).map(({pad, entries}) => html`
           <${Pad} key=${pad} stationId=${stationId} pad=${pad} entries=${entries} />`)}

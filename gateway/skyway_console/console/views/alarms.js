@@ -11,8 +11,7 @@ import {pathTo} from "../routes.js";
 import {isOperator} from "../session.js";
 import {distanceText, inWords, momentText, shortId, stationName} from "../words.js";
 import {alarmSound} from "../parts/alarm_sound.js";
-import {askToClose, closureName, lift} from "../parts/closures.js";
-import {ConfirmDialog} from "../parts/confirm_dialog.js";
+import {STOP_MOMENTS, askToClose, askToOpen, closureName} from "../parts/closures.js";
 import {attempt} from "../parts/messages.js";
 
 function acknowledge(event, alarmId) {
@@ -55,10 +54,12 @@ function ClosureList({title, empty, closures}) {
           <strong>${closureName(closure)}</strong>${closure.reason ? `: ${closure.reason}. ` : ". "}
           Closed ${closureTimes(closure)}.${" "}
           ${isOperator() && html`
-            <button class="small" onClick=${() => lift(closureId, closure)}>Open again</button>`}
+            <button class="small" onClick=${() => askToOpen(closureId, closure)}>Open again</button>`}
         </li>`)}
     </ul>`;
 }
+
+const stopAll = () => askToClose("Stop all take-offs", "/v1/ground-stops", {}, STOP_MOMENTS);
 
 function Closures() {
   const closures = Object.entries(picture.closures.value);
@@ -68,7 +69,7 @@ function Closures() {
     <${ClosureList} title="Closed now" empty="Nothing is closed." closures=${begun} />
     ${later.length > 0 && html`<${ClosureList} title="Closed later" closures=${later} />`}
     ${isOperator() && html`
-      <button class="danger" onClick=${() => askToClose("Stop all take-offs", "/v1/ground-stops")}>
+      <button class="danger" onClick=${stopAll}>
         Stop all take-offs…
       </button>`}`;
 }
@@ -111,6 +112,5 @@ export function AlarmsView() {
         <section><${Closures} /></section>
         <section><${Acknowledged} /></section>
       </div>
-      <${ConfirmDialog} />
     </div>`;
 }

@@ -7,12 +7,12 @@ import {closedThen} from "../closed.js";
 import {html} from "../html.js";
 import {picture} from "../live.js";
 import {FleetMap} from "../map/fleet_map.js";
-import {listNetworks, networkContent, networks, shownNetwork} from "../networks.js";
+import {listNetworks, networkContent, shownNetwork} from "../networks.js";
 import {openView} from "../routes.js";
-import {ConfirmDialog} from "../parts/confirm_dialog.js";
 import {DronePanel} from "../parts/drone_panel.js";
 import {EmptyHint} from "../parts/empty_hint.js";
 import {MapLegend} from "../parts/map_legend.js";
+import {MapSearch} from "../parts/map_search.js";
 import {attempt} from "../parts/messages.js";
 import {StationPanel} from "../parts/station_panel.js";
 import {ZonePanel, draftRing} from "../parts/zone_panel.js";
@@ -84,11 +84,13 @@ export function MapView({parts: [kind, id]}) {
     <div class="map-view">
       <div class="map" ref=${container} role="application" aria-label="Map of the fleet"></div>
       <${MapLegend} />
-      ${networks.value?.length === 0 && html`<${EmptyHint} />`}
+      <${MapSearch} network=${network} />
+      ${kind === undefined && html`<${EmptyHint} />`}
       ${kind === "drone" && html`<${DronePanel} key=${id} droneId=${id} onClose=${close} />`}
       ${kind === "station" && html`
         <${StationPanel} key=${id} stationId=${id} network=${network} onClose=${close} />`}
-      ${kind === "zone" && html`<${ZonePanel} onClose=${close} />`}
-      <${ConfirmDialog} />
+      ${kind === "zone" && html`
+        <div class="crosshair" aria-hidden="true"></div>
+        <${ZonePanel} centre=${() => map.current.centre()} onClose=${close} />`}
     </div>`;
 }
