@@ -1,0 +1,168 @@
+"""A page of the console or the tracking page in a browser, with answers that a test chooses.
+
+No server runs: the browser gets the pages' own files, and the test says what the gateway answers
+and what its streams send.
+"""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from playwright.sync_api import Browser, Page, Route
+
+_PACKAGE: Final = Path(__file__).parents[3] / "gateway/skyway_console"
+#: The console's stream of the live picture.
+LIVE: Final = "/v1/live"
+
+_HOST: Final = "http://skyway.test"
+_TYPES: Final = {
+    ".html": "text/html",
+    ".js": "text/javascript",
+    ".mjs": "text/javascript",
+    ".css": "text/css",
+}
+
+#: An answer of the gateway: JSON, or what makes it from the address that is asked.
+Answer = Any | Callable[[str], Any]
+
+_STREAMS: Final = """
+window.streams = [];
+window.EventSource = class extends EventTarget {
+  static CONNECTING = 0;
+  static OPEN = 1;
+  static CLOSED = 2;
+  constructor(url) {
+    super();
+    Object.assign(this, {url, readyState: 0});
+    window.streams.push(this);
+  }
+  close() { this.readyState = 2; }
+  open() {
+    this.readyState = 1;
+    this.dispatchEvent(new Event("open"));
+  }
+  send(type, value) {
+    if (this.readyState === 2) return;
+    this.readyState = 1;
+    this.dispatchEvent(new MessageEvent(type, {data: JSON.stringify(value)}));
+  }
+  fail(readyState) {
+    this.readyState = readyState;
+    this.dispatchEvent(new Event("error"));
+  }
+};
+let visibility = "visible";
+Object.defineProperty(document, "visibilityState", {get: () => visibility});
+window.setVisibility = (next) => {
+  visibility = next;
+  document.dispatchEvent(new Event("visibilitychange"));
+};
+"""
+
+
+class StagedPage:
+    """A page whose gateway is `answers`: by path, without the query."""
+
+    def __init__(self, browser: Browser, answers: dict[str, Answer]) -> None:
+        self.answers: dict[str, Answer] = {
+            "/v1/clock": {"now": "2026-03-01T12:00:00Z", "rate": 1.0},
+            "/v1/sessions/current": {"subject_id": "ops", "role": "operator"},
+            "/v1/networks": {"items": [], "next_cursor": None},
+        } | answers
+        self.is_silent = False
+        self.asked: list[str] = []
+        self.errors: list[str] = []
+        context = browser.new_context(
+            locale="en-GB", timezone_id="UTC", device_scale_factor=0.5, reduced_motion="reduce"
+        )
+        self.page: Page = context.new_page()
+        self.page.add_init_script(_STREAMS)
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.route("**/*", self._answer)
+
+    def open(self, path: str) -> "StagedPage":
+        self.page.goto(_HOST + path)
+        return self
+
+    def send(self, url: str, kind: str, value: Any) -> None:
+        """Send an event by the newest stream of this address."""
+        self.page.wait_for_function("url => streams.some((each) => each.url === url)", arg=url)
+        self.page.evaluate(
+            """([url, kind, value]) =>
+              streams.findLast((each) => each.url === url).send(kind, value)""",
+            [url, kind, value],
+        )
+
+    def fail(self, url: str, *, is_refused: bool) -> None:
+        """Break the newest stream of this address; the browser does not try a refused one again."""
+        self.page.evaluate(
+            "([url, state]) => streams.findLast((each) => each.url === url).fail(state)",
+            [url, 2 if is_refused else 0],
+        )
+
+    def reconnect(self, url: str) -> None:
+        """The browser has connected again, and the stream goes on."""
+        self.page.evaluate("url => streams.findLast((each) => each.url === url).open()", url)
+
+    def sleep(self, seconds: int) -> None:
+        """Nobody sees the page for so long."""
+        self.page.evaluate("setVisibility('hidden')")
+        self.page.clock.fast_forward(1000 * seconds)
+        self.page.evaluate("setVisibility('visible')")
+
+    def streams(self, url: str) -> int:
+        """How many streams of this address were opened."""
+        count: int = self.page.evaluate(
+            "url => streams.filter((each) => each.url === url).length", url
+        )
+        return count
+
+    def _answer(self, route: Route) -> None:
+        asked = urlsplit(route.request.url)
+        file = _file(asked.path)
+        if file is not None and file.is_file():
+            content_type = _TYPES.get(file.suffix, "application/octet-stream")
+            route.fulfill(body=file.read_bytes(), content_type=content_type)
+            return
+        if self.is_silent:
+            route.abort()
+            return
+        self.asked.append(f"{route.request.method} {asked.path}?{asked.query}")
+        answer = self.answers.get(asked.path)
+        if callable(answer):
+            answer = answer(asked.query)
+        if answer is None:
+            route.fulfill(status=404, body='{"title": "There is no such thing."}')
+        else:
+            route.fulfill(body=json.dumps(answer), content_type="application/json")
+
+
+def _file(path: str) -> Path | None:
+    """The file of the console or the tracking page with this address."""
+    if path == "/console":
+        return _PACKAGE / "console/index.html"
+    if path.startswith("/console/"):
+        return _PACKAGE / path.removeprefix("/")
+    if path.startswith("/track/assets/"):
+        return _PACKAGE / "tracking" / path.removeprefix("/track/assets/")
+    return (
+        _PACKAGE / "tracking/index.html" if path.count("/") == 2 and path[:7] == "/track/" else None
+    )
+
+
+def delivery(delivery_id: str, *, packages: Any = (), **members: Any) -> dict[str, Any]:
+    """A delivery as the gateway shows it."""
+    return {
+        "delivery_id": delivery_id,
+        "customer_id": "river-books",
+        "reference": None,
+        "state": "IN_PROGRESS",
+        "activity": None,
+        "request": {"pickup": {"station_id": "a"}, "qos": {}},
+        "packages": list(packages),
+        "missions": [],
+        "created_at": "2026-03-01T11:00:00Z",
+        **members,
+    }

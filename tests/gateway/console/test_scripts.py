@@ -1,0 +1,217 @@
+"""What the console's scripts do in a browser with what the gateway sends."""
+
+from typing import Any
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.end_to_end.browser import needs_browser
+from tests.gateway.console.staged_page import LIVE, StagedPage, delivery
+
+pytestmark = [pytest.mark.integration, needs_browser]
+
+
+def package(package_id: str, delivered_at: str | None = None) -> dict[str, Any]:
+    return {
+        "package_id": package_id,
+        "state": "DELIVERED" if delivered_at else "IN_TRANSIT",
+        "delivered_at": delivered_at,
+        "destination": {"station_id": "b"},
+    }
+
+
+def proof(package_id: str, at: str | None = None, mass_kg: float | None = None) -> dict[str, Any]:
+    return {
+        "package_id": package_id,
+        "station_id": at and "b",
+        "at": at,
+        "mass_kg": mass_kg,
+    }
+
+
+def test_the_proof_grows_with_each_hand_over(stage: StagedPage) -> None:
+    first, second = "2026-03-01T12:01:00Z", "2026-03-01T12:05:00Z"
+    path = "/v1/deliveries/dlv_1"
+    stage.answers |= {
+        path: delivery("dlv_1", packages=[package("p1", first), package("p2")]),
+        f"{path}/proof": {"packages": [proof("p1", first, 0.45), proof("p2")]},
+    }
+    listed = stage.open("/console#/deliveries/dlv_1").page.get_by_role("list", name="Proof")
+    expect(listed.get_by_role("listitem")).to_have_count(1)
+    expect(listed).to_contain_text("p1 handed over at B, 0.45 kg")
+
+    stage.answers |= {
+        path: delivery("dlv_1", packages=[package("p1", first), package("p2", second)]),
+        f"{path}/proof": {"packages": [proof("p1", first), proof("p2", second)]},
+    }
+    stage.send(LIVE, "snapshot", {"deliveries": {"dlv_1": {"packages": {}}}})
+    expect(listed.get_by_role("listitem")).to_have_count(2)
+
+
+@pytest.mark.parametrize(
+    ("taken", "closed", "shown"),
+    [(1, [0], "busy"), (2, [0], "full"), (2, [0, 1], "closed"), (0, [], "free"), (2, [], "full")],
+)
+def test_a_closed_pad_counts_once(
+    stage: StagedPage, taken: int, closed: list[int], shown: str
+) -> None:
+    network = {
+        "features": [
+            {
+                "geometry": {"coordinates": [0, 0]},
+                "properties": {"kind": "station", "station_id": "a", "pads": 2},
+            }
+        ]
+    }
+    closures = {f"c{pad}": {"kind": "PAD", "station_id": "a", "pad": pad} for pad in closed}
+
+    points = stage.open("/track/none").page.evaluate(
+        """async ([network, live, closures]) => {
+          const {stationPoints} = await import("/console/map/features.js");
+          return stationPoints(network, live, closures);
+        }""",
+        [network, {"a": {"pads_taken": taken}}, closures],
+    )
+
+    assert [each["properties"]["pads"] for each in points["features"]] == [shown]
+
+
+def test_a_stream_that_goes_on_is_shown_as_live(stage: StagedPage) -> None:
+    status = stage.open("/console#/alarms").page.locator(".connection")
+    stage.send(LIVE, "snapshot", {})
+    expect(status).to_have_text("Live")
+    stage.fail(LIVE, is_refused=False)
+    expect(status).to_contain_text("No connection")
+
+    stage.reconnect(LIVE)
+    expect(status).to_have_text("Live")
+
+
+def test_a_page_that_slept_follows_the_picture_anew(stage: StagedPage) -> None:
+    stage.page.clock.install()
+    stage.open("/console#/alarms")
+    stage.send(LIVE, "snapshot", {})
+    stage.sleep(2)
+    assert stage.streams(LIVE) == 1
+
+    stage.sleep(60)
+    assert stage.streams(LIVE) == 2
+
+
+def test_events_of_a_delivery_go_on_after_a_refusal_without_repetition(stage: StagedPage) -> None:
+    stage.answers["/v1/deliveries/dlv_1"] = delivery("dlv_1")
+    events = "/v1/deliveries/dlv_1/events"
+    stage.page.clock.install()
+    page = stage.open("/console#/deliveries/dlv_1").page
+    event = {"type": "delivery.planned", "occurred_at": "2026-03-01T12:00:00Z", "data": {}}
+    stage.send(events, "delivery.planned", {**event, "event_id": "evt_1"})
+    stage.fail(events, is_refused=True)
+    page.clock.fast_forward(3_000)
+    assert stage.streams(events) == 2
+    stage.send(events, "delivery.planned", {**event, "event_id": "evt_1"})
+    stage.send(events, "delivery.delayed", {**event, "event_id": "evt_2"})
+
+    expect(page.get_by_label("What happened").get_by_role("listitem")).to_have_count(2)
+
+
+def test_more_deliveries_stay_when_one_comes_and_one_goes(stage: StagedPage) -> None:
+    ids = [f"dlv_{number:03}" for number in range(120)]
+
+    def listed(query: str) -> Any:
+        asked = dict(pair.split("=") for pair in query.split("&") if pair)
+        start = int(asked.get("cursor", 0))
+        end = start + int(asked["limit"])
+        items = [delivery(each) for each in ids[start:end]]
+        return {"items": items, "next_cursor": str(end) if end < len(ids) else None}
+
+    stage.answers["/v1/deliveries"] = listed
+    page = stage.open("/console#/deliveries").page
+    rows = page.get_by_role("table", name="Deliveries").locator("tbody tr")
+    stage.send(LIVE, "snapshot", {"deliveries": {"dlv_000": {"packages": {}}}})
+    expect(rows).to_have_count(50)
+    page.get_by_role("button", name="Show more").click()
+    expect(rows).to_have_count(100)
+
+    ids.insert(0, "dlv_new")
+    change: Any = {"deliveries": {"dlv_000": None, "dlv_new": {"packages": {}}}}
+    stage.send(LIVE, "change", change)
+    expect(rows.first).to_contain_text("dlv_new")
+    expect(rows).to_have_count(100)
+
+
+def test_deliveries_are_found_by_a_part_of_their_texts(stage: StagedPage) -> None:
+    items = [delivery("dlv_1", reference="order 1042"), delivery("dlv_2", customer_id="hill")]
+    stage.answers["/v1/deliveries"] = {"items": items, "next_cursor": None}
+    page = stage.open("/console#/deliveries").page
+    rows = page.get_by_role("table", name="Deliveries").locator("tbody tr")
+    expect(rows).to_have_count(2)
+
+    for text, found in (("104", "dlv_1"), ("HIL", "dlv_2"), ("nobody", "No delivery.")):
+        page.get_by_label("Find below").fill(text)
+        expect(rows).to_have_count(1)
+        expect(rows).to_contain_text(found)
+
+
+def test_a_drag_that_rests_counts_once(stage: StagedPage) -> None:
+    """One pixel of the chart is the same time before and after a pause."""
+    stage.answers["/v1/providers"] = {"items": [{"provider_id": "prv_1"}], "next_cursor": None}
+    stage.answers["/v1/providers/prv_1/schedule"] = {"items": [], "next_cursor": None}
+    page = stage.open("/console#/schedule").page
+    page.wait_for_function(
+        """() => {
+          const drawn = document.querySelector(".gantt svg");
+          return drawn && drawn.viewBox.baseVal.width === drawn.clientWidth;
+        }"""
+    )
+    now = "() => Number(document.querySelector('.gantt .now').getAttribute('x1'))"
+    before = page.evaluate(now)
+    box = page.locator(".gantt svg").bounding_box()
+    assert box is not None
+    x, y = box["x"] + 600, box["y"] + 10
+    page.mouse.move(x, y)
+    page.mouse.down()
+    with page.expect_request(lambda request: "/schedule?" in request.url):
+        page.mouse.move(x - 100, y)
+    page.mouse.move(x - 150, y)
+    page.mouse.up()
+
+    assert page.evaluate(now) == pytest.approx(before - 150, abs=3)
+
+
+def test_money_is_written_with_the_digits_of_its_currency(stage: StagedPage) -> None:
+    texts = stage.open("/console#/alarms").page.evaluate(
+        """async () => {
+          const {money} = await import("/console/words.js");
+          return [["JPY", 500], ["USD", 1234], ["KWD", 1500]]
+            .map(([currency, amount]) => money({amount, currency}).replace(/[^0-9.,]/g, ""));
+        }"""
+    )
+
+    assert texts == ["500", "12.34", "1.500"]
+
+
+def test_a_broken_address_opens_a_view(stage: StagedPage) -> None:
+    stage.answers["/v1/deliveries"] = {"items": [], "next_cursor": None}
+
+    page = stage.open("/console#/deliveries/%E0%A4%A").page
+
+    expect(page.get_by_role("navigation", name="Views")).to_be_visible()
+
+
+def test_a_map_that_is_gone_does_not_hear_of_the_theme(stage: StagedPage) -> None:
+    page = stage.open("/console#/map").page
+    page.locator(".maplibregl-canvas").wait_for()
+    page.evaluate(
+        """() => {
+          const {map} = document.querySelector(".map").fleetMap;
+          map.setStyle = (style) => { if (style) window.heard = true; };
+          matchMedia("(prefers-color-scheme: dark)")
+            .addEventListener("change", () => { window.isDark = true; });
+        }"""
+    )
+    page.evaluate("location.hash = '#/alarms'")
+    expect(page.get_by_role("heading", name="Alarms")).to_be_visible()
+    page.emulate_media(color_scheme="dark")
+    page.wait_for_function("window.isDark")
+
+    assert page.evaluate("window.heard") is None
