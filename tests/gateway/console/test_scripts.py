@@ -198,13 +198,13 @@ def test_a_broken_address_opens_a_view(stage: StagedPage) -> None:
     expect(page.get_by_role("navigation", name="Views")).to_be_visible()
 
 
-def test_a_map_that_is_gone_does_not_hear_of_the_theme(stage: StagedPage) -> None:
+def test_a_map_that_is_gone_ignores_the_theme(stage: StagedPage) -> None:
     page = stage.open("/console#/map").page
     page.locator(".maplibregl-canvas").wait_for()
     page.evaluate(
         """() => {
           const {map} = document.querySelector(".map").fleetMap;
-          map.setStyle = (style) => { if (style) window.heard = true; };
+          map.setStyle = (style) => { if (style) window.styled = true; };
           matchMedia("(prefers-color-scheme: dark)")
             .addEventListener("change", () => { window.isDark = true; });
         }"""
@@ -214,4 +214,4 @@ def test_a_map_that_is_gone_does_not_hear_of_the_theme(stage: StagedPage) -> Non
     page.emulate_media(color_scheme="dark")
     page.wait_for_function("window.isDark")
 
-    assert page.evaluate("window.heard") is None
+    assert page.evaluate("window.styled") is None
