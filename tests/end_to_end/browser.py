@@ -3,8 +3,10 @@
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any, Final, Literal
 
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize, expect, sync_playwright
 
 CHROMIUM = shutil.which("chromium")
@@ -53,6 +55,27 @@ def _free_context(browser: Browser) -> BrowserContext:
     )
     opened.set_default_timeout(LONGEST_WAIT_MS)
     return opened
+
+
+#: What axe looks for in each theme: all of it once, and then what depends on colours.
+_RULES: Final[dict[Literal["light", "dark"], dict[str, Any]]] = {
+    "light": {},
+    "dark": {"runOnly": ["color-contrast"]},
+}
+
+
+def serious_problems(page: Page) -> list[str]:
+    """What axe finds serious in a page in both themes, when it has loaded."""
+    problems: list[str] = []
+    for theme, rules in _RULES.items():
+        page.emulate_media(color_scheme=theme)
+        problems += [
+            f"{theme}: {each['id']}: {node['html'][:120]}"
+            for each in Axe().run(page, options=rules).response["violations"]
+            if each["impact"] in {"serious", "critical"}
+            for node in each["nodes"]
+        ]
+    return problems
 
 
 class WatchedPage:

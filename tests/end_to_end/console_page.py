@@ -1,14 +1,11 @@
 """A console in a browser, as somebody with a key uses it."""
 
-from typing import Any, Final, Literal
+from typing import Any
 from urllib.parse import urlsplit
 
-from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Locator, expect
 
-from tests.end_to_end.browser import WatchedPage
-
-_THEMES: Final[tuple[Literal["light", "dark"], ...]] = ("light", "dark")
+from tests.end_to_end.browser import WatchedPage, serious_problems
 
 
 class ConsolePage(WatchedPage):
@@ -44,18 +41,21 @@ class ConsolePage(WatchedPage):
         dialog.locator("button.danger").click()
         expect(dialog).to_have_count(0)
 
+    def agree(self, *, after: str) -> None:
+        """Agree in a dialog that needs no reason, after it has said what would happen."""
+        dialog = self.page.get_by_role("dialog")
+        expect(dialog).to_contain_text(after)
+        dialog.locator("button.danger").click()
+        expect(dialog).to_have_count(0)
+
+    def open_again(self, closed: Locator) -> None:
+        """Open what an entry of a list or a panel shows as closed."""
+        closed.get_by_role("button", name="Open again").click()
+        self.agree(after="may")
+
     def serious_problems(self) -> list[str]:
         """What axe finds serious in the view that is open, in both themes, when it has loaded."""
-        problems: list[str] = []
-        for theme in _THEMES:
-            self.page.emulate_media(color_scheme=theme)
-            problems += [
-                f"{theme}: {each['id']}: {node['html'][:120]}"
-                for each in Axe().run(self.page).response["violations"]
-                if each["impact"] in {"serious", "critical"}
-                for node in each["nodes"]
-            ]
-        return problems
+        return serious_problems(self.page)
 
     def sound(self) -> bool:
         """Whether nothing happened that must not: errors, and requests to other hosts."""

@@ -10,16 +10,20 @@ QUICK_CHARGE: dict[str, Any] = PAPER_SCENARIO.model_dump(mode="json") | {
     "charge_curve": [[0.0, 0.0], [600.0, 1.0]],
 }
 
-#: Stations of a rail, 11.6 km apart; the rails are 3.3 km apart, the ladders 110 km.
+#: Stations of a rail.
 _LENGTH = 5
 
 
-def ladders(*names: str) -> dict[str, Any]:
-    """A ladder for each name. Ladder `a` has the rails a-s1 to a-s5 and a-t1 to a-t5."""
+def ladders(*names: str, step_deg: float = 0.12) -> dict[str, Any]:
+    """A ladder for each name. Ladder `a` has the rails a-s1 to a-s5 and a-t1 to a-t5.
+
+    The stations of a rail are `step_deg` of longitude apart, 0.12 are 11.6 km. The rails are
+    3.3 km apart, the ladders 110 km.
+    """
     features: list[dict[str, Any]] = []
     for number, name in enumerate(names):
         places = {
-            f"{name}-{rail}{rung}": [-98.0 + 0.12 * rung, 29.5 + number + offset]
+            f"{name}-{rail}{rung}": [-98.0 + step_deg * rung, 29.5 + number + offset]
             for rail, offset in (("s", 0.0), ("t", 0.03))
             for rung in range(1, _LENGTH + 1)
         }

@@ -7,9 +7,11 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.end_to_end.browser import needs_browser
+from tests.end_to_end.browser import WatchedPage, needs_browser
 from tests.end_to_end.console_page import ConsolePage
-from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
+from tests.end_to_end.ladder_network import ladders
+from tests.end_to_end.local_system import LocalSystem
+from tests.end_to_end.shared_fleet import shared_fleet
 
 pytestmark = [
     pytest.mark.end_to_end,
@@ -38,11 +40,12 @@ def operator(browser: Browser, system: Any) -> Iterator[ConsolePage]:
     yield from opened_console(browser, system, system.keys["SKYWAY_OPERATOR_KEY"])
 
 
-def fleet(system: Any, name: str) -> Any:
-    """A provider with a drone at the first station of a new network of this name."""
-    system.operate("PUT", f"/v1/networks/{name}", ladders(name))
-    system.operate("PUT", "/v1/drone-models/quick-charge", QUICK_CHARGE)
-    return system.start_fleet([f"{name}-s1"], model_id="quick-charge")
+@pytest.fixture(scope="module", autouse=True)
+def fleets(running_system: LocalSystem) -> Iterator[dict[str, Any]]:
+    """A provider with a drone for each story, by the name of the story's network."""
+    near = ("offered", "quoted")
+    with shared_fleet(running_system, {name: {} for name in near}, near=near) as registered:
+        yield registered
 
 
 def new_delivery(console: ConsolePage, network: str) -> Page:
@@ -71,9 +74,9 @@ def click_station(page: Page, station_id: str) -> None:
 
 
 def test_a_customer_takes_an_offer_and_follows_its_delivery(
-    customer: ConsolePage, system: Any
+    browser: Browser, customer: ConsolePage
 ) -> None:
-    fleet(system, "offered")
+    """A recipient without a key follows too, until the customer withdraws the link."""
     page = new_delivery(customer, "offered")
     click_station(page, "offered-s1")
     expect(page.get_by_role("combobox", name="Pickup")).to_have_value("offered-s1")
@@ -87,6 +90,7 @@ def test_a_customer_takes_an_offer_and_follows_its_delivery(
         """() => document.querySelector(".map").fleetMap.data.plan.features
           .some(({properties}) => properties.status === "ENDED")"""
     )
+    assert customer.serious_problems() == []
     page.get_by_role("button", name="Take the offer of Test Air").first.click()
 
     expect(page.get_by_role("heading", name="Delivery …")).to_be_visible()
@@ -96,9 +100,14 @@ def test_a_customer_takes_an_offer_and_follows_its_delivery(
     expect(page.get_by_role("img", name="The link as a QR code")).to_be_visible()
     page.get_by_role("button", name="Another link").click()
     expect(link).not_to_have_attribute("href", str(earlier))
+    recipient = WatchedPage(browser, customer.gateway_url)
+    recipient.page.goto(str(link.get_attribute("href")))
+    expect(recipient.page.locator("#packages")).to_contain_text("p1 to Offered S3")
     page.get_by_role("button", name="Withdraw the link").click()
     page.get_by_role("button", name="Yes, withdraw").click()
     expect(page.get_by_label("Tracking link")).to_contain_text("There is no link")
+    assert recipient.page.request.get(f"{recipient.page.url}/state").status == 404
+    assert (recipient.foreign, recipient.errors) == ([], [])
     expect(page.get_by_label("What happened")).to_contain_text("Delivery completed", timeout=60_000)
 
 
@@ -119,7 +128,6 @@ def test_a_customer_asks_by_keyboard_and_learns_why_nobody_can_fly(
 
 
 def test_markup_in_a_reference_stays_text(customer: ConsolePage, system: Any) -> None:
-    fleet(system, "quoted")
     page = new_delivery(customer, "quoted")
     page.get_by_role("combobox", name="Pickup").select_option("quoted-s1")
     page.get_by_role("combobox", name="To", exact=True).select_option("quoted-s2")
@@ -198,21 +206,3 @@ def test_a_customer_sees_no_view_of_others(customer: ConsolePage) -> None:
     for view in ("fleet", "schedule", "alarms"):
         customer.show(view)
         expect(page.get_by_role("application", name="Map of the fleet")).to_be_visible()
-
-
-def test_the_views_of_customers_are_open_to_everybody(browser: Browser, system: Any) -> None:
-    fleet(system, "accessible")
-    console = ConsolePage(browser, system)
-    page = new_delivery(console.open_with(system.keys["SKYWAY_CUSTOMER_KEY"]), "accessible")
-    page.get_by_role("combobox", name="Pickup").select_option(index=1)
-    page.get_by_role("combobox", name="To", exact=True).select_option(index=2)
-    page.get_by_role("button", name="Ask for offers").click()
-    expect(page.get_by_role("table", name="Offers")).to_be_visible()
-    problems = console.serious_problems()
-    console.show("account")
-    expect(page.get_by_role("heading", name="Key and webhooks")).to_be_visible()
-    page.get_by_text("Only some events").click()
-    problems += console.serious_problems()
-
-    assert problems == []
-    assert console.sound()

@@ -8,7 +8,8 @@ from playwright.sync_api import Browser, expect
 
 from tests.end_to_end.browser import needs_browser
 from tests.end_to_end.console_page import ConsolePage
-from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
+from tests.end_to_end.local_system import LocalSystem
+from tests.end_to_end.shared_fleet import shared_fleet
 
 pytestmark = [
     pytest.mark.end_to_end,
@@ -38,19 +39,30 @@ def opened(browser: Browser, system: Any) -> Iterator[OpenConsole]:
         assert console.sound(), (console.foreign, console.errors)
 
 
-def fleet(system: Any, network: str, **provider: Any) -> Any:
-    """A provider with a drone at the first station of a new network of this name."""
-    system.operate("PUT", f"/v1/networks/{network}", ladders(network))
-    system.operate("PUT", "/v1/drone-models/quick-charge", QUICK_CHARGE)
-    return system.start_fleet([f"{network}-s1"], model_id="quick-charge", **provider)
+@pytest.fixture(scope="module")
+def fleets(running_system: LocalSystem) -> Iterator[dict[str, Any]]:
+    """A provider with a drone for each story, by the name of the story's network."""
+    by_hand = {"loading": "CONFIRMED"}
+    providers: dict[str, dict[str, Any]] = {
+        "enrolled": {},
+        "repaired": {},
+        "weighed": by_hand,
+        "missing": by_hand,
+        "own-air": {"name": "Own Air"},
+        "other-air": {"name": "Other Air"},
+    }
+    with shared_fleet(running_system, providers, near=tuple(providers)) as registered:
+        yield registered
 
 
 def drones_of(system: Any, provider: Any) -> Any:
     return system.operate("GET", f"/v1/providers/{provider['provider_id']}/drones")["items"]
 
 
-def test_a_provider_registers_a_drone_and_sees_its_token(opened: OpenConsole, system: Any) -> None:
-    provider = fleet(system, "enrolled")
+def test_a_provider_registers_a_drone_and_sees_its_token(
+    opened: OpenConsole, system: Any, fleets: dict[str, Any]
+) -> None:
+    provider = fleets["enrolled"]
     console = opened(provider["key"])
     page = console.show("fleet").page
     page.get_by_label("Model", exact=True).select_option("quick-charge")
@@ -63,6 +75,7 @@ def test_a_provider_registers_a_drone_and_sees_its_token(opened: OpenConsole, sy
     assert first.startswith("enr_")
     code = page.get_by_role("img", name=f"Enrolment token of {MARKUP} as a QR code")
     expect(code.locator("path")).to_be_attached()
+    assert console.serious_problems() == []
     row = page.get_by_role("table", name="Drones").get_by_role("row", name=MARKUP)
     expect(row.locator(".state")).to_have_text("Registered")
 
@@ -75,9 +88,9 @@ def test_a_provider_registers_a_drone_and_sees_its_token(opened: OpenConsole, sy
 
 
 def test_a_provider_takes_a_drone_into_maintenance_and_back(
-    opened: OpenConsole, system: Any
+    opened: OpenConsole, system: Any, fleets: dict[str, Any]
 ) -> None:
-    provider = fleet(system, "repaired")
+    provider = fleets["repaired"]
     console = opened(provider["key"])
     page = console.show("fleet").page
     [drone] = provider["drones"]
@@ -91,8 +104,10 @@ def test_a_provider_takes_a_drone_into_maintenance_and_back(
     system.until_available(provider["provider_id"], drones=1)
 
 
-def test_loading_is_confirmed_at_the_desk(opened: OpenConsole, system: Any) -> None:
-    provider = fleet(system, "weighed", loading="CONFIRMED")
+def test_loading_is_confirmed_at_the_desk(
+    opened: OpenConsole, system: Any, fleets: dict[str, Any]
+) -> None:
+    provider = fleets["weighed"]
     console = opened(provider["key"])
     page = console.show("fleet", "loading").page
     expect(page.get_by_text("No drone waits for its packages.")).to_be_visible()
@@ -116,8 +131,10 @@ def test_loading_is_confirmed_at_the_desk(opened: OpenConsole, system: Any) -> N
     expect(page.get_by_text("with 1 delivery in 1 mission")).to_be_visible()
 
 
-def test_a_missing_package_ends_the_mission(opened: OpenConsole, system: Any) -> None:
-    provider = fleet(system, "missing", loading="CONFIRMED")
+def test_a_missing_package_ends_the_mission(
+    opened: OpenConsole, system: Any, fleets: dict[str, Any]
+) -> None:
+    provider = fleets["missing"]
     console = opened(provider["key"])
     page = console.show("fleet", "loading").page
     system.request_delivery(["missing-s2"], pickup="missing-s1")
@@ -128,10 +145,10 @@ def test_a_missing_package_ends_the_mission(opened: OpenConsole, system: Any) ->
 
 
 def test_a_provider_sees_its_own_fleet_and_an_operator_every_one(
-    opened: OpenConsole, system: Any
+    opened: OpenConsole, system: Any, fleets: dict[str, Any]
 ) -> None:
-    own = fleet(system, "own", name="Own Air")
-    other = fleet(system, "other", name="Other Air")
+    own = fleets["own-air"]
+    other = fleets["other-air"]
     console = opened(own["key"])
     page = console.show("fleet").page
     views = page.get_by_role("navigation", name="Views").get_by_role("link")
@@ -148,18 +165,3 @@ def test_a_provider_sees_its_own_fleet_and_an_operator_every_one(
         page.get_by_label("Provider").select_option(provider["provider_id"])
         [drone] = provider["drones"]
         expect(page.locator("tr[data-drone]")).to_have_attribute("data-drone", drone["drone_id"])
-
-
-def test_the_views_of_providers_are_open_to_everybody(opened: OpenConsole, system: Any) -> None:
-    provider = fleet(system, "accessible-fleet", loading="CONFIRMED")
-    console = opened(provider["key"])
-    page = console.show("fleet").page
-    page.get_by_role("button", name="Another enrolment token").click()
-    expect(page.get_by_role("img", name="as a QR code")).to_be_visible()
-    problems = console.serious_problems()
-    system.request_delivery(["accessible-fleet-s2"], pickup="accessible-fleet-s1")
-    console.show("fleet", "loading")
-    expect(page.get_by_role("button", name="Confirm loading")).to_be_visible()
-    problems += console.serious_problems()
-
-    assert problems == []

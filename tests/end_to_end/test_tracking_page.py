@@ -4,9 +4,9 @@ from datetime import datetime, timedelta
 from typing import Any
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, Page, expect
 
-from tests.end_to_end.browser import WatchedPage, needs_browser, opened_browser
+from tests.end_to_end.browser import WatchedPage, needs_browser, serious_problems
 
 pytestmark = [
     pytest.mark.end_to_end,
@@ -18,42 +18,60 @@ pytestmark = [
 ]
 
 
-def test_a_recipient_follows_a_delivery_to_its_proof(system: Any) -> None:
+def test_a_recipient_follows_a_delivery_to_its_proof(browser: Browser, system: Any) -> None:
+    """The page goes on after the gateway was killed, and after nobody has looked at it."""
     system.publish_corridor("followed")
     system.start_fleet(["followed-s1"])
     url = request(system, "followed")["tracking_url"]
 
-    with opened_browser() as browser:
-        watched = WatchedPage(browser, system.keys["SKYWAY_GATEWAY_URL"])
-        page = watched.page
-        page.goto(url)
-        expect(page.locator("#stages li.now")).to_have_text("On the way")
-        page.wait_for_selector("#map .drone")
-        expect(page.locator("#map .planned").first).to_be_attached()
-        expect(page.locator("#headline")).to_have_text("Delivered")
-        expect(page.locator("#packages .done")).to_contain_text("Handed over at Followed S2")
-        expect(page.locator("#map .drone")).to_have_count(0)
+    watched = WatchedPage(browser, system.keys["SKYWAY_GATEWAY_URL"])
+    page = watched.page
+    page.goto(url)
+    expect(page.locator("#stages li.now")).to_have_text("On the way")
+    page.wait_for_selector("#map .drone")
+    expect(page.locator("#map .planned").first).to_be_attached()
+    assert serious_problems(page) == []
+    see(page, "hidden")
+    system.kill("skyway_gateway")
+    see(page, "visible")
+    expect(page.locator("#headline")).to_have_text("Delivered")
+    expect(page.locator("#packages .done")).to_contain_text("Handed over at Followed S2")
+    expect(page.locator("#map .drone")).to_have_count(0)
+    expect(page.locator("#connection")).to_be_hidden()
 
     assert (watched.foreign, watched.errors) == ([], [])
 
 
-def test_a_page_ends_when_its_link_is_renewed_and_the_new_one_works(system: Any) -> None:
+def test_a_page_ends_when_its_link_is_renewed_and_the_new_one_works(
+    browser: Browser, system: Any
+) -> None:
     system.publish_corridor("renewed")
     now = datetime.fromisoformat(system.operate("GET", "/v1/clock")["now"])
     later = now + timedelta(days=20)
     delivery = request(system, "renewed", earliest_pickup_at=later.isoformat())
     path = f"/v1/deliveries/{delivery['delivery_id']}/tracking-link"
 
-    with opened_browser() as browser:
-        first, second = (WatchedPage(browser, system.keys["SKYWAY_GATEWAY_URL"]) for _ in range(2))
-        first.page.goto(delivery["tracking_url"])
-        expect(first.page.locator("#headline")).to_have_text("Requested")
-        renewed = system.call("POST", path, key=system.keys["SKYWAY_CUSTOMER_KEY"]).json()
-        expect(first.page.locator("#headline")).to_have_text("This link has ended")
-        second.page.goto(renewed["tracking_url"])
-        expect(second.page.locator("#headline")).to_have_text("Requested")
+    first, second = (WatchedPage(browser, system.keys["SKYWAY_GATEWAY_URL"]) for _ in range(2))
+    first.page.goto(delivery["tracking_url"])
+    expect(first.page.locator("#headline")).to_have_text("Requested")
+    renewed = system.call("POST", path, key=system.keys["SKYWAY_CUSTOMER_KEY"]).json()
+    expect(first.page.locator("#headline")).to_have_text("This link has ended")
+    second.page.goto(renewed["tracking_url"])
+    expect(second.page.locator("#headline")).to_have_text("Requested")
 
     cancel(system, delivery)
+
+
+def see(page: Page, visibility: str) -> None:
+    """The recipient looks at another page, or comes back to this one."""
+    page.evaluate(
+        """visibility => {
+          Object.defineProperty(document, "visibilityState",
+            {configurable: true, get: () => visibility});
+          document.dispatchEvent(new Event("visibilitychange"));
+        }""",
+        visibility,
+    )
 
 
 def request(system: Any, place: str, **members: Any) -> Any:
