@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
-from sqlalchemy import Row, func, insert, select, update
+from sqlalchemy import ColumnElement, Row, func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import AlarmLevel
@@ -20,8 +20,10 @@ from skyway_composition.tables import alarms
 
 AlarmState = Literal["OPEN", "ACKNOWLEDGED"]
 
-#: The most open alarms of one level that a drone raises itself. Our own choice.
+#: The most open alarms of one level about a drone, and about the drones of one provider, up to
+#: which a drone raises others itself. Our own choice.
 MOST_OPEN_OF_DRONE: Final = 50
+MOST_OPEN_OF_PROVIDER: Final = 1_000
 
 
 class Alarm(JsonModel):
@@ -109,23 +111,31 @@ async def add(
     return alarm_id
 
 
-async def has_room(connection: AsyncConnection, drone_id: DroneId, level: AlarmLevel) -> bool:
+async def has_room(
+    connection: AsyncConnection, provider_id: ProviderId, drone_id: DroneId, level: AlarmLevel
+) -> bool:
     """Whether a drone may raise another alarm of this level itself.
 
-    A drone that raises alarm after alarm must not hide those of others, or fill the disk.
+    Neither a drone that raises alarm after alarm nor a provider with many such drones may hide the
+    alarms of others, or fill the disk.
     """
+    of_drone, of_provider = alarms.c.drone_id == drone_id, alarms.c.provider_id == provider_id
+    return await _are_fewer_open(
+        connection, of_drone, level=level, than=MOST_OPEN_OF_DRONE
+    ) and await _are_fewer_open(connection, of_provider, level=level, than=MOST_OPEN_OF_PROVIDER)
+
+
+async def _are_fewer_open(
+    connection: AsyncConnection, which: ColumnElement[bool], *, level: AlarmLevel, than: int
+) -> bool:
     open_ones = (
         select(alarms.c.alarm_id)
-        .where(
-            alarms.c.acknowledged_ms.is_(None),
-            alarms.c.drone_id == drone_id,
-            alarms.c.level == level,
-        )
-        .limit(MOST_OPEN_OF_DRONE)
+        .where(alarms.c.acknowledged_ms.is_(None), which, alarms.c.level == level)
+        .limit(than)
         .subquery()
     )
     found = await connection.execute(select(func.count()).select_from(open_ones))
-    return int(found.scalar_one()) < MOST_OPEN_OF_DRONE
+    return int(found.scalar_one()) < than
 
 
 async def is_open(connection: AsyncConnection, drone_id: DroneId, *, code: str) -> bool:

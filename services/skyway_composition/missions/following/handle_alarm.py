@@ -1,8 +1,9 @@
 """Handles the alarms of drones: an operator looks at each, as long as they are not too many."""
 
 import logging
+from typing import Final
 
-from skyway.contracts.drone_report import DroneEvent
+from skyway.contracts.drone_report import DroneEvent, Fault
 from skyway.runtime.metrics import count
 from skyway.units import moment_to_ms
 from skyway_composition.alarm_store import add as raise_alarm
@@ -12,19 +13,28 @@ from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 log = logging.getLogger(__name__)
 
+#: The request of a drone for another plan.
+PLAN_WANTED: Final = "PLAN_WANTED"
+
+#: The codes that a drone may use. All others are ours: an open alarm of ours is raised only once,
+#: so a drone that raised it first would hide it.
+_CODES_OF_DRONES: Final = frozenset((*Fault, PLAN_WANTED))
+_OTHER: Final = "ALARM"
+
 
 async def handle_alarm(work: MissionUnitOfWork, link: DroneLink, event: DroneEvent) -> None:
-    """Raise the alarm of a drone, unless too many of its alarms are open."""
+    """Raise the alarm of a drone, unless too many of it or of its provider's drones are open."""
     log.warning("alarm", extra={"drone_id": link.drone_id, "code": event.code})
     level = event.level or "WARNING"
-    if not await has_room(work.tx.connection, link.drone_id, level):
+    code, detail = _in_our_words(event)
+    if not await has_room(work.tx.connection, link.provider_id, link.drone_id, level):
         count("skyway_alarms_left_out", "alarms of drones that have too many open ones")
         return
     await raise_alarm(
         work.tx,
         level=level,
-        code=event.code or "ALARM",
-        detail=event.detail or "the drone raised an alarm",
+        code=code,
+        detail=detail,
         at_ms=moment_to_ms(event.ended_at),
         mint=work.mint,
         provider_id=link.provider_id,
@@ -33,3 +43,11 @@ async def handle_alarm(work: MissionUnitOfWork, link: DroneLink, event: DroneEve
         station_id=event.station_id,
         data=event.data,
     )
+
+
+def _in_our_words(event: DroneEvent) -> tuple[str, str]:
+    """Code and detail of the alarm; a code that no drone may use goes into the detail."""
+    detail = event.detail or "the drone raised an alarm"
+    if event.code is None or event.code in _CODES_OF_DRONES:
+        return event.code or _OTHER, detail
+    return _OTHER, f"{event.code}: {detail}"

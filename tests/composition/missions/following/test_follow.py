@@ -173,13 +173,13 @@ async def test_events_that_come_twice_count_once(composition: Any, drone: Any) -
 
 
 async def test_an_alarm_that_comes_twice_is_raised_once(composition: Any, drone: Any) -> None:
-    alarm = drone.event("ALARM", code="SMOKE", level="CRITICAL")
+    alarm = drone.event("ALARM", code="GPS_LOST", level="CRITICAL")
 
     await composition.receive(alarm, alarm)
     await composition.receive(alarm)
 
     alarms = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
-    assert [each["code"] for each in alarms] == ["SMOKE"]
+    assert [each["code"] for each in alarms] == ["GPS_LOST"]
 
 
 async def test_a_drone_that_raises_alarm_after_alarm_hides_no_others(
@@ -189,13 +189,41 @@ async def test_a_drone_that_raises_alarm_after_alarm_hides_no_others(
     other = replace(drone, drone_id="drn_2")
 
     for number in range(10):
-        await composition.receive(drone.event("ALARM", code=f"FALSE{number}", level="WARNING"))
-    await composition.receive(drone.event("ALARM", code="SMOKE", level="CRITICAL"))
-    await composition.receive(other.event("ALARM", code="WIND", level="WARNING"))
+        await composition.receive(drone.event("ALARM", detail=f"no. {number}", level="WARNING"))
+    await composition.receive(drone.event("ALARM", code="GPS_LOST", level="CRITICAL"))
+    await composition.receive(other.event("ALARM", code="GEOFENCE", level="WARNING"))
 
     alarms = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
-    codes = [each["code"] for each in alarms]
-    assert codes == ["WIND", "SMOKE", "FALSE2", "FALSE1", "FALSE0"]
+    shown = [(each["code"], each["detail"][:5]) for each in alarms]
+    assert shown[:2] == [("GEOFENCE", "the d"), ("GPS_LOST", "the d")]
+    assert shown[2:] == [("ALARM", f"no. {number}") for number in (2, 1, 0)]
+
+
+async def test_a_provider_with_many_drones_hides_no_alarms_of_others(
+    composition: Any, drone: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(alarm_store, "MOST_OPEN_OF_PROVIDER", 3)
+
+    for number in range(5):
+        own = replace(drone, drone_id=f"drn_{number}")
+        await composition.receive(own.event("ALARM", code="GPS_LOST"))
+    other = replace(drone, drone_id="drn_9", provider_id="prv_2")
+    await composition.receive(other.event("ALARM", code="GPS_LOST"))
+
+    alarms = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
+    assert [each["drone_id"] for each in alarms] == ["drn_9", "drn_2", "drn_1", "drn_0"]
+
+
+@pytest.mark.parametrize(
+    "code", ["SENDER_PUT_OUT", "FORGED_MESSAGES", "IMPLAUSIBLE", "DRONE_JUMPED", "SMOKE"]
+)
+async def test_a_drone_opens_no_alarm_with_a_code_of_ours(
+    composition: Any, drone: Any, code: str
+) -> None:
+    await composition.receive(drone.event("ALARM", code=code, detail="look"))
+
+    (alarm,) = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
+    assert (alarm["code"], alarm["detail"]) == ("ALARM", f"{code}: look")
 
 
 async def test_a_missing_event_is_requested_before_later_ones_count(
