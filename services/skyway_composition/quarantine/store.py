@@ -130,11 +130,15 @@ _ADD: Final = _INSERT.on_conflict_do_update(
 
 @dataclass(frozen=True, slots=True)
 class KeptPayload:
-    """A kept message as it arrived: topic and payload, and whether the payload is whole."""
+    """A kept message as it arrived: topic and payload, and whether the payload is whole.
+
+    It arrived first at `first_ms`, fleet time.
+    """
 
     topic: str
     payload: bytes
     is_whole: bool
+    first_ms: int
 
 
 async def payload_of(
@@ -145,7 +149,8 @@ async def payload_of(
     row = (await connection.execute(query)).one_or_none()
     if row is None:
         return None
-    return KeptPayload(row.topic, row.payload, is_whole=len(row.payload) == row.size_bytes)
+    is_whole = len(row.payload) == row.size_bytes
+    return KeptPayload(row.topic, row.payload, is_whole=is_whole, first_ms=row.first_ms)
 
 
 async def remove(tx: Tx, quarantine_id: QuarantineId) -> bool:

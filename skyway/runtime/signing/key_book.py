@@ -61,6 +61,10 @@ class KeyBook:
             return "PROVEN"
         return "FORGED"
 
+    def has_key(self, drone_id: str) -> bool:
+        """Whether the drone is known to sign its messages."""
+        return self._keys.get(drone_id) is not None
+
     def is_current(self, drone_id: str) -> bool:
         """Whether the drone's key was looked up just now."""
         looked_up_at = self._looked_up_at.get(drone_id)

@@ -6,7 +6,9 @@ from typing import Any
 
 import pytest
 from skyway_composition.missions.following.follow import Follower
+from sqlalchemy import text
 
+from skyway.units import moment_to_ms
 from tests.composition.missions.following.test_poisoned_messages import OneBatch
 from tests.composition.quarantine.test_set_aside import unreadable
 
@@ -78,6 +80,41 @@ async def test_a_message_in_anothers_name_is_not_replayed(composition: Any, dron
 
     assert (shown["reason"], shown["provider_id"]) == ("FOREIGN_PROVIDER", "prv_2")
     assert (answer.status_code, answer.json()["code"]) == (409, "STILL_NOT_TAKEN")
+
+
+async def test_a_message_that_no_drone_says_stays_as_it_is_when_it_is_replayed(
+    composition: Any, drone: Any
+) -> None:
+    await composition.receive(drone.state())
+    shown = await set_aside(composition, drone.state(stream=5_000))
+    path = f"/v1/quarantine/{shown[0]['quarantine_id']}/replay"
+
+    # Often enough that the drone would be put out if each replay counted.
+    answers = [await composition(OPERATOR, "POST", path) for _ in range(30)]
+    await composition.parts.quarantine.step()
+
+    assert {(each.status_code, each.json()["code"]) for each in answers} == {
+        (409, "STILL_NOT_TAKEN")
+    }
+    assert (await composition(OPERATOR, "GET", "/v1/quarantine")).json()["items"] == shown
+    assert shown[0]["reason"] == "IMPLAUSIBLE"
+    assert not composition.parts.quarantine.is_shut_out(("prv_1", "drn_1"))
+
+
+async def test_a_message_of_earlier_credentials_is_not_replayed(
+    composition: Any, early_ack: Any
+) -> None:
+    (shown,) = await set_aside(composition, early_ack)
+    renewed_ms = moment_to_ms(composition.clock.now())
+    async with composition.db.write() as tx:
+        await tx.execute(text(f"UPDATE drone_links SET renewed_ms = {renewed_ms}"))
+    composition.clock.advance(timedelta(hours=2))
+
+    path = f"/v1/quarantine/{shown['quarantine_id']}/replay"
+    answer = await composition(OPERATOR, "POST", path)
+
+    assert (answer.status_code, "other credentials" in answer.json()["detail"]) == (409, True)
+    assert await composition.rows("SELECT state FROM missions") == [("BOOKED",)]
 
 
 async def test_a_message_that_was_cut_is_not_replayed(composition: Any) -> None:

@@ -10,9 +10,10 @@ An idle drone that repeats its state causes no transaction (`links.cached_links`
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, Topic
@@ -33,10 +34,22 @@ from skyway_composition.missions.following.handle_report import handle_event, ha
 from skyway_composition.missions.following.plausibility import latest_believed
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.quarantine.set_aside import Quarantine
+from skyway_composition.quarantine.quarantined import QuarantineReason
 
 #: The topics of drones that composition reads; the ids of each are provider and drone.
 FOLLOWED_TOPICS: Final[tuple[Topic[Any], ...]] = (ACKS, EVENTS, STATE, CONNECTION)
+
+
+class SetsAside(Protocol):
+    """The part of the quarantine that handling needs."""
+
+    def add(self, received: Received[Any], reason: QuarantineReason, detail: str) -> None:
+        """Set aside a message that was read. Any: each topic has messages of its own type."""
+        ...
+
+    def suspect(self, ids: tuple[str, ...]) -> None:
+        """Note a message that was taken, but that no drone sends often."""
+        ...
 
 
 class ReportHandler:
@@ -53,7 +66,7 @@ class ReportHandler:
         mint: Mint,
         stuck: Wake,
         calendars: Wake,
-        quarantine: Quarantine,
+        quarantine: SetsAside,
     ) -> None:
         self._db = db
         self._clock = clock
@@ -62,6 +75,12 @@ class ReportHandler:
         self._calendars = calendars
         self._quarantine = quarantine
         self._cached_links = CachedLinks(clock)
+
+    def setting_aside_with(self, quarantine: SetsAside) -> "ReportHandler":
+        """The same handler, with the same cache, but with another quarantine."""
+        other = copy(self)
+        other._quarantine = quarantine
+        return other
 
     async def handle(self, batch: Sequence[Received[Any]]) -> None:
         """Handle messages of any kind, in the order of their arrival."""

@@ -1,7 +1,7 @@
 """Handles a message of the quarantine again, as if it had just arrived."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from pydantic import ValidationError
 
@@ -16,7 +16,10 @@ from skyway_composition.links.store import link_to
 from skyway_composition.missions.following.handle_batch import FOLLOWED_TOPICS, ReportHandler
 from skyway_composition.missions.following.plausibility import is_ahead, latest_believed
 from skyway_composition.quarantine import store
+from skyway_composition.quarantine.quarantined import QuarantineReason
 from skyway_composition.quarantine.store import KeptPayload
+
+_STILL_NOT_TAKEN: Final = "STILL_NOT_TAKEN"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +49,7 @@ class Replays:
             raise Conflict("PAYLOAD_CUT", "only the begin of this message was kept")
         received = _read(kept.topic, kept.payload)
         await self._refuse_forged(DroneId(received.ids[1]), kept)
-        await self._handle(received)
+        await self._handle(received, first_ms=kept.first_ms)
         async with self.db.write() as tx:
             await store.remove(tx, quarantine_id)
 
@@ -55,7 +58,7 @@ class Replays:
         if self.keys.judge(drone_id, kept.topic, kept.payload) != "PROVEN":
             raise _refusal(f"{drone_id} has not signed it")
 
-    async def _handle(self, received: Received[Any]) -> None:
+    async def _handle(self, received: Received[Any], *, first_ms: int) -> None:
         if is_ahead(received.message, latest_at=latest_believed(self.clock)):
             raise _refusal("it speaks of the future")
         drone_id, provider_id = DroneId(received.ids[1]), ProviderId(received.ids[0])
@@ -63,12 +66,32 @@ class Replays:
             link = await link_to(connection, drone_id)
         if link is not None and link.provider_id != provider_id:
             raise _refusal(f"{drone_id} does not belong to {provider_id}")
+        is_earlier = (
+            link is not None and link.renewed_ms is not None and first_ms <= link.renewed_ms
+        )
+        if is_earlier and not self.keys.has_key(drone_id):
+            raise _refusal(f"{drone_id} has other credentials since, and does not sign")
         try:
-            await self.handler.handle([received])
-        except ServiceUnavailable:
+            await self.handler.setting_aside_with(_Refusing()).handle([received])
+        except (ServiceUnavailable, _StillNotTaken):
             raise
         except Exception as error:
             raise _refusal(f"handling it failed: {type(error).__name__}") from error
+
+
+class _StillNotTaken(Conflict):
+    """Handling has set the message aside again."""
+
+
+class _Refusing:
+    """Sets nothing aside: the message stays where it is, and its sender's level too."""
+
+    def add(self, _received: Received[Any], reason: QuarantineReason, detail: str) -> None:
+        """Refuse the message, so that nothing of its handling is written."""
+        raise _StillNotTaken(_STILL_NOT_TAKEN, f"{reason}: {detail}")
+
+    def suspect(self, ids: tuple[str, ...]) -> None:
+        """Note nothing: the drone has not sent the message now."""
 
 
 def _read(name: str, payload: bytes) -> Received[Any]:
@@ -88,4 +111,4 @@ def _topic_of(name: str) -> tuple[Topic[Any], tuple[str, ...]]:
 
 
 def _refusal(detail: str) -> Conflict:
-    return Conflict("STILL_NOT_TAKEN", detail)
+    return Conflict(_STILL_NOT_TAKEN, detail)
