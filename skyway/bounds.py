@@ -3,6 +3,7 @@
 A value within its bounds can be stored, compared, added to and shown everywhere in Skyway.
 """
 
+import math
 import re
 from datetime import UTC, datetime
 from typing import Annotated, Any, Final
@@ -46,9 +47,27 @@ def printable(text: object) -> object:
 
 
 def _small(data: dict[str, Any]) -> dict[str, Any]:
-    """The object, or only a note of its size if it is larger than `MOST_OBJECT` characters."""
+    """The object, or only a note of its size if it is larger than `MOST_OBJECT` characters.
+
+    JSON has no NaN and no infinity, but readers of JSON make them of `NaN` and `1e999`.
+    """
+    if not _is_finite(data):
+        raise PydanticCustomError("finite_number", "Each number in it should be finite")
     size = len(repr(data))
     return data if size <= MOST_OBJECT else {"left_out": f"{size} characters"}
+
+
+def _is_finite(value: object) -> bool:
+    """Whether no number in this value of JSON is NaN or infinite."""
+    match value:
+        case float():
+            return math.isfinite(value)
+        case dict():
+            return all(map(_is_finite, value.values()))
+        case list() | tuple():
+            return all(map(_is_finite, value))
+        case _:
+            return True
 
 
 #: A moment with its offset from UTC.
@@ -60,7 +79,7 @@ Count = Annotated[int, Field(ge=0, le=2**53 - 1)]
 #: Words of a drone for people or programs, cut to their length and without control characters.
 Words = Annotated[str, BeforeValidator(printable)]
 
-#: An object of any members, with its size bounded.
+#: An object of any members, with finite numbers and its size bounded.
 SmallObject = Annotated[dict[str, Any], AfterValidator(_small)]
 
 #: Measurements of a drone. The limits are far outside of what any drone measures; within them sums

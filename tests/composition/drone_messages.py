@@ -6,7 +6,14 @@ from datetime import timedelta
 from typing import Any, Final
 
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
-from skyway.contracts.flight_step import FlightStep, FlyStep, RechargeStep
+from skyway.contracts.flight_step import (
+    DeliverStep,
+    FlightStep,
+    FlyStep,
+    PickUpStep,
+    RechargeStep,
+    ReturnStep,
+)
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, Topic
 from skyway.drone.flight import flight_energy_j, soc_after_use
 from skyway.drone.models import DRONE_MODELS
@@ -15,8 +22,11 @@ from skyway.runtime.mqtt.client import Received
 
 _MODEL = DRONE_MODELS[DroneModelId("paper-scenario")]
 
-#: What a hand-over says about the load on board.
-EVIDENCE: Final = {"load_before_kg": 1.0, "load_after_kg": 0.5}
+#: What the hand-over of one package says about the load on board.
+EVIDENCE: Final = {"load_before_kg": 0.9, "load_after_kg": 0.5}
+
+#: The mass of a package that no loading of the instruction names.
+_PACKAGE_KG: Final = 0.4
 
 
 @dataclass
@@ -103,7 +113,7 @@ class DroneMessages:
                 station_id=step.to_id if isinstance(step, FlyStep) else step.station_id,
                 energy_j=1000.0 if step.kind == "FLY" else 0.0,
                 soc=soc,
-                data=EVIDENCE if step.kind in ("DELIVER", "RETURN") else {},
+                data=evidence_of(step, instruction.steps),
             )
             events.append(ended)
         return events
@@ -132,6 +142,20 @@ class DroneMessages:
     def _received(self, topic: Topic[Any], message: Any) -> Received[Any]:
         ids, payload = (self.provider_id, self.drone_id), message.model_dump_json().encode()
         return Received(topic, ids, message, retained=False, payload=payload)
+
+
+def evidence_of(step: FlightStep, steps: Sequence[FlightStep]) -> dict[str, float]:
+    """What a hand-over says about the load, with the masses that a loading among `steps` names."""
+    if not isinstance(step, DeliverStep | ReturnStep):
+        return {}
+    masses_kg = {
+        package.package_id: package.mass_kg
+        for each in steps
+        if isinstance(each, PickUpStep)
+        for package in each.packages
+    }
+    handed_kg = sum(masses_kg.get(each, _PACKAGE_KG) for each in step.package_ids)
+    return {"load_before_kg": 0.5 + handed_kg, "load_after_kg": 0.5}
 
 
 def _soc_after(step: FlightStep, soc: float) -> float:

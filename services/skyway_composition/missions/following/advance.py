@@ -15,8 +15,9 @@ from skyway_composition.missions.mission.custody_store import (
     Custodian,
     Held,
     add_custody,
+    carried_by,
     held_packages,
-    may_pass,
+    may_load,
 )
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.step_store import ended_events, flown_totals
@@ -116,9 +117,16 @@ async def _pass_on(
     to: Custodian,
     event: DroneEvent,
 ) -> tuple[PackageId, ...]:
-    """Pass these packages on, except packages that are delivered or that `to` holds already."""
+    """Pass these packages on, as far as whoever hands them over has them.
+
+    A drone loads what a station has, and hands over only what it has itself.
+    """
     held = await held_packages(work.tx.connection, record.mission.delivery_id)
-    passed = [each for each in package_ids if may_pass(held.get(each), to)]
+    if to.kind == "DRONE":
+        passed = [each for each in package_ids if may_load(held.get(each))]
+    else:
+        carried = carried_by(held, record.drone_id)
+        passed = [each for each in package_ids if each in carried]
     rows = [Held(each, held[each].seq + 1 if each in held else 1, to) for each in passed]
     await add_custody(work.tx, record, rows, at_ms=moment_to_ms(event.ended_at))
     return tuple(passed)

@@ -18,7 +18,7 @@ from skyway_composition.missions.following.advance import (
     record_loading,
     record_return,
 )
-from skyway_composition.missions.following.handle_alarm import handle_alarm
+from skyway_composition.missions.following.handle_alarm import PLAN_WANTED, handle_alarm
 from skyway_composition.missions.following.handle_failure import (
     doubt_lost_journal,
     handle_step_failure,
@@ -81,21 +81,25 @@ async def handle_event(work: MissionUnitOfWork, link: DroneLink, event: DroneEve
     match event.event:
         case "STEP_ENDED":
             await _handle_step_end(work, record, event)
+        case "ALARM":
+            await _handle_plan_request(work, record, event)
+        case _ if not await is_believed(work, record, None, event):
+            return
         case "STEP_FAILED":
             await handle_step_failure(work, record, event)
         case "MISSION_ENDED":
             await _handle_mission_end(work, record, event)
-        case "ALARM":
-            await _handle_plan_request(work, record, event)
 
 
 async def _handle_step_end(
     work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent
 ) -> None:
+    step = await planned_step(work.tx.connection, record.mission_id, event)
+    if (step or event.code == "CUT") and not await is_believed(work, record, step, event):
+        return
     if event.code == "CUT":
         await keep_cut_step(work.tx, record.mission_id, event)
-    step = await planned_step(work.tx.connection, record.mission_id, event)
-    if step is None or not await is_believed(work, record, step, event):
+    if step is None:
         return
     await end_step(work.tx, record.mission_id, event, status="ENDED")
     record = begin(work, record, at=event.started_at or event.ended_at)
@@ -121,9 +125,9 @@ async def _handle_plan_request(
     work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent
 ) -> None:
     """A drone that cannot fly its plan may request another one with PLAN_WANTED."""
-    if event.code == "PLAN_WANTED":
+    if event.code == PLAN_WANTED:
         detail = event.detail or "the drone asks for another plan"
-        await request_plan(work, record, Trouble(code="PLAN_WANTED", detail=detail))
+        await request_plan(work, record, Trouble(code=PLAN_WANTED, detail=detail))
 
 
 async def _handle_mission_end(

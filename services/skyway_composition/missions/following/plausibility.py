@@ -4,19 +4,28 @@ A dishonest drone, or a sender that pretends to be the drone, may report deliver
 flown. Custody and money follow only from hand-overs that were possible.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Final
 
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
 from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, ReturnStep
 from skyway.drone.model import DroneModel
+from skyway.geo import Position, distance_m
+from skyway.ids import PackageId, StationId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_composition.missions.mission.step_store import StepRecord
 
-#: The strongest tailwind in which a reported flight is plausible, metres per second. Our own
-#: choice: no delivery drone takes off in a storm of force 10.
-_TAILWIND_MPS: Final = 25.0
+#: The strongest tailwind with which a drone is believed to fly, metres per second. Our own choice:
+#: no drone of a delivery service takes off in a storm of force 10.
+TAILWIND_MPS: Final = 25.0
+
+#: By how much the load may fall otherwise than the packages weigh, kilograms and a share: twice
+#: what a loader's scale may differ, since the drone weighs before and after. Our own choice.
+_MASS_TOLERANCE_KG: Final = 0.1
+_MASS_TOLERANCE: Final = 0.1
+_MOST_KG: Final = 1e5
 
 #: How far a message may be ahead of our clock, fleet and wall seconds. Our own choice.
 _AHEAD_S: Final = (30.0, 5.0)
@@ -42,8 +51,29 @@ def is_ahead(message: DroneReport, *, latest_at: datetime) -> bool:
             return message.sent_at > latest_at
 
 
+@dataclass(frozen=True, slots=True)
+class KnownPlace:
+    """Where a drone certainly was: it had a package handed over there, or began there."""
+
+    station_id: StationId
+    position: Position
+    at: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """What a drone has on board by the ledger, with the masses in kilograms."""
+
+    masses_kg: Mapping[PackageId, float]
+
+    def of(self, package_ids: Iterable[PackageId]) -> float | None:
+        """The mass of those of these packages that are on board; None if none of them is."""
+        masses_kg = [self.masses_kg[each] for each in package_ids if each in self.masses_kg]
+        return sum(masses_kg) if masses_kg else None
+
+
 def why_too_early(event: DroneEvent, *, sent_at: datetime) -> str | None:
-    """Why this end of any step cannot be true; None if it can.
+    """Why this event of a mission cannot be true; None if it can.
 
     The drone got the mission at `sent_at`, fleet time, or later.
     """
@@ -60,6 +90,7 @@ def why_impossible(
     *,
     sent_at: datetime,
     model: DroneModel,
+    load: Load,
 ) -> str | None:
     """Why this end of a hand-over cannot be true; None if it can.
 
@@ -70,11 +101,11 @@ def why_impossible(
         _out_of_order(earlier)
         or _elsewhere(step, event)
         or _too_fast(event, earlier, sent_at, model)
-        or _without_evidence(step, event)
+        or _without_evidence(step, event, load)
     )
 
 
-def why_not_handed_over(step: DeliverStep | None, event: DroneEvent) -> str | None:
+def why_not_handed_over(step: DeliverStep | None, event: DroneEvent, load: Load) -> str | None:
     """Why this hand-over of a mission that is over cannot be true; None if it can.
 
     The order of its steps is not known: their ends were not recorded after the mission was over.
@@ -84,7 +115,33 @@ def why_not_handed_over(step: DeliverStep | None, event: DroneEvent) -> str | No
     others = set(event.package_ids) - set(step.package_ids)
     if others:
         return f"the step does not deliver {', '.join(sorted(others))}"
-    return _elsewhere(step, event) or _without_evidence(step, event)
+    return _elsewhere(step, event) or _without_evidence(step, event, load)
+
+
+def why_out_of_reach(
+    event: DroneEvent, here: Position | None, places: Iterable[KnownPlace], model: DroneModel
+) -> str | None:
+    """Why the drone cannot be at its step's station yet; None if it can.
+
+    Whatever its steps say, no drone is faster than the straight line from each place where it was.
+    """
+    if here is None:
+        return None
+    for place in places:
+        length_m, took = distance_m(place.position, here), event.ended_at - place.at
+        needed = shortest_flight(length_m, model)
+        if took < needed:
+            return (
+                f"it was at {place.station_id}, {length_m:.0f} m away, "
+                f"{took.total_seconds():.0f} s before; "
+                f"the drone needs at least {needed.total_seconds():.0f} s"
+            )
+    return None
+
+
+def shortest_flight(length_m: float, model: DroneModel) -> timedelta:
+    """How long the drone needs for this length with the strongest tailwind that is believed."""
+    return timedelta(seconds=length_m / (model.speed_empty_mps + TAILWIND_MPS))
 
 
 def _out_of_order(earlier: Sequence[StepRecord]) -> str | None:
@@ -104,14 +161,12 @@ def _too_fast(
     event: DroneEvent, earlier: Sequence[StepRecord], sent_at: datetime, model: DroneModel
 ) -> str | None:
     """Whether the flights since `sent_at` took less time than with a strong tailwind."""
-    fastest_mps = model.speed_empty_mps + _TAILWIND_MPS
     length_m = sum(
         each.step.length_m
         for each in earlier
         if isinstance(each.step, FlyStep) and _was_flown(each.event, since=sent_at)
     )
-    took = event.ended_at - sent_at
-    needed = timedelta(seconds=length_m / fastest_mps)
+    took, needed = event.ended_at - sent_at, shortest_flight(length_m, model)
     if took >= needed:
         return None
     return (
@@ -125,13 +180,30 @@ def _was_flown(event: DroneEvent | None, *, since: datetime) -> bool:
     return event is not None and event.code != "CUT" and event.ended_at > since
 
 
-def _without_evidence(step: HandOver, event: DroneEvent) -> str | None:
-    """Whether a package left the drone although the load on board is not known to have fallen."""
+def _without_evidence(step: HandOver, event: DroneEvent, load: Load) -> str | None:
+    """Whether packages left the drone that it has not, or without their mass leaving it."""
     if isinstance(step, PickUpStep):
         return None
-    before_kg, after_kg = event.data.get("load_before_kg"), event.data.get("load_after_kg")
-    if not isinstance(before_kg, int | float) or not isinstance(after_kg, int | float):
-        return "it has no evidence: load_before_kg and load_after_kg are missing"
+    handed_kg = load.of(step.package_ids)
+    if handed_kg is None:
+        return f"it has none of {', '.join(step.package_ids)} on board"
+    before_kg, after_kg = _mass_kg(event, "load_before_kg"), _mass_kg(event, "load_after_kg")
+    if before_kg is None or after_kg is None:
+        return "it has no evidence: load_before_kg and load_after_kg are no masses"
     if before_kg <= after_kg:
         return f"the load on board did not fall: {before_kg} kg before, {after_kg} kg after"
+    tolerance_kg = max(_MASS_TOLERANCE_KG, _MASS_TOLERANCE * handed_kg)
+    if abs(before_kg - after_kg - handed_kg) > tolerance_kg:
+        return (
+            f"the load on board fell by {before_kg - after_kg:g} kg, and the packages weigh "
+            f"{handed_kg:g} kg"
+        )
     return None
+
+
+def _mass_kg(event: DroneEvent, name: str) -> float | None:
+    """A mass in the evidence; None if it is no number from 0 on."""
+    value = event.data.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if 0.0 <= value <= _MOST_KG else None

@@ -10,18 +10,20 @@ from functools import partial
 from skyway.contracts.drone_report import DroneEvent, DroneState
 from skyway.contracts.flight_step import DeliverStep, ReturnStep
 from skyway.contracts.instruction import MissionInstruction
-from skyway.ids import StationId
+from skyway.ids import PackageId, StationId
 from skyway.runtime.tracing import in_trace_of
 from skyway.units import moment_to_ms
 from skyway_composition.alarm_store import is_open
 from skyway_composition.links.instruction_store import last_revision, open_instructions
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.following.plausibility import why_not_handed_over
+from skyway_composition.missions.following.judge_step import why_not_late_hand_over
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
     Held,
     add_custody,
+    chain_links,
+    has_never_left,
     held_packages,
 )
 from skyway_composition.missions.mission.instruct import hold
@@ -94,16 +96,16 @@ async def _record_late_hand_over(
 ) -> None:
     """Note a delivery after its mission was given up, and raise an alarm.
 
-    Custody changes only if no other drone has delivered the package since, and only by a plausible
-    report.
+    Custody changes only for packages that this mission has loaded and nobody has moved since, and
+    not by a report that cannot be true.
     """
     step = await _delivering_step(work, ended, event)
-    reason = why_not_handed_over(step, event)
+    reason = await why_not_late_hand_over(work, ended, step, event)
     if step is None or reason is not None:
         await _raise_not_believed(work, ended, event, reason)
         return
-    held = await held_packages(work.tx.connection, ended.mission.delivery_id)
     package_ids = event.package_ids or step.package_ids
+    held = await _last_moved_by(work, ended)
     recipient = Custodian("RECIPIENT", station_id)
     rows = [
         Held(each, held[each].seq + 1, recipient)
@@ -111,6 +113,9 @@ async def _record_late_hand_over(
         if each in held and held[each].custodian.kind != "RECIPIENT"
     ]
     await add_custody(work.tx, ended, rows, at_ms=moment_to_ms(event.ended_at))
+    if not rows and await is_open(work.tx.connection, ended.drone_id, code="LATE_HAND_OVER"):
+        return
+    known = "" if rows else "; by the ledger it had none of them, so people must ask"
     await raise_alarm(
         work,
         ended,
@@ -118,11 +123,22 @@ async def _record_late_hand_over(
         code="LATE_HAND_OVER",
         detail=(
             f"the drone has handed over {', '.join(package_ids)} at {station_id!r}, though its "
-            f"mission is {ended.mission.state}: nobody else may deliver them"
+            f"mission is {ended.mission.state}: nobody else may deliver them{known}"
         ),
         station_id=station_id,
         data={"package_ids": [*package_ids], "step_id": event.step_id},
     )
+
+
+async def _last_moved_by(work: MissionUnitOfWork, ended: MissionRecord) -> dict[PackageId, Held]:
+    """The packages that this mission has loaded, and that no other has moved since."""
+    links = await chain_links(work.tx.connection, ended.mission.delivery_id)
+    last = {each.held.package_id: each for each in links}
+    return {
+        package_id: each.held
+        for package_id, each in last.items()
+        if each.mission_id == ended.mission_id and not has_never_left(each.held)
+    }
 
 
 async def _delivering_step(

@@ -5,13 +5,15 @@ A chain only grows; its links are never changed.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any, Final, Literal
 
 from sqlalchemy import bindparam, insert, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.ids import DeliveryId, PackageId, StationId
+from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, StationId
 from skyway.runtime.sql.database import Tx
+from skyway.units import ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.tables import custody
 
@@ -43,12 +45,27 @@ class Held:
     custodian: Custodian
 
 
-def may_pass(held: Held | None, to: Custodian) -> bool:
-    """Whether a package may pass to this custodian.
+@dataclass(frozen=True, slots=True)
+class ChainLink:
+    """A link of a package's chain: which mission made it, and when."""
 
-    A recipient never passes a package on, and a package cannot pass to its present custodian.
+    held: Held
+    mission_id: MissionId
+    at: datetime
+
+
+def may_load(held: Held | None) -> bool:
+    """Whether a drone may take a package on board: from a station only.
+
+    A recipient never passes a package on, and no drone takes a package from another drone.
     """
-    return held is None or (held.custodian.kind != "RECIPIENT" and held.custodian != to)
+    return held is None or held.custodian.kind == "STATION"
+
+
+def carried_by(held: Mapping[PackageId, Held], drone_id: DroneId) -> frozenset[PackageId]:
+    """The packages that this drone holds."""
+    drone = Custodian("DRONE", drone_id)
+    return frozenset(each.package_id for each in held.values() if each.custodian == drone)
 
 
 def on_board(held: Mapping[PackageId, Held]) -> frozenset[PackageId]:
@@ -87,17 +104,25 @@ def _held_by(held: Mapping[PackageId, Held], kind: CustodianKind) -> frozenset[P
     return frozenset(each.package_id for each in held.values() if each.custodian.kind == kind)
 
 
+async def chain_links(connection: AsyncConnection, delivery_id: DeliveryId) -> list[ChainLink]:
+    """The chains of all packages of a delivery, each in its order."""
+    found = await connection.execute(_CHAIN, {"delivery_id": delivery_id})
+    return [
+        ChainLink(
+            Held(row.package_id, row.seq, Custodian(row.custodian_kind, row.custodian_id)),
+            mission_id=row.mission_id,
+            at=ms_to_moment(row.at_ms),
+        )
+        for row in found
+    ]
+
+
 async def held_packages(
     connection: AsyncConnection, delivery_id: DeliveryId
 ) -> dict[PackageId, Held]:
     """Who holds each package of a delivery now."""
-    found = await connection.execute(_CHAIN, {"delivery_id": delivery_id})
-    return {
-        row.package_id: Held(
-            row.package_id, row.seq, Custodian(row.custodian_kind, row.custodian_id)
-        )
-        for row in found
-    }
+    links = await chain_links(connection, delivery_id)
+    return {each.held.package_id: each.held for each in links}
 
 
 def begin_custody(tx: Tx, record: MissionRecord, rows: Iterable[Held], *, at_ms: int) -> None:

@@ -1,10 +1,13 @@
 """A drone reports hand-overs that it cannot have made: nothing is delivered, and nobody is paid."""
 
+from dataclasses import replace
 from datetime import timedelta
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
+from skyway.contracts.topics import EVENTS
 from tests.composition.drone_messages import EVIDENCE
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
@@ -74,6 +77,108 @@ async def test_a_delivery_before_the_flight_is_not_believed(
     await assert_disbelieved(composition, instruction, because="(FLY) has not ended before")
 
 
+@pytest.mark.parametrize("name", ["NaN", "Infinity", "1e999"])
+def test_a_message_with_a_number_that_is_none_is_not_read(drone: Any, name: str) -> None:
+    text = drone.event("ALARM", data={"load": [{"load_before_kg": 12345}]}).payload
+
+    with pytest.raises(ValidationError):
+        EVENTS.read(text.replace(b"12345", name.encode()))
+
+
+async def test_steps_that_nothing_has_cut_are_not_believed(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.loaded(composition, drone, make)
+    flight = next(each for each in instruction.steps if each.kind == "FLY")
+
+    await composition.receive(*cut(drone, instruction, [flight]))
+
+    doubt = (await composition(OPERATOR, "GET", path_of(instruction))).json()["mission"]["doubt"]
+    assert (doubt["code"], "no later one was sent" in doubt["detail"]) == ("IMPLAUSIBLE", True)
+    assert await composition.rows("SELECT * FROM cut_steps") == []
+
+
+async def test_cut_flights_make_no_delivery_before_the_drone_can_be_there(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.loaded(composition, drone, make)
+    await called_home(composition, instruction)
+    flights = [each for each in steps_before_delivery(instruction) if each.kind != "PICK_UP"]
+    soon = composition.clock.now() + timedelta(seconds=2)
+
+    await composition.receive(
+        *cut(drone, instruction, flights),
+        hand_over(drone, instruction, started_at=soon, ended_at=soon),
+    )
+
+    await assert_disbelieved(composition, instruction, because="it was at a")
+
+
+async def test_a_drone_that_was_diverted_delivers_later(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.loaded(composition, drone, make)
+    await called_home(composition, instruction)
+    flights = [each for each in steps_before_delivery(instruction) if each.kind != "PICK_UP"]
+
+    await composition.receive(*cut(drone, instruction, flights), hand_over(drone, instruction))
+
+    assert "DELIVERED" in {each.kind for each in await composition.reports()}
+    assert await composition.broken() == []
+
+
+@pytest.mark.parametrize("kind", ["STEP_ENDED", "STEP_FAILED"])
+async def test_packages_that_were_never_loaded_are_not_delivered(
+    composition: Any, drone: Any, make: Any, begin: Any, kind: str
+) -> None:
+    instruction = await begin.accepted(composition, drone, make)
+    pick_up, *rest = steps_before_delivery(instruction)
+    (ended,) = drone.ended(instruction, [pick_up])
+    # Ended with a package that is not of the step, or failed.
+    changes = {"event": kind, "package_ids": ("p9",)}
+    not_loaded = replace(ended, message=ended.message.model_copy(update=changes))
+
+    await composition.receive(not_loaded, *drone.ended(instruction, rest))
+    await composition.receive(hand_over(drone, instruction))
+
+    await assert_disbelieved(composition, instruction, because="none of p1 on board")
+
+
+async def test_a_mission_does_not_end_or_fail_before_it_was_sent(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.loaded(composition, drone, make)
+    long_ago = composition.clock.now() - timedelta(days=400)
+
+    await composition.receive(
+        drone.event("MISSION_ENDED", mission_id=instruction.mission_id, ended_at=long_ago)
+    )
+
+    doubt = (await composition(OPERATOR, "GET", path_of(instruction))).json()["mission"]["doubt"]
+    assert doubt["detail"].startswith("the end of the mission cannot be true")
+
+
+async def called_home(composition: Any, instruction: Any) -> None:
+    """A RETURN_HOME is on its way to the drone, which has not answered."""
+    command = {"command": "RETURN_HOME", "reason": "the customer has called"}
+    await composition(OPERATOR, "POST", f"{path_of(instruction)}/commands", command)
+    await composition.replanner.step()
+
+
+def cut(drone: Any, instruction: Any, steps: list[Any]) -> list[Any]:
+    """These steps, ended early two seconds from now."""
+    soon = drone.composition.clock.now() + timedelta(seconds=2)
+    times = {"planned_start_at": soon, "planned_end_at": soon}
+    ended = drone.ended(instruction, [each.model_copy(update=times) for each in steps])
+    return [
+        replace(each, message=each.message.model_copy(update={"code": "CUT"})) for each in ended
+    ]
+
+
+def path_of(instruction: Any) -> str:
+    return f"/v1/missions/{instruction.mission_id}"
+
+
 async def test_a_flight_before_the_mission_was_sent_is_not_believed(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
@@ -96,6 +201,11 @@ async def test_a_flight_before_the_mission_was_sent_is_not_believed(
         ({"data": {}}, "it has no evidence"),
         ({"data": {"load_before_kg": 1.0, "load_after_kg": 1.0}}, "did not fall"),
         ({"data": {"load_before_kg": "1", "load_after_kg": None}}, "it has no evidence"),
+        ({"data": {"load_before_kg": True, "load_after_kg": False}}, "it has no evidence"),
+        ({"data": {"load_before_kg": 1.0, "load_after_kg": -1.0}}, "it has no evidence"),
+        ({"data": {"load_before_kg": 10**400, "load_after_kg": 0}}, "it has no evidence"),
+        ({"data": {"load_before_kg": 1.0, "load_after_kg": 0.999}}, "packages weigh 0.4 kg"),
+        ({"data": {"load_before_kg": 3.0, "load_after_kg": 0.0}}, "packages weigh 0.4 kg"),
     ],
 )
 async def test_a_delivery_elsewhere_or_without_evidence_is_not_believed(

@@ -1,28 +1,33 @@
+import pytest
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
     Held,
+    carried_by,
     delivered,
-    may_pass,
+    may_load,
     on_board,
 )
 
-from skyway.ids import PackageId
+from skyway.ids import DroneId, PackageId
 
 P1, P2 = PackageId("p1"), PackageId("p2")
 DRONE = Custodian("DRONE", "drn_1")
 RECIPIENT = Custodian("RECIPIENT", "c")
 
 
-def test_a_package_passes_from_drone_to_recipient() -> None:
-    assert may_pass(Held(P1, 2, DRONE), RECIPIENT)
+def test_a_drone_loads_what_a_station_has() -> None:
+    assert may_load(Held(P1, 1, Custodian("STATION", "a")))
 
 
-def test_a_delivered_package_stays_with_its_recipient() -> None:
-    assert not may_pass(Held(P1, 3, RECIPIENT), DRONE)
+@pytest.mark.parametrize("has_it", [DRONE, Custodian("DRONE", "drn_2"), RECIPIENT])
+def test_a_drone_loads_nothing_from_a_drone_or_a_recipient(has_it: Custodian) -> None:
+    assert not may_load(Held(P1, 2, has_it))
 
 
-def test_a_package_cannot_pass_to_its_present_custodian() -> None:
-    assert not may_pass(Held(P1, 2, DRONE), DRONE)
+def test_what_one_drone_carries_is_told_from_what_others_carry() -> None:
+    held = {P1: Held(P1, 2, DRONE), P2: Held(P2, 2, Custodian("DRONE", "drn_2"))}
+
+    assert carried_by(held, DroneId("drn_1")) == frozenset({P1})
 
 
 def test_packages_on_board_and_delivered_packages_are_distinguished() -> None:

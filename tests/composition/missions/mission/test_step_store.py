@@ -48,23 +48,23 @@ async def test_a_cut_recharge_counts_once_before_and_after_its_row_is_replaced(
 
 
 async def test_the_end_of_a_cut_step_is_saved_when_it_is_reported(
-    composition: Any, drone: Any
+    composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
-    booking = await composition.book()
-    mission_id = booking.missions[0].mission_id
-    [instruction] = await composition.sent()
-    first = instruction.steps[0]
+    instruction = await begin.loaded(composition, drone, make)
+    mission_id, second = instruction.mission_id, instruction.steps[1]
+    command = {"command": "RETURN_HOME", "reason": "the customer has called"}
+    await composition("operator:op", "POST", f"/v1/missions/{mission_id}/commands", command)
+    await composition.replanner.step()
     await composition.receive(
-        drone.ack(instruction),
         drone.event(
             "STEP_ENDED",
             mission_id=mission_id,
             mission_revision=1,
-            step_id=first.step_id,
+            step_id=second.step_id,
             step_kind="WAIT",
             station_id="a",
-            started_at=first.planned_start_at,
-            ended_at=first.planned_start_at + timedelta(seconds=30),
+            started_at=second.planned_start_at,
+            ended_at=second.planned_start_at + timedelta(seconds=30),
             code="CUT",
         ),
     )
@@ -72,3 +72,4 @@ async def test_the_end_of_a_cut_step_is_saved_when_it_is_reported(
     [row] = await composition.rows("SELECT kind, station_id, ended_ms - started_ms FROM cut_steps")
     assert tuple(row) == ("WAIT", "a", 30_000)
     assert (await totals(composition, mission_id))["waiting_s"] == 30.0
+    assert await composition.broken() == []
