@@ -196,6 +196,20 @@ _CUSTODY: Final = (
         " WHERE delivery_id = :completed AND seq = 2",
     ),
     Corruption(
+        "a package delivered as soon as it was loaded",
+        "I6 no drone hands packages over sooner than it can fly there",
+        composition="UPDATE custody SET at_ms = (SELECT at_ms + 1000 FROM custody"
+        " WHERE delivery_id = :completed AND seq = 2)"
+        " WHERE delivery_id = :completed AND seq = 3",
+    ),
+    Corruption(
+        "a package delivered by a mission that never loaded it",
+        "I6 packages pass from station to drone and from drone to station or recipient",
+        composition="UPDATE missions SET state = 'REFUSED' WHERE delivery_id = :completed;"
+        " DELETE FROM custody WHERE delivery_id = :completed AND seq = 2;"
+        " UPDATE custody SET seq = 2 WHERE delivery_id = :completed AND seq = 3",
+    ),
+    Corruption(
         "a package delivered twice",
         "I6 a package is delivered once",
         composition="DROP INDEX custody_delivered; INSERT INTO custody SELECT delivery_id,"

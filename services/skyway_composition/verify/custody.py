@@ -4,7 +4,7 @@ import json
 from collections import Counter
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Final
+from typing import Any, Final
 
 from sqlalchemy import and_, exists, func, literal_column, or_, select
 
@@ -60,12 +60,24 @@ def _begins_elsewhere(story: PackageStory) -> bool:
 
 def _has_impossible_link(story: PackageStory) -> bool:
     """Only a drone moves a package: between two links of stations or recipients is a drone."""
-    kinds = [
-        row.custodian_kind
-        for row in story.chain
-        if row.custodian_kind != "RECIPIENT" or row.mission_id not in story.given_up
-    ]
-    return any((before == "DRONE") == (after == "DRONE") for before, after in pairwise(kinds))
+    return any(
+        (before.custodian_kind == "DRONE") == (after.custodian_kind == "DRONE")
+        and not _is_late_hand_over(story, before, after)
+        for before, after in pairwise(story.chain)
+    )
+
+
+def _is_late_hand_over(story: PackageStory, before: Any, after: Any) -> bool:
+    """Whether a drone handed over what counted as stranded since its mission was given up.
+
+    Any: rows of custody. The same mission must have loaded the package before.
+    """
+    return (
+        after.custodian_kind == "RECIPIENT"
+        and after.mission_id in story.given_up
+        and before.mission_id == after.mission_id
+        and before.seq > 1
+    )
 
 
 def _is_delivered_elsewhere(story: PackageStory) -> bool:

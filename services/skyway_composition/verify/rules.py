@@ -58,6 +58,7 @@ from skyway_composition.verify.networks import CLOSURES, NETWORKS
 from skyway_composition.verify.no_shows import NO_SHOWS
 from skyway_composition.verify.pads import HOLDS, PADS
 from skyway_composition.verify.quarantine import QUARANTINE
+from skyway_composition.verify.reach import REACH
 from skyway_composition.verify.steps import STEPS
 from skyway_composition.verify.windows import WINDOWS
 
@@ -104,6 +105,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *STEPS,
     *WINDOWS,
     *CUSTODY,
+    *REACH,
     *PADS,
     *CLOSURES,
     *NETWORKS,
