@@ -105,7 +105,7 @@ def _logged_in(system: Any, *, user_name: str, password: str) -> Iterator[Client
 
 
 def _state(*, session: int, seq: int, stream: int = 0, activity: str = "IDLE") -> bytes:
-    now = datetime(2026, 1, 1, tzinfo=UTC).isoformat()
+    now = datetime.now(UTC).isoformat()
     message = {
         "message_id": "m",
         "sent_at": now,
@@ -126,7 +126,7 @@ def _state(*, session: int, seq: int, stream: int = 0, activity: str = "IDLE") -
 def _connection(session: int) -> bytes:
     message = {
         "message_id": "m",
-        "sent_at": datetime(2026, 1, 1, tzinfo=UTC).isoformat(),
+        "sent_at": datetime.now(UTC).isoformat(),
         "session": session,
         "connection_number": session,
         "status": "ONLINE",

@@ -14,11 +14,12 @@ from skyway.json_model import JsonModel
 
 #: Why a message was not taken.
 #: UNREADABLE: it does not have the form of its topic's messages, or a value is out of bounds.
-#: AHEAD: it speaks of the future. FOREIGN_PROVIDER: its topic names another provider than the
-#: drone's. IMPLAUSIBLE: no drone says this. FAILED: handling it failed again and again. FORGED: the
-#: drone signs its messages, and this one has no valid signature of the drone.
+#: AHEAD: it speaks of the future. BEHIND: a state that speaks of long ago. FOREIGN_PROVIDER: its
+#: topic names another provider than the drone's. IMPLAUSIBLE: no drone says this. FAILED: handling
+#: it failed again and again. FORGED: the drone signs its messages, and this one has no valid
+#: signature of the drone.
 QuarantineReason = Literal[
-    "UNREADABLE", "AHEAD", "FOREIGN_PROVIDER", "IMPLAUSIBLE", "FAILED", "FORGED"
+    "UNREADABLE", "AHEAD", "BEHIND", "FOREIGN_PROVIDER", "IMPLAUSIBLE", "FAILED", "FORGED"
 ]
 
 #: The most bytes of a payload that are kept; a state has about 1 KiB. Our own choice.
@@ -66,9 +67,10 @@ class QuarantinedMessage(JsonModel):
         QuarantineReason,
         Field(
             description="UNREADABLE: it has another form, or a value out of bounds. AHEAD: it "
-            "speaks of the future. FOREIGN_PROVIDER: its topic names another provider than the "
-            "drone's. IMPLAUSIBLE: no drone says this. FAILED: handling it failed again and again. "
-            "FORGED: the drone signs its messages, and this one has no valid signature of it."
+            "speaks of the future. BEHIND: a state that speaks of long ago. FOREIGN_PROVIDER: its "
+            "topic names another provider than the drone's. IMPLAUSIBLE: no drone says this. "
+            "FAILED: handling it failed again and again. FORGED: the drone signs its "
+            "messages, and this one has no valid signature of it."
         ),
     ]
     detail: Annotated[str, Field(description="The reason in words.")]

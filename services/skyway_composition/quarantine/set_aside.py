@@ -37,6 +37,7 @@ log = logging.getLogger(__name__)
 _WEIGHTS: Final[dict[QuarantineReason, float]] = {
     "UNREADABLE": 1.0,
     "AHEAD": 0.1,
+    "BEHIND": 0.1,
     "FOREIGN_PROVIDER": 1.0,
     "IMPLAUSIBLE": 5.0,
     "FAILED": 10.0,

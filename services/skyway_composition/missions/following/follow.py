@@ -9,6 +9,7 @@ import asyncio
 import logging
 from collections import defaultdict
 from collections.abc import AsyncIterator, Sequence
+from datetime import datetime
 from typing import Any, Protocol
 
 from skyway.contracts.topics import Topic
@@ -18,9 +19,10 @@ from skyway.runtime.loops import repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE, Doorkeeper
+from skyway.runtime.mqtt.moments import earliest_believed, latest_believed
 from skyway_composition.links.listening import Listening
 from skyway_composition.missions.following.handle_batch import FOLLOWED_TOPICS, ReportHandler
-from skyway_composition.missions.following.plausibility import is_ahead, latest_believed
+from skyway_composition.missions.following.plausibility import is_ahead, is_behind
 from skyway_composition.quarantine.set_aside import Quarantine
 
 log = logging.getLogger(__name__)
@@ -72,7 +74,7 @@ class Follower:
     async def step(self) -> bool:
         """Handle the next batch. Always True: this method itself waits for the next batch."""
         if not self._batch:
-            self._batch, self._tries = self._without_ahead(await anext(self._batches)), 0
+            self._batch, self._tries = self._of_now(await anext(self._batches)), 0
         self._listening.begin_batch()
         self._tries += 1
         try:
@@ -89,21 +91,29 @@ class Follower:
             await asyncio.sleep(_PAUSE_S)
         return True
 
-    def _without_ahead(self, batch: Sequence[Received[Any]]) -> list[Received[Any]]:
-        """The batch without messages about the future, which may turn out false.
+    def _of_now(self, batch: Sequence[Received[Any]]) -> list[Received[Any]]:
+        """The batch without messages about the future, and without states of long ago.
 
-        A drone whose clock is ahead repeats its events when it is asked; they count when their time
-        has come.
+        Nobody knows whether the future will be true. A drone whose clock is ahead repeats its
+        events when it is asked; they count when their time has come.
         """
-        latest_at = latest_believed(self._clock)
+        latest_at, earliest_at = latest_believed(self._clock), earliest_believed(self._clock)
         kept = []
         for each in batch:
-            if not is_ahead(each.message, latest_at=latest_at):
+            if is_ahead(each.message, latest_at=latest_at):
+                count("skyway_messages_ahead", "drone messages that speak of the future")
+                self._quarantine.add(each, "AHEAD", f"it speaks of a moment after {latest_at}")
+            elif is_behind(each.message, earliest_at=earliest_at):
+                self._set_aside_old(each, earliest_at)
+            else:
                 kept.append(each)
-                continue
-            count("skyway_messages_ahead", "drone messages that speak of the future")
-            self._quarantine.add(each, "AHEAD", f"it speaks of a moment after {latest_at}")
         return kept
+
+    def _set_aside_old(self, received: Received[Any], earliest_at: datetime) -> None:
+        """Set a state of long ago aside; one that the broker has kept is no fault of its drone."""
+        if not received.retained:
+            detail = f"it speaks of a moment before {earliest_at}"
+            self._quarantine.add(received, "BEHIND", detail)
 
     async def _handle_batch(self) -> None:
         """Handle the batch; if it fails, only the drones whose own messages fail wait for a retry.

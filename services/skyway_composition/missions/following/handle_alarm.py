@@ -5,6 +5,7 @@ from typing import Final
 
 from skyway.contracts.drone_report import DroneEvent, Fault
 from skyway.runtime.metrics import count
+from skyway.runtime.mqtt.moments import earliest_believed
 from skyway.units import moment_to_ms
 from skyway_composition.alarm_store import add as raise_alarm
 from skyway_composition.alarm_store import has_room
@@ -35,7 +36,8 @@ async def handle_alarm(work: MissionUnitOfWork, link: DroneLink, event: DroneEve
         level=level,
         code=code,
         detail=detail,
-        at_ms=moment_to_ms(event.ended_at),
+        # A drone that was away sends its alarms when it is connected again.
+        at_ms=moment_to_ms(max(event.ended_at, earliest_believed(work.clock))),
         mint=work.mint,
         provider_id=link.provider_id,
         drone_id=link.drone_id,

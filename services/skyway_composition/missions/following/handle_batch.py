@@ -23,6 +23,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt.client import Received
+from skyway.runtime.mqtt.moments import latest_believed
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import in_trace_of
 from skyway.units import ms_to_moment
@@ -31,7 +32,6 @@ from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_link, renewals_of
 from skyway_composition.missions.following.handle_ack import handle_ack
 from skyway_composition.missions.following.handle_report import handle_event, handle_state
-from skyway_composition.missions.following.plausibility import latest_believed
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.quarantine.quarantined import QuarantineReason

@@ -14,7 +14,6 @@ from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, Retur
 from skyway.drone.model import DroneModel
 from skyway.geo import Position, distance_m
 from skyway.ids import PackageId, StationId
-from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_composition.missions.mission.step_store import StepRecord
 
 #: The strongest tailwind with which a drone is believed to fly, metres per second. Our own choice:
@@ -27,19 +26,11 @@ _MASS_TOLERANCE_KG: Final = 0.1
 _MASS_TOLERANCE: Final = 0.1
 _MOST_KG: Final = 1e5
 
-#: How far a message may be ahead of our clock, fleet and wall seconds. Our own choice.
-_AHEAD_S: Final = (30.0, 5.0)
-
 #: The messages of drones that composition reads.
 DroneReport = Ack | DroneEvent | DroneState | Connection
 
 #: The steps that change who has a package.
 HandOver = PickUpStep | DeliverStep | ReturnStep
-
-
-def latest_believed(clock: FleetClock) -> datetime:
-    """The latest fleet time that a message may name."""
-    return clock.now() + fleet_margin(clock, fleet_s=_AHEAD_S[0], wall_s=_AHEAD_S[1])
 
 
 def is_ahead(message: DroneReport, *, latest_at: datetime) -> bool:
@@ -49,6 +40,15 @@ def is_ahead(message: DroneReport, *, latest_at: datetime) -> bool:
             return max(message.sent_at, about_at) > latest_at
         case _:
             return message.sent_at > latest_at
+
+
+def is_behind(message: DroneReport, *, earliest_at: datetime) -> bool:
+    """Whether a state speaks of a moment before `earliest_at`, fleet time.
+
+    All other messages may be old: events and answers wait on board until the drone is connected,
+    and a last will is written when it connects.
+    """
+    return isinstance(message, DroneState) and min(message.sent_at, message.at) < earliest_at
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,11 +10,12 @@ from skyway.ids import DroneId, ProviderId, QuarantineId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound, ServiceUnavailable
 from skyway.runtime.mqtt.client import Received
+from skyway.runtime.mqtt.moments import earliest_believed, latest_believed
 from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
 from skyway_composition.links.store import link_to
 from skyway_composition.missions.following.handle_batch import FOLLOWED_TOPICS, ReportHandler
-from skyway_composition.missions.following.plausibility import is_ahead, latest_believed
+from skyway_composition.missions.following.plausibility import is_ahead, is_behind
 from skyway_composition.quarantine import store
 from skyway_composition.quarantine.quarantined import QuarantineReason
 from skyway_composition.quarantine.store import KeptPayload
@@ -61,6 +62,8 @@ class Replays:
     async def _handle(self, received: Received[Any], *, first_ms: int) -> None:
         if is_ahead(received.message, latest_at=latest_believed(self.clock)):
             raise _refusal("it speaks of the future")
+        if is_behind(received.message, earliest_at=earliest_believed(self.clock)):
+            raise _refusal("it speaks of long ago")
         drone_id, provider_id = DroneId(received.ids[1]), ProviderId(received.ids[0])
         async with self.db.read() as connection:
             link = await link_to(connection, drone_id)

@@ -5,10 +5,11 @@ from typing import Any
 
 import pytest
 from pydantic import ValidationError
-from skyway_composition.missions.following.plausibility import is_ahead, latest_believed
+from skyway_composition.missions.following.plausibility import is_ahead
 
 from benchmarks.hostile.messages import extreme_messages
 from skyway.runtime.mqtt.client import Received
+from skyway.runtime.mqtt.moments import latest_believed
 
 #: Messages that are handled in one transaction.
 _BATCH = 100

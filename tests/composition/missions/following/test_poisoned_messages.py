@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Any
 
 import pytest
@@ -162,3 +162,31 @@ async def test_messages_of_a_provider_that_failed_before_are_not_tried_again(
     await composition.parts.quarantine.step()
     rows = await composition.rows("SELECT drone_id, reason FROM quarantine ORDER BY drone_id")
     assert [tuple(row) for row in rows] == [("drn_1", "FAILED"), ("drn_2", "FAILED")]
+
+
+@pytest.mark.parametrize("is_retained", [False, True])
+async def test_a_state_of_long_ago_is_not_taken(
+    composition: Any, drone: Any, is_retained: bool
+) -> None:
+    await composition.receive(drone.state())
+    long_ago = composition.clock.now() - timedelta(days=30)
+    old = replace(drone.state(at=long_ago, soc=0.1), retained=is_retained)
+
+    await following(composition, old).step()
+    await composition.parts.quarantine.step()
+
+    rows = await composition.rows("SELECT reason FROM quarantine")
+    assert [reason for (reason,) in rows] == ([] if is_retained else ["BEHIND"])
+    (link,) = await composition.rows("SELECT state FROM drone_links")
+    assert '"soc":1.0' in link.state
+
+
+async def test_an_alarm_of_hours_ago_is_raised_with_its_moment(
+    composition: Any, drone: Any
+) -> None:
+    at = composition.clock.now() - timedelta(hours=20)
+
+    await following(composition, drone.event("ALARM", code="GPS_LOST", ended_at=at)).step()
+
+    (alarm,) = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
+    assert datetime.fromisoformat(alarm["at"]) == at
