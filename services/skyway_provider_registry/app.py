@@ -150,6 +150,7 @@ def build_app(settings: RegistrySettings) -> FastAPI:
                 clock=parts.clock,
                 pause_s=_PRESENCE_EVERY_S,
                 listener=recorder.accept,
+                place_of=partial(parts.networks.cached.position_if_connected, to=()),
             )
             parts.signatures.start(loops)
             loops.start("presence", repeat("presence", follower.step, every_s=1.0))

@@ -93,6 +93,9 @@ presence = Table(
     Column("longitude_deg", Double),
     Column("latitude_deg", Double),
     Column("soc", Double),
+    # How far, and by how much charge, its states are ahead of what it can fly and charge.
+    Column("ahead_m", Double, nullable=False, server_default="0"),
+    Column("ahead_soc", Double, nullable=False, server_default="0"),
     Column("condition", Text),  # JSON of presence.drone_presence.Condition
     Column("sample_session", BigInteger, nullable=False),
     Column("sample_seq", BigInteger, nullable=False),

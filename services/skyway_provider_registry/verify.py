@@ -179,6 +179,8 @@ _DRONES: Final = (
         select(presence.c.drone_id).where(
             or_(
                 ~presence.c.soc.between(0, 1),
+                presence.c.ahead_m < 0,
+                presence.c.ahead_soc < 0,
                 _is_outside(presence.c.longitude_deg, presence.c.latitude_deg),
                 _is_outside(presence.c.sample_longitude_deg, presence.c.sample_latitude_deg),
                 ~presence.c.sample_soc.between(0, 1),

@@ -4,31 +4,35 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import cached_property
 from typing import Any, Final
 
-from skyway.contracts.drone_report import Telemetry
+from skyway.contracts.drone_report import Connection, Telemetry
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY, Topic
 from skyway.ids import DroneId, ProviderId
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.metrics import count
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE
+from skyway.runtime.mqtt.moments import earliest_believed, latest_believed
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry import renewal_store
-from skyway_provider_registry.presence.judge_states import StateJudge
+from skyway_provider_registry.presence.judge_states import StateJudge, StationPlace, nowhere_known
 from skyway_provider_registry.presence.jump_store import put_in_maintenance
-from skyway_provider_registry.presence.sighting_store import ReceptionTime, newest, record
+from skyway_provider_registry.presence.sighting_store import (
+    PresenceMessage,
+    ReceptionTime,
+    newest,
+    record,
+)
 from skyway_provider_registry.presence.store import owners
 
 log = logging.getLogger(__name__)
 
 #: The topics of presence; the ids of each are {p}, {d}.
 PRESENCE_TOPICS: Final[tuple[Topic[Any], ...]] = (CONNECTION, STATE, TELEMETRY)
-
-#: How far a message may be ahead of our clock, fleet and wall seconds. Our own choice.
-_AHEAD_S: Final = (30.0, 5.0)
 
 #: Gets the samples of registered drones; it must return without waiting.
 Samples = Sequence[tuple[DroneId, Telemetry]]
@@ -54,11 +58,12 @@ class PresenceFollower:
         clock: FleetClock,
         pause_s: float = 0.0,
         listener: Listener = lambda _samples: None,
+        place_of: StationPlace = nowhere_known,
     ) -> None:
         self._batches = batches
         self._pause_s = pause_s
         self._listener = listener
-        self._recorder = Recorder(db, clock)
+        self._recorder = Recorder(db, clock, place_of)
         self._batch: Sequence[Received[Any]] = ()
 
     async def step(self) -> bool:
@@ -98,32 +103,29 @@ class Recorder:
 
     db: Database
     clock: FleetClock
+    place_of: StationPlace = nowhere_known
     owners: dict[DroneId, ProviderId] = field(default_factory=dict)
 
     @cached_property
     def judge(self) -> StateJudge:
         """Finds the drones that jump."""
-        return StateJudge(self.db, self.clock)
+        return StateJudge(self.db, self.clock, self.place_of)
 
     async def record(self, batch: Sequence[Received[Any]]) -> Samples:
         """Store the newest message per drone and topic; the result is all samples."""
         await self._find_owners({DroneId(item.ids[1]) for item in batch})
+        batch = self._of_now(batch)
         batch = await self._without_earlier_credentials(batch)
         own = [item for item in batch if self.owners.get(DroneId(item.ids[1])) == item.ids[0]]
         if len(own) < len(batch):
             _count_dropped(len(batch) - len(own))
         sightings = newest((DroneId(item.ids[1]), item.message) for item in own)
         if sightings:
-            states = {
-                drone_id: each.state
-                for drone_id, each in sightings.items()
-                if each.state is not None
-            }
-            alarms = await self.judge.alarms_about(states, self.owners)
+            judgement = await self.judge.judgement_on(sightings, self.owners)
             received_at = ReceptionTime(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
             async with self.db.write() as tx:
-                await record(tx, sightings, received_at)
-                await put_in_maintenance(tx, alarms)
+                await record(tx, sightings, received_at, ahead=judgement.ahead)
+                await put_in_maintenance(tx, judgement.alarms)
         return [(DroneId(item.ids[1]), item.message) for item in own if item.topic is TELEMETRY]
 
     async def _without_earlier_credentials(
@@ -136,15 +138,22 @@ class Recorder:
         async with self.db.read() as connection:
             renewed = await renewal_store.renewed_at(connection, retained)
         # Its sender may have said that it is from the near future.
-        margin = fleet_margin(self.clock, fleet_s=_AHEAD_S[0], wall_s=_AHEAD_S[1])
-        latest_at = self.clock.now() + margin
+        margin = latest_believed(self.clock) - self.clock.now()
         return [
             item
             for item in batch
             if not item.retained
             or (since_at := renewed.get(DroneId(item.ids[1]))) is None
-            or since_at + margin < item.message.sent_at <= latest_at
+            or since_at + margin < item.message.sent_at
         ]
+
+    def _of_now(self, batch: Sequence[Received[Any]]) -> Sequence[Received[Any]]:
+        """The batch without messages about the future, and without what was so long ago."""
+        latest_at, earliest_at = latest_believed(self.clock), earliest_believed(self.clock)
+        kept = [item for item in batch if _is_between(item.message, earliest_at, latest_at)]
+        if len(kept) < len(batch):
+            _count_dropped(len(batch) - len(kept))
+        return kept
 
     async def _find_owners(self, drone_ids: set[DroneId]) -> None:
         new = drone_ids - self.owners.keys()
@@ -153,9 +162,18 @@ class Recorder:
                 self.owners.update(await owners(connection, new))
 
 
+def _is_between(message: PresenceMessage, earliest_at: datetime, latest_at: datetime) -> bool:
+    """Whether a message speaks of a moment between these; a last will may be older."""
+    if isinstance(message, Connection):
+        return message.sent_at <= latest_at
+    moments = message.sent_at, message.at
+    return earliest_at <= min(moments) and max(moments) <= latest_at
+
+
 def _count_dropped(messages: int) -> None:
     count(
         "skyway_presence_dropped",
-        "messages of drones that are not registered with that provider, or that cannot be stored",
+        "messages of drones that are not registered with that provider, that speak of the future "
+        "or of long ago, or that cannot be stored",
         messages,
     )

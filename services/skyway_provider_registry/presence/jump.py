@@ -2,13 +2,17 @@
 
 A drone may say where it is, and who believes it sends it packages. A drone that jumps is not
 believed until a person has looked.
+
+Messages come late, and measurements are wrong by a little, so each drone may be somewhat ahead of
+what it can fly and charge. This is one allowance for all its states: what a drone is ahead stays
+with it until time has made up for it. So many small jumps count like a large one.
 """
 
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Final
 
-from skyway.contracts.drone_report import DroneState
+from skyway.contracts.drone_report import DroneState, Telemetry
 from skyway.drone.model import DroneModel
 from skyway.geo import Position, distance_m
 
@@ -23,6 +27,14 @@ _CHARGE_ERROR: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
+class Ahead:
+    """How much further a drone has come, and how much fuller, than it can fly and charge."""
+
+    length_m: float = 0.0
+    soc: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class LastSeen:
     """The last state of a drone, and when it was received in fleet time.
 
@@ -34,42 +46,65 @@ class LastSeen:
     received_at: datetime
     position: Position
     soc: float
+    ahead: Ahead
     model: DroneModel
+
+    @property
+    def fastest_mps(self) -> float:
+        """How fast the drone flies at most."""
+        return self.model.speed_empty_mps + _TAILWIND_MPS
+
+    @property
+    def charging_per_s(self) -> float:
+        """How much its state of charge rises in a second at most."""
+        times_s, socs = self.model.charge_columns
+        return float((socs[1] - socs[0]) / (times_s[1] - times_s[0]))
+
+    def passed_s(self, now: datetime) -> float:
+        """The seconds since the state was received."""
+        return max(0.0, (now - self.received_at).total_seconds())
+
+
+def ahead_at(before: LastSeen, after: DroneState | Telemetry, *, received_at: datetime) -> Ahead:
+    """How much the drone is ahead with this message, its earlier lead included."""
+    passed_s = before.passed_s(received_at)
+    flown_m = distance_m(before.position, after.position)
+    return Ahead(
+        max(0.0, before.ahead.length_m + flown_m - before.fastest_mps * passed_s),
+        max(0.0, before.ahead.soc + after.soc - before.soc - before.charging_per_s * passed_s),
+    )
 
 
 def why_jumped(
-    before: LastSeen, state: DroneState, *, received_at: datetime, margin: timedelta
+    before: LastSeen, after: DroneState | Telemetry, *, received_at: datetime, margin: timedelta
 ) -> str | None:
-    """Why this state cannot follow; None if it can.
+    """Why this message cannot follow; None if it can.
 
-    `margin` is how much longer the last state may have been on its way than this one.
+    `margin` is how much longer the last state may have been on its way than this message.
     """
-    passed = max(timedelta(0), received_at - before.received_at) + margin
-    return _too_far(before, state, passed) or _too_full(before, state, passed)
+    ahead = ahead_at(before, after, received_at=received_at)
+    passed_s, margin_s = before.passed_s(received_at), margin.total_seconds()
+    if ahead.length_m > before.fastest_mps * margin_s + _POSITION_ERROR_M:
+        return (
+            f"it was {distance_m(before.position, after.position):.0f} m away {passed_s:.0f} s "
+            f"before, and is {ahead.length_m:.0f} m further than it can fly"
+        )
+    if ahead.soc > before.charging_per_s * margin_s + _CHARGE_ERROR:
+        return (
+            f"its charge rose from {before.soc:.2f} to {after.soc:.2f} within {passed_s:.0f} s, "
+            f"and is {ahead.soc:.2f} more than it can charge"
+        )
+    return None
 
 
-def _too_far(before: LastSeen, state: DroneState, passed: timedelta) -> str | None:
-    fastest_mps = before.model.speed_empty_mps + _TAILWIND_MPS
-    possible_m = fastest_mps * passed.total_seconds() + _POSITION_ERROR_M
-    length_m = distance_m(before.position, state.position)
-    if length_m <= possible_m:
+def why_not_there(state: DroneState, station: Position | None) -> str | None:
+    """Why a drone on the ground cannot stand at the station that it names; None if it can.
+
+    `station` is where this station is, if that is known.
+    """
+    if station is None or state.activity in ("FLYING", "DOWN"):
         return None
-    return (
-        f"it was {length_m:.0f} m away {passed.total_seconds():.0f} s before, and flies at most "
-        f"{possible_m:.0f} m in this time"
-    )
-
-
-def _too_full(before: LastSeen, state: DroneState, passed: timedelta) -> str | None:
-    """Whether it charged too fast; after a restart it may have another battery."""
-    if state.session != before.session:
+    length_m = distance_m(station, state.position)
+    if length_m <= _POSITION_ERROR_M:
         return None
-    times_s, socs = before.model.charge_columns
-    fastest_per_s = (socs[1] - socs[0]) / (times_s[1] - times_s[0])
-    possible = before.soc + fastest_per_s * passed.total_seconds() + _CHARGE_ERROR
-    if state.soc <= possible:
-        return None
-    return (
-        f"its charge rose from {before.soc:.2f} to {state.soc:.2f} within "
-        f"{passed.total_seconds():.0f} s, and can rise to {possible:.2f} at most"
-    )
+    return f"it says that it stands at {state.station_id}, and is {length_m:.0f} m away from it"

@@ -14,7 +14,7 @@ from skyway.ids import DroneId, DroneModelId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.units import ms_to_moment
-from skyway_provider_registry.presence.jump import LastSeen
+from skyway_provider_registry.presence.jump import Ahead, LastSeen
 from skyway_provider_registry.presence.store import touch
 from skyway_provider_registry.tables import drone_models, drones, presence, waiting_alarms
 
@@ -30,6 +30,8 @@ _LAST_SEEN: Final = (
         presence.c.longitude_deg,
         presence.c.latitude_deg,
         presence.c.soc,
+        presence.c.ahead_m,
+        presence.c.ahead_soc,
         drones.c.model_id,
     )
     .join(drones, drones.c.drone_id == presence.c.drone_id)
@@ -75,6 +77,7 @@ def _last_seen(row: Row[*tuple[Any, ...]], models: Mapping[DroneModelId, DroneMo
         received_at=ms_to_moment(received_ms),
         position=Position(row.longitude_deg, row.latitude_deg),
         soc=row.soc,
+        ahead=Ahead(row.ahead_m, row.ahead_soc),
         model=models[row.model_id],
     )
 

@@ -13,6 +13,7 @@ from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.presence.drone_presence import condition_text
+from skyway_provider_registry.presence.jump import Ahead
 from skyway_provider_registry.tables import presence
 
 PresenceMessage = Connection | DroneState | Telemetry
@@ -94,10 +95,17 @@ async def forget_order(tx: Tx, drone_ids: Collection[DroneId]) -> None:
     await tx.execute(presence.update().where(rows).values(forgotten))
 
 
-async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], received_at: ReceptionTime) -> None:
+async def record(
+    tx: Tx,
+    sightings: Mapping[DroneId, Sighting],
+    received_at: ReceptionTime,
+    *,
+    ahead: Mapping[DroneId, Ahead],
+) -> None:
     """Store each message that is newer than the stored one, separately for each topic.
 
-    The sightings are sorted by drone, so that two replicas cannot deadlock.
+    The sightings are sorted by drone, so that two replicas cannot deadlock. A drone that is not in
+    `ahead` is not ahead: it was not compared with an earlier state.
     """
     change = await next_change(tx) if any(map(_affects_selection, sightings.values())) else 0
     connections, states, samples = [], [], []
@@ -111,6 +119,7 @@ async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], received_at: Rec
             row = {"connection_status": connection.status, "changed": change}
             connections.append(about | _order(_ORDER_OF_CONNECTION, connection) | row)
         if (state := sighting.state) is not None:
+            lead = ahead.get(drone_id, Ahead())
             states.append(
                 about
                 | _order(_ORDER_OF_STATE, state)
@@ -123,6 +132,8 @@ async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], received_at: Rec
                     "longitude_deg": state.position.longitude_deg,
                     "latitude_deg": state.position.latitude_deg,
                     "soc": state.soc,
+                    "ahead_m": lead.length_m,
+                    "ahead_soc": lead.soc,
                     "condition": condition_text(state),
                     "changed": change,
                 }

@@ -102,7 +102,7 @@ async def test_a_drone_whose_clock_is_wrong_is_ordered_by_its_numbers(
     fleet: Fleet, clock: ManualClock, state: Maker
 ) -> None:
     drone_id = await fleet.drone()
-    ahead, behind = clock.now() + timedelta(days=9), clock.now() - timedelta(days=9)
+    ahead, behind = clock.now() + timedelta(seconds=20), clock.now() - timedelta(days=6)
 
     await fleet.receives(drone_id, state(7, 1, soc=0.1, at=ahead, sent_at=ahead))
     await fleet.receives(drone_id, state(7, 2, soc=0.7, at=behind, sent_at=behind))
@@ -127,15 +127,16 @@ async def test_the_last_will_of_an_old_connection_is_ignored(fleet: Fleet, onlin
 async def test_any_order_in_any_batches_gives_the_result_of_the_sending_order(
     fleet: Fleet, online: Maker, state: Maker, sample: Maker
 ) -> None:
+    there, flies = sample(7, 1).position, {"activity": "FLYING", "station_id": None}
     life = [
         message
         for session in (7, 9)
         for number in (1, 2)
         for message in (
             online(session, number),
-            state(session, 10 * number, soc=0.6),
+            state(session, 10 * number, soc=0.6, position=there),
             sample(session, 10 * number, later_s=number),
-            state(session, 10 * number + 1, soc=0.5, activity="FLYING", station_id=None),
+            state(session, 10 * number + 1, soc=0.5, position=there, **flies),
             sample(session, 10 * number + 1, later_s=10 + number, soc=0.41),
             online(session, number, "LOST"),
         )
@@ -225,10 +226,10 @@ async def test_a_message_that_cannot_be_stored_is_dropped_alone(
     async def batches() -> AsyncIterator[list[Received[Any]]]:
         yield batch
 
-    async def fails_for_one(tx: Tx, sightings: Any, received_at: Any) -> None:
+    async def fails_for_one(tx: Tx, sightings: Any, received_at: Any, *, ahead: Any) -> None:
         if drone_ids[2] in sightings:
             raise RuntimeError("this message cannot be stored")
-        await record(tx, sightings, received_at)
+        await record(tx, sightings, received_at, ahead=ahead)
 
     monkeypatch.setattr("skyway_provider_registry.presence.follow.record", fails_for_one)
 

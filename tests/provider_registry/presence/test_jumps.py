@@ -10,8 +10,8 @@ from skyway_provider_registry.presence.announce_alarms import AlarmAnnouncer
 from skyway_provider_registry.presence.follow import Recorder
 from skyway_provider_registry.verify import RULES
 
-from skyway.contracts.drones import DRONE_ALARMS
-from skyway.contracts.topics import CONNECTION, STATE
+from skyway.contracts.drone_alarm import DRONE_ALARMS
+from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
 from skyway.geo import Position
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
@@ -38,6 +38,7 @@ class WatchedDrone:
     drone: Any
     seq: int = 0
     session: int = 7
+    places: dict[str, Position] = field(default_factory=dict)
 
     async def says(self, **members: Any) -> None:
         self.seq += 1
@@ -45,7 +46,8 @@ class WatchedDrone:
 
     async def sends(self, topic: Any, message: Any) -> None:
         ids = (self.drone["provider_id"], self.drone["drone_id"])
-        await Recorder(self.db, self.clock).record([Received(topic, ids, message, False)])
+        recorder = Recorder(self.db, self.clock, self.places.get)
+        await recorder.record([Received(topic, ids, message, False)])
 
     async def call(self, method: str, body: Any = None) -> Any:
         path = f"/v1/providers/{self.drone['provider_id']}/drones/{self.drone['drone_id']}"
@@ -157,10 +159,80 @@ async def test_a_drone_on_a_pad_is_believed(drone: WatchedDrone, clock: ManualCl
     assert await drone.state() == "RECHARGING"
 
 
-async def test_a_drone_may_have_another_battery_after_a_restart(drone: WatchedDrone) -> None:
+async def test_a_restart_does_not_fill_the_battery(drone: WatchedDrone) -> None:
     drone.session, drone.seq = 8, 0
 
     await drone.says(position=HOME, soc=1.0)
+
+    assert await drone.state() == "MAINTENANCE"
+
+
+@pytest.mark.parametrize("rate", [1.0, 60.0])
+async def test_many_small_jumps_count_like_a_large_one(
+    drone: WatchedDrone, clock: ManualClock, rate: float
+) -> None:
+    clock.rate = rate
+    for number in range(1, 61):
+        clock.advance(timedelta(seconds=0.5 * rate))
+        await drone.says(position=east(400 * rate * number), soc=0.5)
+
+    assert await drone.state() == "MAINTENANCE"
+
+
+async def test_many_small_charges_count_like_a_large_one(
+    drone: WatchedDrone, clock: ManualClock
+) -> None:
+    for number in range(1, 11):
+        clock.advance(timedelta(seconds=0.5))
+        await drone.says(position=HOME, soc=0.5 + number * 0.05)
+
+    assert await drone.state() == "MAINTENANCE"
+
+
+async def test_a_drone_that_was_ahead_may_be_ahead_again_later(
+    drone: WatchedDrone, clock: ManualClock
+) -> None:
+    """Satellites are wrong now and then: by 400 m, and back."""
+    for number in range(20):
+        clock.advance(timedelta(seconds=30))
+        await drone.says(position=east(400 * (number % 2)), soc=0.5)
+
+    assert await drone.state() == "AVAILABLE"
+
+
+async def test_a_sample_that_jumps_takes_the_drone_out_of_service(
+    drone: WatchedDrone, sample: Any
+) -> None:
+    at_home = sample(7, 1).model_copy(update={"position": HOME})
+    await drone.sends(TELEMETRY, at_home)
+    assert await drone.state() == "AVAILABLE"
+
+    far = {"position": east(20_000), "session": 8}
+    await drone.sends(TELEMETRY, at_home.model_copy(update=far))
+
+    assert await drone.state() == "MAINTENANCE"
+
+
+@pytest.mark.parametrize("activity", ["WAITING", "IDLE"])
+async def test_a_drone_on_the_ground_is_where_its_station_is(
+    drone: WatchedDrone, activity: str
+) -> None:
+    drone.places = {"s1": HOME, "s2": east(20_000)}
+    await drone.says(position=HOME, soc=0.5, station_id="s1", activity=activity)
+    assert await drone.details() == []
+
+    await drone.says(position=HOME, soc=0.5, station_id="s2", activity=activity)
+
+    assert await drone.state() == "MAINTENANCE"
+    (detail,) = await drone.details()
+    assert detail.startswith("it says that it stands at s2, and is 19978 m away from it")
+
+
+@pytest.mark.parametrize("by", [timedelta(minutes=10), timedelta(days=-30)])
+async def test_states_of_the_future_and_of_long_ago_are_dropped(
+    drone: WatchedDrone, clock: ManualClock, by: timedelta
+) -> None:
+    await drone.says(position=HOME, soc=0.5, at=clock.now() + by, activity="RECHARGING")
 
     assert await drone.state() == "AVAILABLE"
 
