@@ -1,7 +1,7 @@
 """Drone to cloud: its health, acks, events, state, telemetry and the last will."""
 
 from enum import StrEnum
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
@@ -24,6 +24,9 @@ from skyway.contracts.message import DroneMessage, FleetMoment, Message, Soc
 from skyway.geo import Position
 from skyway.ids import InstructionId, MissionId, PackageId, StationId
 from skyway.json_model import WireModel
+
+#: The most packages, stations or faults in one message: a delivery has at most 100 packages.
+_MOST_NAMED: Final = 100
 
 AlarmLevel = Literal["WARNING", "URGENT", "CRITICAL"]
 
@@ -105,7 +108,8 @@ class DroneHealth(WireModel):
     ]
     wind: Annotated[Wind | None, Field(description="The wind, if it can be estimated.")] = None
     safe_landings: Annotated[
-        tuple[StationId, ...], Field(description="The nearest stations that can be reached.")
+        tuple[StationId, ...],
+        Field(max_length=_MOST_NAMED, description="The nearest stations that can be reached."),
     ] = ()
 
 
@@ -188,7 +192,8 @@ class DroneEvent(DroneMessage):
     soc: Soc
     energy_j: Annotated[Joules, Field(description="used by the step; 0 while charging")] = 0.0
     package_ids: Annotated[
-        tuple[PackageId, ...], Field(description="The packages that the step handled.")
+        tuple[PackageId, ...],
+        Field(max_length=_MOST_NAMED, description="The packages that the step handled."),
     ] = ()
     code: Annotated[
         Words | None, Field(description="Why it failed, or what the alarm is about, for programs.")
@@ -244,11 +249,16 @@ class DroneState(DroneMessage):
     position: Annotated[Position, Field(description="Where the drone is, in degrees.")]
     soc: Soc
     load_kg: Annotated[Kilograms, Field(description="The mass on board in kilograms.")] = 0.0
-    package_ids: Annotated[tuple[PackageId, ...], Field(description="The packages on board.")] = ()
+    package_ids: Annotated[
+        tuple[PackageId, ...],
+        Field(max_length=_MOST_NAMED, description="The packages on board."),
+    ] = ()
     health: Annotated[
         DroneHealth | None, Field(description="The results of the analysis on board.")
     ] = None
-    faults: Annotated[tuple[Fault, ...], Field(description="What is wrong now.")] = ()
+    faults: Annotated[
+        tuple[Fault, ...], Field(max_length=_MOST_NAMED, description="What is wrong now.")
+    ] = ()
     failsafe: Annotated[
         ActiveFailsafe | None,
         Field(description="What the drone does by itself now; null if nothing."),

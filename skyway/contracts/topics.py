@@ -6,7 +6,8 @@ A topic is a template of names, the message on it, who writes it and who reads i
 from dataclasses import dataclass, field
 from typing import Any, Final, Generic, Literal, TypeVar
 
-from pydantic import BaseModel, TypeAdapter
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from skyway.contracts.delivery_event import DeliveryEvent
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState, Telemetry
@@ -41,6 +42,9 @@ class Topic(Generic[M]):
     writer: BrokerRole
     readers: tuple[BrokerRole, ...]
     about: str
+    #: The largest payload that is read; None without a limit. Our own choice for what drones write:
+    #: many times what an honest drone needs.
+    most_bytes: int | None = None
     _adapter: TypeAdapter[M] = field(init=False, repr=False, compare=False)
     #: The positions of placeholders and words in the template. Words are compared from the last
     #: one, because most topics differ in it.
@@ -78,8 +82,24 @@ class Topic(Generic[M]):
         return tuple([levels[place] for place in self._places])
 
     def read(self, payload: bytes) -> M:
-        """The message in a payload; fields that this version does not know are ignored."""
+        """The message in a payload; fields that this version does not know are ignored.
+
+        Raises
+        ------
+        ValidationError
+            It is no such message, or it is too large; a large payload is not looked into.
+        """
+        if self.is_too_large(payload):
+            values = {"limit": self.most_bytes, "size": len(payload)}
+            fault = PydanticCustomError("too_large", "{size} bytes, {limit} are allowed", values)
+            raise ValidationError.from_exception_data(
+                self.template, [InitErrorDetails(type=fault, input=None)]
+            )
         return self._adapter.validate_json(payload, extra="ignore")
+
+    def is_too_large(self, payload: bytes) -> bool:
+        """Whether a payload is larger than any message of this topic."""
+        return self.most_bytes is not None and len(payload) > self.most_bytes
 
     def schema(self) -> dict[str, Any]:
         """The JSON Schema of the message."""
@@ -103,6 +123,7 @@ ACKS: Final[Topic[Ack]] = Topic(
     writer="drone",
     readers=("composition", "operator"),
     about="RECEIVED, ACCEPTED or REJECTED(code) for each instruction.",
+    most_bytes=64 * 1024,
 )
 EVENTS: Final[Topic[DroneEvent]] = Topic(
     "skyway/v1/{p}/{d}/events",
@@ -112,6 +133,7 @@ EVENTS: Final[Topic[DroneEvent]] = Topic(
     writer="drone",
     readers=("composition", "operator"),
     about="Each step's end or failure, and alarms, with evidence.",
+    most_bytes=64 * 1024,
 )
 STATE: Final[Topic[DroneState]] = Topic(
     "skyway/v1/{p}/{d}/state",
@@ -121,6 +143,7 @@ STATE: Final[Topic[DroneState]] = Topic(
     writer="drone",
     readers=("composition", "registry", "operator"),
     about="Snapshot on change and at least every 30 s of wall time.",
+    most_bytes=64 * 1024,
 )
 TELEMETRY: Final[Topic[Telemetry]] = Topic(
     "skyway/v1/{p}/{d}/telemetry",
@@ -130,6 +153,7 @@ TELEMETRY: Final[Topic[Telemetry]] = Topic(
     writer="drone",
     readers=("composition", "registry", "operator"),
     about="Light samples, fewer when nothing changes.",
+    most_bytes=8 * 1024,
 )
 CONNECTION: Final[Topic[Connection]] = Topic(
     "skyway/v1/{p}/{d}/connection",
@@ -139,6 +163,7 @@ CONNECTION: Final[Topic[Connection]] = Topic(
     writer="drone",
     readers=("composition", "registry", "gateway", "operator"),
     about="ONLINE, OFFLINE, and LOST as the last will.",
+    most_bytes=8 * 1024,
 )
 DELIVERY_EVENTS: Final[Topic[DeliveryEvent]] = Topic(
     "skyway/v1/customers/{c}/deliveries/{delivery_id}/events",
