@@ -20,9 +20,10 @@ from skyway.runtime.signing.key_book import KeyBook
 
 log = logging.getLogger(__name__)
 
-#: The most messages that wait for a key. A broker sends all retained messages together.
-#: And the most messages of one drone whose cached key does not fit them.
+#: The most messages that wait for a key, their bytes, and the most messages of one drone: what
+#: brokers have retained of a large fleet comes at once, and a drone has few of them.
 _MOST_HELD: Final = 50_000
+_MOST_HELD_BYTES: Final = 128 << 20
 _MOST_HELD_OF_DRONE: Final = 20
 
 #: Seconds of wall time between two lines in the log about forged messages.
@@ -62,6 +63,7 @@ class SignatureCheck:
         self._reception = reception
         self._held: list[tuple[Arrival, ReadAgain]] = []
         self._held_of: Counter[str] = Counter()  # how many, by drone
+        self._held_bytes = 0
         self._wake = Wake()
         self._logged_s = -_LOG_EVERY_S
         _count_forged(0)
@@ -84,15 +86,25 @@ class SignatureCheck:
             return True
         # The drone may have another key by now: the next look-up decides.
         self._reception.postponed(arrival.ids)
-        if result == "FORGED" and self._held_of[drone_id] >= _MOST_HELD_OF_DRONE:
-            self._reject(arrival)
-        elif len(self._held) >= _MOST_HELD:
-            count("skyway_unproven_messages", "drone messages dropped: their keys are not known")
-        else:
+        if self._has_room(arrival):
             self._held.append((arrival, read_again))
             self._held_of[drone_id] += 1
+            self._held_bytes += len(arrival.payload)
             self._wake.set()
+        elif verdict == "FORGED":
+            self._reject(arrival)
+        else:
+            count("skyway_unproven_messages", "drone messages dropped: their keys are not known")
         return False
+
+    def _has_room(self, arrival: Arrival) -> bool:
+        """Whether this message may wait; one drone must not take the places of others."""
+        return (
+            len(self._held) < _MOST_HELD
+            and self._held_of[arrival.ids[1]] < _MOST_HELD_OF_DRONE
+            and self._held_bytes + len(arrival.payload) <= _MOST_HELD_BYTES
+            and not arrival.topic.is_too_large(arrival.payload)
+        )
 
     def start(self, loops: Loops) -> None:
         """Start the loops that look up keys."""
@@ -124,6 +136,7 @@ class SignatureCheck:
             else:  # the message may have arrived during the look-up, signed with a newer key
                 self._held.append((arrival, read_again))
         self._held_of = Counter(arrival.ids[1] for arrival, _ in self._held)
+        self._held_bytes = sum(len(arrival.payload) for arrival, _ in self._held)
         return False
 
     def _is_proven_now(self, arrival: Arrival) -> bool:

@@ -13,6 +13,7 @@ from skyway.contracts.topics import STATE, TELEMETRY, Topic
 from skyway.ids import DroneId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.mqtt import signature_check
 from skyway.runtime.mqtt.inbox import Arrival, Inbox
 from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.signing.key_book import KeyBook
@@ -294,3 +295,37 @@ async def test_a_sender_that_is_put_out_is_not_even_checked(door: Door) -> None:
 
     assert await door.read() == []
     assert door.registry.asked == []
+
+
+async def test_one_drone_takes_few_of_the_places_of_messages_that_wait(door: Door) -> None:
+    door.registry.is_away = True
+    for seq in range(100):
+        door.offer(state(OLD, seq))
+    with pytest.raises(ServiceUnavailable):
+        await door.read()
+
+    door.registry.is_away = False
+    door.registry.keys["drn_1"] = OLD.public_key
+
+    assert await door.read() == [state(OLD, seq) for seq in range(20)]
+
+
+async def test_messages_that_wait_have_a_most_of_bytes(
+    door: Door, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(signature_check, "_MOST_HELD_BYTES", 3 * len(state(OLD, 1)))
+    door.registry.keys["drn_1"] = OLD.public_key
+    for seq in range(1, 6):
+        door.offer(state(OLD, seq))
+
+    assert await door.read() == [state(OLD, seq) for seq in (1, 2, 3)]
+
+
+async def test_a_message_that_is_too_large_does_not_wait(door: Door) -> None:
+    large = OLD.signed(ONE.name, b'{"message_id":"' + b"x" * 100_000 + b'"}')
+    door.registry.keys["drn_1"] = OLD.public_key
+    door.offer(large)
+    door.offer(state(OLD))
+
+    assert await door.read() == [state(OLD)]
+    assert door.taken.unreadable_payloads == []
