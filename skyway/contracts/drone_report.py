@@ -1,7 +1,7 @@
 """Drone to cloud: its health, acks, events, state, telemetry and the last will."""
 
 from enum import StrEnum
-from typing import Annotated, Final, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -25,8 +25,8 @@ from skyway.geo import Position
 from skyway.ids import InstructionId, MissionId, PackageId, StationId
 from skyway.json_model import WireModel
 
-#: The most packages, stations or faults in one message: a delivery has at most 100 packages.
-_MOST_NAMED: Final = 100
+#: A delivery has at most 100 packages.
+_PackageIds = Annotated[tuple[PackageId, ...], Field(max_length=100)]
 
 AlarmLevel = Literal["WARNING", "URGENT", "CRITICAL"]
 
@@ -109,7 +109,7 @@ class DroneHealth(WireModel):
     wind: Annotated[Wind | None, Field(description="The wind, if it can be estimated.")] = None
     safe_landings: Annotated[
         tuple[StationId, ...],
-        Field(max_length=_MOST_NAMED, description="The nearest stations that can be reached."),
+        Field(max_length=100, description="The nearest stations that can be reached."),
     ] = ()
 
 
@@ -191,10 +191,7 @@ class DroneEvent(DroneMessage):
     position: Annotated[Position, Field(description="Where the drone is, in degrees.")]
     soc: Soc
     energy_j: Annotated[Joules, Field(description="used by the step; 0 while charging")] = 0.0
-    package_ids: Annotated[
-        tuple[PackageId, ...],
-        Field(max_length=_MOST_NAMED, description="The packages that the step handled."),
-    ] = ()
+    package_ids: Annotated[_PackageIds, Field(description="The packages of the step.")] = ()
     code: Annotated[
         Words | None, Field(description="Why it failed, or what the alarm is about, for programs.")
     ] = None
@@ -249,15 +246,12 @@ class DroneState(DroneMessage):
     position: Annotated[Position, Field(description="Where the drone is, in degrees.")]
     soc: Soc
     load_kg: Annotated[Kilograms, Field(description="The mass on board in kilograms.")] = 0.0
-    package_ids: Annotated[
-        tuple[PackageId, ...],
-        Field(max_length=_MOST_NAMED, description="The packages on board."),
-    ] = ()
+    package_ids: Annotated[_PackageIds, Field(description="The packages on board.")] = ()
     health: Annotated[
         DroneHealth | None, Field(description="The results of the analysis on board.")
     ] = None
     faults: Annotated[
-        tuple[Fault, ...], Field(max_length=_MOST_NAMED, description="What is wrong now.")
+        tuple[Fault, ...], Field(max_length=100, description="What is wrong now.")
     ] = ()
     failsafe: Annotated[
         ActiveFailsafe | None,

@@ -117,7 +117,7 @@ async def _pass_on(
     to: Custodian,
     event: DroneEvent,
 ) -> tuple[PackageId, ...]:
-    """Pass these packages on, as far as whoever hands them over has them.
+    """Pass on those of these packages that their custodian has to pass on.
 
     A drone loads what a station has, and hands over only what it has itself.
     """

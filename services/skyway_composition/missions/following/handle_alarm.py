@@ -15,11 +15,11 @@ from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 log = logging.getLogger(__name__)
 
 #: The request of a drone for another plan.
-PLAN_WANTED: Final = "PLAN_WANTED"
+PLAN_REQUEST: Final = "PLAN_WANTED"
 
 #: The codes that a drone may use. All others are ours: an open alarm of ours is raised only once,
 #: so a drone that raised it first would hide it.
-_CODES_OF_DRONES: Final = frozenset((*Fault, PLAN_WANTED))
+_CODES_OF_DRONES: Final = frozenset((*Fault, PLAN_REQUEST))
 _OTHER: Final = "ALARM"
 
 

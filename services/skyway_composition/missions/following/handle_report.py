@@ -18,7 +18,7 @@ from skyway_composition.missions.following.advance import (
     record_loading,
     record_return,
 )
-from skyway_composition.missions.following.handle_alarm import PLAN_WANTED, handle_alarm
+from skyway_composition.missions.following.handle_alarm import PLAN_REQUEST, handle_alarm
 from skyway_composition.missions.following.handle_failure import (
     doubt_lost_journal,
     handle_step_failure,
@@ -125,9 +125,9 @@ async def _handle_plan_request(
     work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent
 ) -> None:
     """A drone that cannot fly its plan may request another one with PLAN_WANTED."""
-    if event.code == PLAN_WANTED:
+    if event.code == PLAN_REQUEST:
         detail = event.detail or "the drone asks for another plan"
-        await request_plan(work, record, Trouble(code=PLAN_WANTED, detail=detail))
+        await request_plan(work, record, Trouble(code=PLAN_REQUEST, detail=detail))
 
 
 async def _handle_mission_end(

@@ -12,9 +12,9 @@ from skyway.runtime.clock import fleet_margin
 from skyway.units import ms_to_moment
 from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.missions.following.plausibility import (
+    Carried,
     HandOver,
     KnownPlace,
-    Load,
     why_impossible,
     why_not_handed_over,
     why_out_of_reach,
@@ -65,7 +65,7 @@ async def why_not_late_hand_over(
     loaded = ledger.loaded or frozenset(() if step is None else step.package_ids)
     return (
         why_too_early(event, sent_at=_sent_at(work, ended))
-        or why_not_handed_over(step, event, ledger.load(loaded))
+        or why_not_handed_over(step, event, ledger.with_masses(loaded))
         or await _why_out_of_reach(work, ended, ledger, event)
     )
 
@@ -106,7 +106,7 @@ class _Ledger:
     def drone_id(self) -> DroneId:
         return self.record.drone_id
 
-    def load(self, package_ids: frozenset[PackageId]) -> Load:
+    def with_masses(self, package_ids: frozenset[PackageId]) -> Carried:
         """These packages with their masses: as planned, or as a loader has measured them."""
         planned = {
             package.package_id: package.mass_kg
@@ -116,7 +116,7 @@ class _Ledger:
         }
         measured = {each.package_id: each.mass_kg for each in self.record.request.packages}
         known = planned | measured
-        return Load({each: known[each] for each in package_ids if each in known})
+        return Carried({each: known[each] for each in package_ids if each in known})
 
     def places(self, *, sent_at: datetime) -> list[tuple[StationId, datetime]]:
         """Where the drone was, and when: at the begin of the mission, and at its hand-overs."""
@@ -162,7 +162,7 @@ async def _why_impossible(
         [each for each in ledger.steps if each.step.step_id < step.step_id],
         sent_at=sent_at,
         model=record.candidate.model,
-        load=ledger.load(ledger.carried),
+        carried=ledger.with_masses(ledger.carried),
     ) or await _why_out_of_reach(work, record, ledger, event)
 
 

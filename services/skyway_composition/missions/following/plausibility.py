@@ -61,7 +61,7 @@ class KnownPlace:
 
 
 @dataclass(frozen=True, slots=True)
-class Load:
+class Carried:
     """What a drone has on board by the ledger, with the masses in kilograms."""
 
     masses_kg: Mapping[PackageId, float]
@@ -90,7 +90,7 @@ def why_impossible(
     *,
     sent_at: datetime,
     model: DroneModel,
-    load: Load,
+    carried: Carried,
 ) -> str | None:
     """Why this end of a hand-over cannot be true; None if it can.
 
@@ -101,11 +101,13 @@ def why_impossible(
         _out_of_order(earlier)
         or _elsewhere(step, event)
         or _too_fast(event, earlier, sent_at, model)
-        or _without_evidence(step, event, load)
+        or _without_evidence(step, event, carried)
     )
 
 
-def why_not_handed_over(step: DeliverStep | None, event: DroneEvent, load: Load) -> str | None:
+def why_not_handed_over(
+    step: DeliverStep | None, event: DroneEvent, carried: Carried
+) -> str | None:
     """Why this hand-over of a mission that is over cannot be true; None if it can.
 
     The order of its steps is not known: their ends were not recorded after the mission was over.
@@ -115,7 +117,7 @@ def why_not_handed_over(step: DeliverStep | None, event: DroneEvent, load: Load)
     others = set(event.package_ids) - set(step.package_ids)
     if others:
         return f"the step does not deliver {', '.join(sorted(others))}"
-    return _elsewhere(step, event) or _without_evidence(step, event, load)
+    return _elsewhere(step, event) or _without_evidence(step, event, carried)
 
 
 def why_out_of_reach(
@@ -123,7 +125,8 @@ def why_out_of_reach(
 ) -> str | None:
     """Why the drone cannot be at its step's station yet; None if it can.
 
-    Whatever its steps say, no drone is faster than the straight line from each place where it was.
+    No drone is faster than the straight line from each place where it was, though its steps say
+    so.
     """
     if here is None:
         return None
@@ -180,11 +183,11 @@ def _was_flown(event: DroneEvent | None, *, since: datetime) -> bool:
     return event is not None and event.code != "CUT" and event.ended_at > since
 
 
-def _without_evidence(step: HandOver, event: DroneEvent, load: Load) -> str | None:
+def _without_evidence(step: HandOver, event: DroneEvent, carried: Carried) -> str | None:
     """Whether packages left the drone that it has not, or without their mass leaving it."""
     if isinstance(step, PickUpStep):
         return None
-    handed_kg = load.of(step.package_ids)
+    handed_kg = carried.of(step.package_ids)
     if handed_kg is None:
         return f"it has none of {', '.join(step.package_ids)} on board"
     before_kg, after_kg = _mass_kg(event, "load_before_kg"), _mass_kg(event, "load_after_kg")

@@ -1,7 +1,7 @@
 """Handles a message of the quarantine again, as if it had just arrived."""
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -19,8 +19,6 @@ from skyway_composition.missions.following.plausibility import is_ahead, is_behi
 from skyway_composition.quarantine import store
 from skyway_composition.quarantine.quarantined import QuarantineReason
 from skyway_composition.quarantine.store import KeptPayload
-
-_STILL_NOT_TAKEN: Final = "STILL_NOT_TAKEN"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +89,7 @@ class _Refusing:
 
     def add(self, _received: Received[Any], reason: QuarantineReason, detail: str) -> None:
         """Refuse the message, so that nothing of its handling is written."""
-        raise _StillNotTaken(_STILL_NOT_TAKEN, f"{reason}: {detail}")
+        raise _StillNotTaken("STILL_NOT_TAKEN", f"{reason}: {detail}")
 
     def suspect(self, ids: tuple[str, ...]) -> None:
         """Note nothing: the drone has not sent the message now."""
@@ -114,4 +112,4 @@ def _topic_of(name: str) -> tuple[Topic[Any], tuple[str, ...]]:
 
 
 def _refusal(detail: str) -> Conflict:
-    return Conflict(_STILL_NOT_TAKEN, detail)
+    return Conflict("STILL_NOT_TAKEN", detail)

@@ -139,7 +139,7 @@ async def test_a_late_hand_over_that_is_too_fast_changes_no_custody(
 async def test_packages_that_were_left_at_a_station_may_be_delivered_late(
     composition: Any, drone: Any
 ) -> None:
-    """The drone was last seen at the pickup, and flew on while nobody heard it."""
+    """The drone was last seen at the pickup, and flew on out of contact."""
     instruction = await back_after_hours(composition, drone)
     async with composition.db.write() as tx:
         await tx.execute(

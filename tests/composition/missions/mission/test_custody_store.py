@@ -24,7 +24,7 @@ def test_a_drone_loads_nothing_from_a_drone_or_a_recipient(has_it: Custodian) ->
     assert not may_load(Held(P1, 2, has_it))
 
 
-def test_what_one_drone_carries_is_told_from_what_others_carry() -> None:
+def test_what_one_drone_carries_differs_from_what_others_carry() -> None:
     held = {P1: Held(P1, 2, DRONE), P2: Held(P2, 2, Custodian("DRONE", "drn_2"))}
 
     assert carried_by(held, DroneId("drn_1")) == frozenset({P1})
