@@ -20,6 +20,7 @@ from benchmarks.chaos.webhooks import WebhookServer
 from benchmarks.hostile.judgement import flaws_of
 from benchmarks.hostile.probes import Seconds, deliveries_between, middle, probing
 from benchmarks.hostile.rogues import Answers, attacking, register_rogues
+from benchmarks.hostile.stories import stories_played
 from benchmarks.hostile.trial import Trial
 from benchmarks.load.city import DueRequest
 from benchmarks.load.storage_pair import storage_pair
@@ -112,6 +113,7 @@ async def _played(trial: Trial, cast: Cast) -> Outcome:
         attacked = await _phase(trial, cast, seed=trial.seed + 1)
     after = _memory_mib(cast.running.processes)
     await settled(cast)
+    lies = await stories_played(cast)
     growth_mib = {name: after[name] - before[name] for name in before}
     flaws = [
         *flaws_of(
@@ -126,6 +128,7 @@ async def _played(trial: Trial, cast: Cast) -> Outcome:
             for each in flaws_in(await evidence_of(cast))
             if each.delivery_id not in answers.deliveries
         ),
+        *lies,
         *answer_flaws(cast.customers.requests),
         *await asyncio.to_thread(verify_flaws, cast.running.system.folder),
     ]
