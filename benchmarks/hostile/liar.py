@@ -74,14 +74,7 @@ class Liar:
         }
         await self._say(EVENTS, body | members)
 
-    async def end(
-        self,
-        mission: MissionInstruction,
-        step: FlightStep,
-        *,
-        event: str = "STEP_ENDED",
-        **members: Any,
-    ) -> None:
+    async def end(self, mission: MissionInstruction, step: FlightStep, **members: Any) -> None:
         """Say that a step has ended, soon and where it leads."""
         body = {
             "mission_id": mission.mission_id,
@@ -90,7 +83,7 @@ class Liar:
             "step_kind": step.kind,
             "station_id": step.to_id if isinstance(step, FlyStep) else step.station_id,
         }
-        await self.report(event, **(body | members))
+        await self.report("STEP_ENDED", **(body | members))
 
     async def stand(self, position: Position, *, soc: float = 0.9) -> None:
         """Say that it stands idle at a place."""

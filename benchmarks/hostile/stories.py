@@ -31,11 +31,11 @@ async def cut_flights(liar: Liar, mission: MissionInstruction) -> None:
 
 
 async def never_loaded(liar: Liar, mission: MissionInstruction) -> None:
-    """It says that loading has failed, and delivers all the same."""
+    """It loads something else, and delivers all the same."""
     await liar.answer(mission, "ACCEPTED")
     for step in _up_to_delivery(mission):
-        event = "STEP_FAILED" if isinstance(step, PickUpStep) else "STEP_ENDED"
-        await liar.end(mission, step, event=event, data=_load(mission))
+        taken = ("another",) if isinstance(step, PickUpStep) else ()
+        await liar.end(mission, step, package_ids=taken, data=_load(mission))
 
 
 async def proof_that_is_no_number(liar: Liar, mission: MissionInstruction) -> None:
