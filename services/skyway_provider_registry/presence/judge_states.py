@@ -7,8 +7,9 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from skyway.contracts.drone_alarm import DroneAlarm
 from skyway.contracts.drone_report import DroneState, Telemetry
+from skyway.contracts.drones import DroneAlarm
+from skyway.contracts.topics import Topic
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, DroneModelId, ProviderId, StationId
@@ -112,3 +113,23 @@ def _alarm(
         at=now,
         data={"position": [*message.position], "soc": message.soc},
     )
+
+
+class NoQuarantine:
+    """The `Reception` of the registry; the inbox and the check count what is dropped."""
+
+    def is_shut_out(self, ids: tuple[str, ...]) -> bool:
+        """Never."""
+        del ids
+        return False
+
+    def unreadable(
+        self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, error: ValidationError
+    ) -> None:
+        """Drop it."""
+
+    def forged(self, arrival: Arrival) -> None:
+        """Drop it."""
+
+    def postponed(self, ids: tuple[str, ...]) -> None:
+        """Do nothing: the registry concludes nothing from silence within seconds."""

@@ -21,7 +21,7 @@ from skyway.runtime.signing.key_book import KeyBook
 log = logging.getLogger(__name__)
 
 #: The most messages that wait for a key, their bytes, and the most messages of one drone: what
-#: brokers have retained of a large fleet comes at once, and a drone has few of them.
+#: brokers have retained of a large fleet comes together, and a drone has few of them.
 _MOST_HELD: Final = 50_000
 _MOST_HELD_BYTES: Final = 128 << 20
 _MOST_HELD_OF_DRONE: Final = 20
@@ -91,7 +91,7 @@ class SignatureCheck:
             self._held_of[drone_id] += 1
             self._held_bytes += len(arrival.payload)
             self._wake.set()
-        elif verdict == "FORGED":
+        elif result == "FORGED":
             self._reject(arrival)
         else:
             count("skyway_unproven_messages", "drone messages dropped: their keys are not known")

@@ -10,7 +10,7 @@ from skyway_provider_registry.presence.announce_alarms import AlarmAnnouncer
 from skyway_provider_registry.presence.follow import Recorder
 from skyway_provider_registry.verify import RULES
 
-from skyway.contracts.drone_alarm import DRONE_ALARMS
+from skyway.contracts.drones import DRONE_ALARMS
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
 from skyway.geo import Position
 from skyway.runtime.clock import ManualClock
