@@ -42,9 +42,10 @@ def log_out(browser: Browser) -> None:
 
 
 def _free_context(browser: Browser) -> BrowserContext:
-    """A context without pages: one of an earlier story, if there is one."""
+    """A context without pages and logins: one of an earlier story, if there is one."""
     for context in browser.contexts:
         if not context.pages:
+            context.clear_cookies()
             return context
     opened = browser.new_context(
         # Maps are drawn by the processor, with half the pixels in each direction.

@@ -329,8 +329,8 @@ def test_a_delivery_is_found_and_followed_to_its_proof(console: ConsolePage, sys
     key = system.keys["SKYWAY_CUSTOMER_KEY"]
     delivery_id = system.call("POST", "/v1/deliveries", key=key, body=body).json()["delivery_id"]
     page = console.show("deliveries").page
-    page.get_by_label("Reference").fill(MARKUP)
-    page.get_by_label("Reference").press("Enter")
+    page.get_by_label("Whole reference").fill(MARKUP)
+    page.get_by_label("Whole reference").press("Enter")
     row = page.get_by_role("row", name=re.compile(delivery_id[-6:]))
     expect(row).to_contain_text(MARKUP)
     row.get_by_role("link").click()
