@@ -35,6 +35,7 @@ from skyway_composition.live.routes import live_routes
 from skyway_composition.missions.booking.routes import booking_routes
 from skyway_composition.missions.following.quarantine_routes import quarantine_routes
 from skyway_composition.missions.following.replay import Replays
+from skyway_composition.missions.forget_routes import Forgetting, forget_routes
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Commands
@@ -100,6 +101,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 reading=parts.reading,
             ),
             quote_routes(gate=gate, quotes=parts.quotes, no_shows=parts.no_shows),
+            forget_routes(gate=gate, forgetting=Forgetting(db, clock)),
             intervention_routes(
                 gate=gate,
                 loadings=Loadings(*intervention_parts),

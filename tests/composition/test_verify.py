@@ -41,7 +41,7 @@ BREAKS = {
         "UPDATE missions SET state = 'ACCEPTED'"
     ],
     "a closed delivery has no mission that is not over": ["UPDATE deliveries SET closed_ms = 1"],
-    "I7 instructions of a stream have no gaps": ["UPDATE instructions SET seq = 3"],
+    "I7 an unanswered instruction follows the one before it": ["UPDATE instructions SET seq = 3"],
     "I6 a chain of custody has no gaps": ["UPDATE custody SET seq = 2"],
     "I6 a package is delivered once": [
         "DROP INDEX custody_delivered",

@@ -181,9 +181,9 @@ _NETWORKS: Final = (
 
 _LINKS: Final = (
     Corruption(
-        "a gap in a stream of instructions",
-        "I7 instructions of a stream have no gaps",
-        composition="UPDATE instructions SET seq = seq + 20 WHERE mission_id = :flying_mission",
+        "a gap before an unanswered instruction",
+        "I7 an unanswered instruction follows the one before it",
+        composition="UPDATE instructions SET seq = seq + 20 WHERE status IN ('SENT', 'RECEIVED')",
     ),
     Corruption(
         "an unanswered instruction that no outbox repeats",

@@ -124,7 +124,10 @@ async def was_sent(tx: Tx, drone_id: DroneId, instruction_id: InstructionId) -> 
 
 
 async def is_answered(tx: Tx, link: DroneLink, *, seq: int) -> bool:
-    """Whether the drone has accepted or rejected this instruction of the current stream."""
+    """Whether the drone has accepted or rejected this instruction of the current stream.
+
+    Answered instructions of deliveries that ended long ago are deleted, but never the last one.
+    """
     found = await tx.execute(
         select(instructions.c.status).where(
             instructions.c.drone_id == link.drone_id,
@@ -133,7 +136,7 @@ async def is_answered(tx: Tx, link: DroneLink, *, seq: int) -> bool:
         )
     )
     status = found.scalar_one_or_none()
-    return status is not None and status not in _OPEN
+    return 0 < seq < link.last_seq if status is None else status not in _OPEN
 
 
 async def open_instructions(tx: Tx, drone_id: DroneId) -> list[SentInstruction]:

@@ -181,6 +181,8 @@ custody = Table(
     Column("mission_id", Text, ForeignKey("missions.mission_id"), nullable=False),
     Column("at_ms", BigInteger, nullable=False),
     CheckConstraint("custodian_kind IN ('STATION', 'DRONE', 'RECIPIENT')", name="custodian_kind"),
+    # A mission that is deleted must have no custody any more.
+    Index("custody_by_mission", "mission_id"),
     # I6: delivered once.
     Index(
         "custody_delivered",
