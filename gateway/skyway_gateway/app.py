@@ -3,7 +3,6 @@
 import secrets
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
-from datetime import timedelta
 from pathlib import Path
 from typing import Final
 
@@ -20,7 +19,6 @@ from skyway.runtime.http.app import (
 )
 from skyway.runtime.http.identity import read_secret
 from skyway.runtime.http.metrics_routes import metrics_routes, readiness_gauges
-from skyway.runtime.idempotency_store import sweep
 from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.metrics import GaugeSource
 from skyway.runtime.minting import mint
@@ -30,7 +28,6 @@ from skyway.runtime.outbox.stream_sender import unhurried_pace
 from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
-from skyway_gateway.access import session_link_store, session_store
 from skyway_gateway.access.audit_trail import AuditTrail
 from skyway_gateway.access.limit_routes import limit_routes
 from skyway_gateway.access.routes import audit_routes, key_routes
@@ -63,9 +60,9 @@ from skyway_gateway.notifications.routes import (
 from skyway_gateway.notifications.seal_secrets import seal_secrets
 from skyway_gateway.notifications.secret_routes import secret_routes
 from skyway_gateway.parts import SERVICE, Parts
-from skyway_gateway.quotes import store as quote_store
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.quotes.store import read_networks
+from skyway_gateway.retention.start_pruning import start_pruning
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tracking.link_routes import link_routes
 from skyway_gateway.tracking.page_routes import page_routes
@@ -76,13 +73,10 @@ PACKAGE: Final = "skyway_gateway"
 _ACCOUNTS_EVERY_S: Final = 10.0
 _KEYS_EVERY_S: Final = 0.5
 _REFUSED_EVERY_S: Final = 10.0
-_SWEEP_EVERY_S: Final = 600.0
+_SEAL_EVERY_S: Final = 600.0
 _OVERDUE_EVERY_S: Final = 1.0
 _SCHEDULED_EVERY_S: Final = 0.5
 _WAKES_EVERY_S: Final = 0.5
-
-#: How long a quote can be read after it has expired.
-_QUOTES_KEPT: Final = timedelta(hours=24)
 
 
 def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
@@ -225,6 +219,7 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             loops.start("live figures", figures.run())
             loops.start("clock", repeat("clock", repeat_clock, every_s=CLOCK_EVERY_S))
             _start_sweeping(loops, parts)
+            start_pruning(loops, parts, settings)
             yield
 
     async def repeat_clock() -> bool:
@@ -264,15 +259,6 @@ async def take_over(parts: Parts) -> None:
 
 
 def _start_sweeping(loops: Loops, parts: Parts) -> None:
-    async def delete_old_answers() -> bool:
-        await sweep(parts.db, parts.clock)
-        expired_before = parts.clock.wall_now() - _QUOTES_KEPT
-        async with parts.db.write() as tx:
-            await quote_store.delete_expired(tx, before=expired_before)
-            await session_store.delete_expired(tx, before=parts.clock.wall_now())
-            await session_link_store.delete_expired(tx, before=parts.clock.wall_now())
-        return False
-
     async def seal_old_secrets() -> bool:
         await seal_secrets(parts.db, parts.vault, at=parts.clock.wall_now())
         return False
@@ -293,5 +279,4 @@ def _start_sweeping(loops: Loops, parts: Parts) -> None:
     loops.start("wakes", wakes)
     due = repeat("scheduled", parts.schedule_opener.step, every_s=_SCHEDULED_EVERY_S)
     loops.start("scheduled", due)
-    loops.start("sweep", repeat("sweep", delete_old_answers, every_s=_SWEEP_EVERY_S))
-    loops.start("secrets", repeat("secrets", seal_old_secrets, every_s=_SWEEP_EVERY_S))
+    loops.start("secrets", repeat("secrets", seal_old_secrets, every_s=_SEAL_EVERY_S))

@@ -8,6 +8,11 @@ from pydantic import Field
 from skyway.contracts.broker_rules import AccountRole
 from skyway.contracts.candidate import CandidateQuery, PayloadLimit, PayloadLimitQuery
 from skyway.contracts.drones import DroneKeyAnswer, DroneKeyQuery, DroneQuota
+from skyway.contracts.forgotten_deliveries import (
+    FORGOTTEN_PATH,
+    ForgetDeliveries,
+    KeptDeliveries,
+)
 from skyway.contracts.mission import (
     Booking,
     BookMissions,
@@ -77,6 +82,10 @@ class Composition(Protocol):
 
     async def track(self, delivery_id: DeliveryId) -> Track:
         """Where the delivery's drones have been, are and will be."""
+        ...
+
+    async def forget(self, asked: ForgetDeliveries) -> KeptDeliveries:
+        """Delete deliveries that ended long ago, except those that are still needed."""
         ...
 
 
@@ -192,3 +201,7 @@ class RestComposition:
         """Where the delivery's drones have been, are and will be."""
         path = f"/internal/deliveries/{delivery_id}/track"
         return await self._client.call("GET", path, answer=Track)
+
+    async def forget(self, asked: ForgetDeliveries) -> KeptDeliveries:
+        """Delete deliveries that ended long ago, except those that are still needed."""
+        return await self._client.call("POST", FORGOTTEN_PATH, body=asked, answer=KeptDeliveries)

@@ -33,6 +33,9 @@ IS_LIVE: Final = (
     "state IN ('SCHEDULED', 'REQUESTED', 'PLANNED', 'DISPATCHED', 'LOADING', 'IN_PROGRESS')"
 )
 
+#: Deliveries that are over.
+IS_OVER: Final = "state IN ('COMPLETED', 'PARTIALLY_COMPLETED', 'CANCELLED', 'FAILED', 'REJECTED')"
+
 #: Rows with `is_queued` are the queue of `deliveries.booking`.
 deliveries = Table(
     "deliveries",
@@ -66,6 +69,7 @@ deliveries = Table(
     # Whether packages wait for a mission, in any state: booking looks for these rows.
     Column("is_queued", Boolean, nullable=False, server_default=true()),
     Column("cancel_reason", Text),  # set when the whole delivery is being cancelled
+    # When booking looks at it next; once it is over, when `retention` may look at it again.
     Column("next_try_wall_ms", BigInteger, nullable=False),
     Column("network_id", Text),  # of the pickup; null when the gateway did not know it
     # The order of requests that wait: PRIORITY (0) before STANDARD (1), then by `created_ms`.
@@ -77,6 +81,8 @@ deliveries = Table(
     # Counts the writes of the delivery and its parts; a write names the version that it starts
     # from. Changes of the queue columns do not count.
     Column("version", Integer, nullable=False, server_default="0"),
+    # Whether it is being deleted: composition may have deleted it already.
+    Column("is_leaving", Boolean, nullable=False, server_default=false()),
     *claim_columns(),
     CheckConstraint(
         "state IN ('SCHEDULED', 'REQUESTED', 'PLANNED', 'DISPATCHED', 'LOADING', 'IN_PROGRESS', "
@@ -103,6 +109,13 @@ deliveries = Table(
         "state",
         sqlite_where=text(IS_LIVE),
         postgresql_where=text(IS_LIVE),
+    ),
+    # For those that are deleted after some days.
+    Index(
+        "deliveries_over",
+        "updated_ms",
+        sqlite_where=text(IS_OVER),
+        postgresql_where=text(IS_OVER),
     ),
     # Few deliveries are SCHEDULED: the others cost this index nothing.
     Index(

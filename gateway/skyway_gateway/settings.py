@@ -54,6 +54,28 @@ class GatewaySettings(ServiceSettings):
         "waits as SCHEDULED and holds nothing.",
     )
 
+    delivery_days: float | None = Field(
+        default=None,
+        ge=2.0,
+        le=36_500.0,
+        description="Days of fleet time for which a delivery is kept after its end, and at least "
+        "25 hours of wall time. Without it deliveries are kept for ever.",
+    )
+    audit_days: float | None = Field(
+        default=None,
+        ge=1.0,
+        le=36_500.0,
+        description="Days of wall time for which entries of the audit log are kept. Without it for "
+        "ever.",
+    )
+    webhook_attempt_days: float | None = Field(
+        default=None,
+        ge=1.0,
+        le=36_500.0,
+        description="Days of wall time for which attempts to notify webhooks are kept. Without it "
+        "for ever.",
+    )
+
     hold_s: float = Field(
         default=120.0,
         ge=1.0,

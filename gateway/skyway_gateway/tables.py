@@ -74,7 +74,7 @@ api_keys = Table(
 )
 
 #: The calls of operators and providers: one row for each answered call; and some calls with refused
-#: keys. Rows are only added.
+#: keys. Rows are added at the end, and only the oldest are deleted.
 audit = Table(
     "audit",
     metadata,
@@ -100,13 +100,16 @@ audit = Table(
     Index("audit_by_subject", "role", "subject_id", "entry_id"),
 )
 
-#: One row: how many entries the audit log has, and the hash of the last one.
+#: One row: how many entries were ever added to the audit log, and the hash of the last one. Of the
+#: entries that were deleted because of their age: how many, and the hash of the last one.
 audit_head = Table(
     "audit_head",
     metadata,
     Column("only", SmallInteger, primary_key=True, autoincrement=False),
     Column("entries", BigInteger, nullable=False),
     Column("hash", Text, nullable=False),
+    Column("pruned_entries", BigInteger, nullable=False, server_default="0"),
+    Column("pruned_hash", Text, nullable=False, server_default=text("''")),
 )
 
 #: Offers to customers, which reserve nothing unless they are held.
@@ -197,6 +200,8 @@ notifications = Table(
         sqlite_where=text("state = 'PENDING'"),
         postgresql_where=text("state = 'PENDING'"),
     ),
+    # An event that is deleted must have no notification any more.
+    Index("notifications_by_event", "event_id"),
 )
 
 #: Each attempt to notify a webhook; `event_id` is its webhook-id.
@@ -251,4 +256,12 @@ tracking_links = Table(
     Column("number", Integer, nullable=False),
     Column("is_withdrawn", Boolean, nullable=False),
     CheckConstraint("number >= 1", name="tracking_link_number"),
+)
+
+#: Up to which age the rows of a table were deleted. A table without a row here still has all.
+pruned = Table(
+    "pruned",
+    metadata,
+    Column("table_name", Text, primary_key=True),
+    Column("before_wall_ms", BigInteger, nullable=False),
 )

@@ -63,6 +63,9 @@ class DeliveryFacts(WireModel):
     delivery_id: DeliveryId
     is_over: Annotated[bool, Field(description="Whether nothing will be booked any more.")]
     is_queued: Annotated[bool, Field(description="Whether a booking may be under way.")] = False
+    is_leaving: Annotated[
+        bool, Field(description="Whether it is being deleted, at composition first.")
+    ] = False
     waiting_messages: Annotated[
         int, Field(description="How many messages about it are on their way to composition.")
     ] = 0

@@ -122,6 +122,16 @@ _THIS: Final = _KEYS.c.key_hash == bindparam("this")
 _FIND: Final = select(_KEYS.c.body_hash, _KEYS.c.answer).where(
     _THIS, _KEYS.c.created_at_ms > _EXPIRED_MS
 )
+#: The answers that one transaction deletes at most: other writers do not wait for long.
+_DELETED_TOGETHER: Final = 1000
+
+_DELETE_SOME_EXPIRED: Final = _KEYS.delete().where(
+    _KEYS.c.key_hash.in_(
+        select(_KEYS.c.key_hash)
+        .where(_KEYS.c.created_at_ms <= _EXPIRED_MS)
+        .limit(_DELETED_TOGETHER)
+    )
+)
 _DELETE_EXPIRED: Final = _KEYS.delete().where(_THIS, _KEYS.c.created_at_ms <= _EXPIRED_MS)
 
 
@@ -174,11 +184,15 @@ class StoredAnswer:
 
 
 async def sweep(db: Database, clock: FleetClock) -> int:
-    """Delete answers that are older than a day; returns their number."""
-    oldest_ms = moment_to_ms(clock.wall_now()) - KEPT_MS
-    async with db.write() as tx:
-        deleted = await tx.execute(_KEYS.delete().where(_KEYS.c.created_at_ms <= oldest_ms))
-        return deleted.rowcount
+    """Delete answers that are older than a day, some in each transaction; how many there were."""
+    old = {"expired_ms": moment_to_ms(clock.wall_now()) - KEPT_MS}
+    count = 0
+    while True:
+        async with db.write() as tx:
+            deleted = (await tx.execute(_DELETE_SOME_EXPIRED, old)).rowcount
+        count += deleted
+        if deleted < _DELETED_TOGETHER:
+            return count
 
 
 __all__ = ["Act", "Answer", "answered_before", "once"]

@@ -7,6 +7,7 @@ from skyway.contracts.candidate import (
     Candidate,
     ProviderReason,
 )
+from skyway.contracts.forgotten_deliveries import ForgetDeliveries, KeptDeliveries
 from skyway.contracts.mission import (
     Booking,
     BookMissions,
@@ -140,6 +141,9 @@ class FakeComposition:
     delivered: set[str] = field(default_factory=set)
     cancellations: list[CancelMissions] = field(default_factory=list)
     tracks: dict[str, Track] = field(default_factory=dict)
+    #: Deliveries that were deleted, and those that are still needed.
+    forgotten: list[str] = field(default_factory=list)
+    needed: set[str] = field(default_factory=set)
     #: How many bookings were new: at most one for each attempt.
     booking_count: int = 0
 
@@ -257,6 +261,11 @@ class FakeComposition:
     async def track(self, delivery_id: str) -> Track:
         self._answer()
         return self.tracks.get(delivery_id, Track(missions=()))
+
+    async def forget(self, asked: ForgetDeliveries) -> KeptDeliveries:
+        self._answer()
+        self.forgotten += [each for each in asked.delivery_ids if each not in self.needed]
+        return KeptDeliveries(kept=tuple(sorted(self.needed.intersection(asked.delivery_ids))))
 
     def _all(self, delivery_id: str) -> list[Mission]:
         return [

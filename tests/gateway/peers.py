@@ -15,6 +15,7 @@ from skyway.contracts.candidate import (
     ProviderReason,
 )
 from skyway.contracts.drones import DroneKeyAnswer, DroneKeyQuery, DroneQuota
+from skyway.contracts.forgotten_deliveries import FORGOTTEN_PATH, ForgetDeliveries
 from skyway.contracts.mission import (
     BookMissions,
     CancelMissions,
@@ -212,6 +213,10 @@ class Peers:
                 lambda request, delivery_id: composition.cancel(
                     delivery_id, CancelMissions.read(request.content)
                 ),
+            ),
+            (
+                f"composition POST {FORGOTTEN_PATH}()",
+                lambda request, _: composition.forget(ForgetDeliveries.read(request.content)),
             ),
             (
                 f"composition GET {delivery}/track",

@@ -32,6 +32,9 @@ from skyway_gateway.tables import known_networks, quotes
 #: How long an offer can be accepted, seconds of wall time (docs/reference/time.md).
 OFFER_LIFE_S: Final = 120.0
 
+#: The quotes that one transaction deletes at most.
+_DELETED_TOGETHER: Final = 1000
+
 
 class Offer(OfferTerms):
     """What one provider offers; its price and time hold if it is accepted before `expires_at`.
@@ -159,10 +162,12 @@ async def mark_accepted(
     return (await tx.execute(update(quotes).where(this).values(accepted))).rowcount == 1
 
 
-async def delete_expired(tx: Tx, *, before: datetime) -> None:
-    """Delete the quotes that expired before a moment of wall time."""
+async def delete_expired(tx: Tx, *, before: datetime) -> bool:
+    """Delete some quotes that expired before a moment of wall time; whether there may be more."""
     is_old = quotes.c.expires_wall_ms < moment_to_ms(before)
-    await tx.execute(delete(quotes).where(is_old))
+    some = select(quotes.c.quote_id).where(is_old).limit(_DELETED_TOGETHER)
+    deleted = await tx.execute(delete(quotes).where(quotes.c.quote_id.in_(some)))
+    return deleted.rowcount == _DELETED_TOGETHER
 
 
 def _quote(row: AnyRow) -> Quote:

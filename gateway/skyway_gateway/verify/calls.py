@@ -18,14 +18,15 @@ _SWEPT_WITHIN_MS: Final = 600_000
 async def _changed_entries(survey: Survey) -> list[str]:
     """The entries of the audit log that do not follow the entry before them."""
     found: list[str] = []
-    number, chained = 0, ""
+    heads = await survey.rows(select(audit_head))
+    # The oldest entries may have been deleted because of their age.
+    number, chained = (heads[0].pruned_entries, heads[0].pruned_hash) if heads else (0, "")
     async for row in survey.each(select(audit).order_by(audit.c.number)):
         if row.number != number + 1:
             found.append(f"entries {number + 1} to {row.number - 1}")
         elif row.hash != entry_hash(chained, row._asdict()):
             found.append(f"entry {row.number} {row.entry_id}")
         number, chained = row.number, row.hash
-    heads = await survey.rows(select(audit_head.c.entries, audit_head.c.hash))
     if [(number, chained)] != [(head.entries, head.hash) for head in heads]:
         found.append(f"entries after {number}")
     return found

@@ -13,7 +13,7 @@ from skyway.runtime.verification.rule import Rule, Survey
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.notifications.event_store import hash_after
 from skyway_gateway.notifications.webhook import LONGEST_PAUSE_S, MOST_ATTEMPTS
-from skyway_gateway.tables import events, notifications, webhook_attempts, webhooks
+from skyway_gateway.tables import events, notifications, pruned, webhook_attempts, webhooks
 
 _is_own = events.c.delivery_id == deliveries.c.delivery_id
 
@@ -26,6 +26,18 @@ _is_its_attempt = and_(
     webhook_attempts.c.event_id == notifications.c.event_id,
     webhook_attempts.c.number == notifications.c.attempts,
 )
+
+#: The clocks of two machines may differ by this, wall ms.
+_CLOCKS_DIFFER_MS: Final = 600_000
+
+#: The attempts for events from before this wall time may have been deleted because of their age.
+_attempts_since_ms = func.coalesce(
+    select(pruned.c.before_wall_ms + _CLOCKS_DIFFER_MS)
+    .where(pruned.c.table_name == webhook_attempts.name)
+    .scalar_subquery(),
+    0,
+)
+_has_kept_attempts = exists().where(_is_of_event, events.c.recorded_wall_ms >= _attempts_since_ms)
 
 _RESTORE: Final = (
     "Events are what the customer was notified of. Restore the rows of `events` from a backup; the "
@@ -137,10 +149,12 @@ NOTIFICATIONS: Final = (
             or_(
                 and_(
                     notifications.c.state == "DELIVERED",
+                    _has_kept_attempts,
                     ~exists().where(_is_its_attempt, webhook_attempts.c.outcome == "DELIVERED"),
                 ),
                 and_(
                     notifications.c.attempts > 0,
+                    _has_kept_attempts,
                     ~exists().where(_is_its_attempt),
                 ),
                 ~notifications.c.attempts.between(0, MOST_ATTEMPTS),

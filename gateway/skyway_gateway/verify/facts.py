@@ -30,12 +30,14 @@ async def _deliveries(survey: Survey) -> AsyncIterator[AnyFacts]:
         deliveries.c.state,
         deliveries.c.is_queued,
         deliveries.c.cancel_reason,
+        deliveries.c.is_leaving,
     )
     async for row in survey.each(select(*columns)):
         is_over = row.state in TERMINAL_STATES
         yield DeliveryFacts(
             delivery_id=row.delivery_id,
             is_over=is_over,
+            is_leaving=row.is_leaving,
             is_queued=row.is_queued or (row.cancel_reason is not None and not is_over),
             waiting_messages=waiting[row.delivery_id],
             missions=tuple(flown.get(row.delivery_id, ())),

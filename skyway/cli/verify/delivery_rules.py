@@ -27,6 +27,11 @@ def _packages(delivery: DeliveryFacts | None) -> dict[str, PackageFacts]:
     return {} if delivery is None else {each.package_id: each for each in delivery.packages}
 
 
+def _is_leaving(gateway: DeliveryFacts, composition: DeliveryFacts | None) -> bool:
+    """Whether composition has deleted a delivery because of its age, and the gateway will."""
+    return gateway.is_leaving and composition is None
+
+
 def _unknown_delivery(
     composition: DeliveryFacts | None, gateway: DeliveryFacts | None
 ) -> Iterator[str]:
@@ -37,7 +42,7 @@ def _unknown_delivery(
 def _unknown_missions(
     gateway: DeliveryFacts | None, composition: DeliveryFacts | None
 ) -> Iterator[str]:
-    if gateway is not None:
+    if gateway is not None and not _is_leaving(gateway, composition):
         planned = () if composition is None else composition.missions
         known = {each.mission_id for each in planned}
         yield from (each.mission_id for each in gateway.missions if each.mission_id not in known)
@@ -96,10 +101,12 @@ def _fixed(mission: MissionFacts) -> tuple[object, ...]:
 
 def _undelivered(gateway: DeliveryFacts | None, composition: DeliveryFacts | None) -> Iterator[str]:
     """Packages that the gateway counts as delivered, and composition not, or otherwise."""
+    if gateway is None or _is_leaving(gateway, composition):
+        return
     known = _packages(composition)
     for package_id, package in _packages(gateway).items():
         recipient = package.recipient
-        if recipient is None or gateway is None:
+        if recipient is None:
             continue
         theirs = known[package_id].recipient if package_id in known else None
         if theirs != recipient:
@@ -131,10 +138,12 @@ def _other_drones(
     gateway: DeliveryFacts | None, composition: DeliveryFacts | None
 ) -> Iterator[str]:
     """Packages that another drone had by the gateway than by composition."""
+    if gateway is None or _is_leaving(gateway, composition):
+        return
     known = _packages(composition)
     for package_id, package in _packages(gateway).items():
         theirs = known[package_id].drones if package_id in known else frozenset()
-        if gateway is not None and not package.drones <= theirs:
+        if not package.drones <= theirs:
             yield f"{gateway.delivery_id}/{package_id}"
 
 

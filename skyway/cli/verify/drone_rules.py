@@ -43,7 +43,10 @@ def _busy_for_ever(composition: HintFacts | None, registry: HintFacts | None) ->
 
 
 def _invented_hints(registry: HintFacts | None, composition: HintFacts | None) -> Iterator[str]:
-    if registry is not None and (composition is None or composition.drone_id != registry.drone_id):
+    """Missions that composition never had; it deletes those that ended long ago."""
+    if registry is None:
+        return
+    if registry.is_live if composition is None else composition.drone_id != registry.drone_id:
         yield registry.mission_id
 
 

@@ -153,9 +153,11 @@ def broken_across(rules: Sequence[AnyCrossRule], look: Looks, later: Looks) -> l
 
 
 def still_broken(rules: Sequence[AnyCrossRule], look: Looks, later: Looks) -> list[BrokenRule]:
-    """What may break the rules by the first look, and does so by both looks.
+    """What may break the rules by each look alone, and does so by both looks.
 
-    What changed only between the looks is no fault: each service was read at another moment.
+    What changed only between the looks is no fault: each service was read at another moment. Nor is
+    what a service has deleted since because of its age.
     """
     suspected = frozenset(broken_across(rules, look, look))
+    suspected &= frozenset(broken_across(rules, later, later))
     return [each for each in broken_across(rules, look, later) if each in suspected]

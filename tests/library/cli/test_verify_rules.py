@@ -1,15 +1,23 @@
-"""The rules about drones across services, on facts made by hand: changes in progress break none."""
+"""The rules across services, on facts made by hand: changes in progress break none."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
+from skyway.cli.verify.delivery_rules import DELIVERY_RULES
 from skyway.cli.verify.drone_rules import DRONE_RULES
 from skyway.cli.verify.looks import ServiceLook, still_broken
 from skyway.contracts.mission import LIVE_MISSION_STATES, MissionState
-from skyway.contracts.service_facts import HintFacts
-from skyway.ids import DroneId, MissionId
+from skyway.contracts.service_facts import (
+    CustodyLink,
+    DeliveryFacts,
+    HintFacts,
+    MissionFacts,
+    PackageFacts,
+)
+from skyway.delivery.offer import Price
+from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, ProviderId
 
 BUSY = "the registry knows that a drone on a live mission is busy"
 OVER = "the registry knows that a mission is over"
@@ -101,3 +109,79 @@ def test_a_mission_that_is_deleted_between_the_looks_breaks_no_rule(tmp_path: Pa
     found = still_broken(rules, first, later)
 
     assert [(each.rule, each.subject) for each in found] == [(INVENTED, "msn_1")]
+
+
+def test_the_registry_may_know_an_ended_mission_longer_than_composition() -> None:
+    assert broken(None, hint("COMPLETED", 5)) == []
+
+
+def flown(*, is_leaving: bool = False) -> DeliveryFacts:
+    """A delivery that is over, with a mission and a package."""
+    mission = MissionFacts(
+        mission_id=MissionId("msn_1"),
+        attempt=1,
+        trip=1,
+        provider_id=ProviderId("prv_1"),
+        drone_id=DroneId("drn_1"),
+        state="COMPLETED",
+        price=Price(amount=1, currency="USD"),
+        report_seq=5,
+    )
+    chain = (
+        CustodyLink(kind="DRONE", custodian_id="drn_1"),
+        CustodyLink(kind="RECIPIENT", custodian_id="c", mission_id=MissionId("msn_1")),
+    )
+    package = PackageFacts(package_id=PackageId("p1"), chain=chain)
+    return DeliveryFacts(
+        delivery_id=DeliveryId("dlv_1"),
+        is_over=True,
+        is_leaving=is_leaving,
+        missions=(mission,),
+        packages=(package,),
+    )
+
+
+@pytest.mark.parametrize(("is_leaving", "count"), [(False, 3), (True, 0)])
+def test_composition_may_lack_only_a_delivery_that_is_leaving(is_leaving: bool, count: int) -> None:
+    facts = {"gateway": flown(is_leaving=is_leaving), "composition": None}
+
+    found = [
+        rule.name
+        for rule in DELIVERY_RULES
+        if any(rule.finder(facts[rule.first], facts[rule.second]))
+    ]
+
+    assert len(found) == count
+
+
+def delivery_looks(folder: Path, **deliveries: DeliveryFacts | None) -> dict[str, ServiceLook]:
+    """A look at services that have this delivery, or none."""
+    for service, fact in deliveries.items():
+        (folder / service).mkdir(parents=True)
+        line = "" if fact is None else f"{fact.model_dump_json()}\n"
+        (folder / service / "deliveries.jsonl").write_text(line)
+    return {service: ServiceLook(service, (), folder / service) for service in deliveries}
+
+
+@pytest.mark.parametrize(
+    ("first", "later"),
+    [
+        # Composition deleted it after it was read, and the gateway before it was read.
+        ({"composition": flown(), "gateway": None}, {"composition": None, "gateway": None}),
+        # The gateway was read before it marked the delivery, composition after it deleted it.
+        (
+            {"composition": None, "gateway": flown()},
+            {"composition": None, "gateway": flown(is_leaving=True)},
+        ),
+        ({"composition": None, "gateway": flown()}, {"composition": None, "gateway": None}),
+    ],
+)
+def test_a_delivery_that_is_deleted_while_services_are_read_breaks_no_rule(
+    tmp_path: Path,
+    first: dict[str, DeliveryFacts | None],
+    later: dict[str, DeliveryFacts | None],
+) -> None:
+    looked = delivery_looks(tmp_path / "first", **first)
+    again = delivery_looks(tmp_path / "later", **later)
+
+    assert still_broken(DELIVERY_RULES, looked, again) == []

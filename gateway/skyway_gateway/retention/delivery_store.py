@@ -1,0 +1,140 @@
+"""All SQL that deletes deliveries which ended long ago, each with everything that belongs to it."""
+
+from collections.abc import Collection, Sequence
+from datetime import datetime
+from typing import Final
+
+from sqlalchemy import (
+    BigInteger,
+    Delete,
+    and_,
+    bindparam,
+    delete,
+    exists,
+    select,
+    text,
+    true,
+    update,
+)
+
+from skyway.ids import DeliveryId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.idempotency_store import KEPT_MS
+from skyway.runtime.sql.claims import FREE, NOW_MS, Claiming, claim_values
+from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.in_list import in_list
+from skyway.units import moment_to_ms
+from skyway_gateway.delivery_tables import IS_OVER, custody, deliveries, missions, packages
+from skyway_gateway.tables import (
+    events,
+    idempotency,
+    notifications,
+    outbox,
+    quotes,
+    tracking_links,
+)
+
+#: How long a claim holds, seconds of wall time: longer than composition may take to answer.
+_LEASE_S: Final = 60.0
+
+#: The deliveries of one step.
+BATCH: Final = 200
+
+#: Stored answers and quotes are kept for a day of wall time, and their sweeps may be late. So
+#: nothing is left of a delivery's call or quote an hour after that day. Milliseconds of wall time.
+_ENDED_BEFORE_MS: Final = KEPT_MS + 3_600_000
+_SWEPT_BEFORE_MS: Final = KEPT_MS + 1_800_000
+
+_OLD_MS: Final = bindparam("old_ms", type_=BigInteger)
+
+_has_last_event = exists().where(
+    events.c.delivery_id == deliveries.c.delivery_id,
+    events.c.sequence == deliveries.c.last_sequence,
+    events.c.recorded_wall_ms <= NOW_MS - _ENDED_BEFORE_MS,
+)
+_are_swept = and_(
+    ~exists().where(idempotency.c.created_at_ms <= NOW_MS - _SWEPT_BEFORE_MS),
+    ~exists().where(quotes.c.expires_wall_ms <= NOW_MS - _SWEPT_BEFORE_MS),
+)
+_waits_in_outbox = exists().where(
+    outbox.c.channel.in_(("composition", "mqtt")), outbox.c.stream == deliveries.c.delivery_id
+)
+_has_pending = exists().where(
+    events.c.delivery_id == deliveries.c.delivery_id,
+    notifications.c.event_id == events.c.event_id,
+    notifications.c.state == text("'PENDING'"),
+)
+
+#: Marks deliveries as leaving, and claims them. A marked one is claimed again after a kill.
+_CLAIMING: Final = Claiming.of(
+    deliveries,
+    where=and_(
+        text(IS_OVER),
+        deliveries.c.updated_ms < _OLD_MS,
+        # Composition still needed it at the last try.
+        deliveries.c.next_try_wall_ms <= NOW_MS,
+        _has_last_event,
+        _are_swept,
+        ~_waits_in_outbox,
+        ~_has_pending,
+    ),
+    order_by=[deliveries.c.updated_ms, deliveries.c.delivery_id],
+    also={"is_leaving": true()},
+)
+
+_KEEP: Final = (
+    update(deliveries)
+    .where(in_list(deliveries.c.delivery_id, "delivery_ids"))
+    .values(is_leaving=False, next_try_wall_ms=bindparam("again_wall_ms"), **FREE)
+)
+
+_LEAVING: Final = (
+    select(deliveries.c.delivery_id)
+    .where(
+        in_list(deliveries.c.delivery_id, "delivery_ids"), deliveries.c.is_leaving, ~_has_pending
+    )
+    .order_by(deliveries.c.delivery_id)
+    .with_for_update()
+)
+
+_of_deliveries = in_list(events.c.delivery_id, "delivery_ids")
+
+#: The parts before the whole.
+_DELETE: Final[Sequence[Delete]] = (
+    delete(notifications).where(
+        notifications.c.event_id.in_(select(events.c.event_id).where(_of_deliveries))
+    ),
+    *(
+        delete(table).where(in_list(table.c.delivery_id, "delivery_ids"))
+        for table in (events, custody, packages, missions, tracking_links, deliveries)
+    ),
+)
+
+
+async def claim_old(
+    db: Database, *, before: datetime, claimant: str, clock: FleetClock
+) -> list[DeliveryId]:
+    """Claim deliveries that ended before this moment of fleet time, and mark them as leaving."""
+    values = claim_values(limit=BATCH, claimant=claimant, lease_s=_LEASE_S, clock=clock)
+    old = values | {"old_ms": moment_to_ms(before)}
+    claimed = _CLAIMING.in_order(await db.write_alone(_CLAIMING.statement, old))
+    return [row.delivery_id for row in claimed]
+
+
+async def keep(tx: Tx, delivery_ids: Collection[DeliveryId], *, until: datetime) -> None:
+    """Free deliveries that leave later; they are not looked at before `until`, wall time."""
+    asked = {"delivery_ids": sorted(delivery_ids), "again_wall_ms": moment_to_ms(until)}
+    await tx.execute(_KEEP, asked)
+
+
+async def delete_leaving(tx: Tx, delivery_ids: Collection[DeliveryId]) -> int:
+    """Delete those that are leaving, with all that belongs to them; how many there were.
+
+    A delivery whose events the customer has asked for again waits until they have arrived.
+    """
+    asked = {"delivery_ids": sorted(delivery_ids)}
+    leaving = (await tx.execute(_LEAVING, asked)).scalars().all()
+    if leaving:
+        for statement in _DELETE:
+            await tx.execute(statement, {"delivery_ids": leaving})
+    return len(leaving)
