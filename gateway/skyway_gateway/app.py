@@ -219,7 +219,14 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             loops.start("live figures", figures.run())
             loops.start("clock", repeat("clock", repeat_clock, every_s=CLOCK_EVERY_S))
             _start_sweeping(loops, parts)
-            start_pruning(loops, parts, settings)
+            start_pruning(
+                loops,
+                parts.db,
+                parts.clock,
+                composition=parts.composition,
+                claimant=parts.booking.claimant,
+                settings=settings,
+            )
             yield
 
     async def repeat_clock() -> bool:

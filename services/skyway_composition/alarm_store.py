@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
-from sqlalchemy import ColumnElement, Row, func, insert, select, update
+from sqlalchemy import ColumnElement, Row, delete, exists, func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import AlarmLevel
@@ -16,7 +16,8 @@ from skyway.json_model import JsonModel
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway.units import ms_to_moment
-from skyway_composition.tables import alarms
+from skyway_composition.tables import alarms, missions
+from skyway_composition.tables import is_open as is_mission_open
 
 AlarmState = Literal["OPEN", "ACKNOWLEDGED"]
 
@@ -24,6 +25,9 @@ AlarmState = Literal["OPEN", "ACKNOWLEDGED"]
 #: which a drone raises others itself. Our own choice.
 MOST_OPEN_OF_DRONE: Final = 50
 MOST_OPEN_OF_PROVIDER: Final = 1_000
+
+#: The alarms that one transaction deletes at most.
+_DELETED_TOGETHER: Final = 500
 
 
 class Alarm(JsonModel):
@@ -182,6 +186,21 @@ async def page(
     if before is not None:
         query = query.where(alarms.c.alarm_id < before)
     return [_alarm(row) for row in await connection.execute(query)]
+
+
+async def delete_acknowledged(tx: Tx, *, before_ms: int) -> bool:
+    """Delete some alarms that were acknowledged before this fleet time; whether there may be more.
+
+    A mission that is not over keeps its alarms.
+    """
+    has_open_mission = exists().where(missions.c.mission_id == alarms.c.mission_id, is_mission_open)
+    some = (
+        select(alarms.c.alarm_id)
+        .where(alarms.c.acknowledged_ms < before_ms, ~has_open_mission)
+        .limit(_DELETED_TOGETHER)
+    )
+    deleted = await tx.execute(delete(alarms).where(alarms.c.alarm_id.in_(some)))
+    return deleted.rowcount == _DELETED_TOGETHER
 
 
 def _alarm(row: Row[*tuple[Any, ...]]) -> Alarm:  # a row of alarms

@@ -35,7 +35,6 @@ from skyway_composition.live.routes import live_routes
 from skyway_composition.missions.booking.routes import booking_routes
 from skyway_composition.missions.following.quarantine_routes import quarantine_routes
 from skyway_composition.missions.following.replay import Replays
-from skyway_composition.missions.forget_routes import Forgetting, forget_routes
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Commands
@@ -54,6 +53,8 @@ from skyway_composition.planning.routes import (
     composition_routes,
     quote_routes,
 )
+from skyway_composition.retention.forget_routes import Forgetting, forget_routes
+from skyway_composition.retention.prune import start_pruning
 from skyway_composition.settings import CompositionSettings
 from skyway_composition.statistics.routes import mission_statistics_routes, statistics_routes
 from skyway_composition.work import Work
@@ -171,6 +172,7 @@ def build_app(settings: CompositionSettings) -> FastAPI:
         ):
             loops.start("warm", parts.solver.warm())
             work.start(loops)
+            start_pruning(loops, parts.db, parts.clock, settings)
             yield
 
     async def readiness() -> dict[str, bool]:

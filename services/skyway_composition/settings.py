@@ -8,7 +8,7 @@ from skyway.runtime.settings import ServiceSettings
 
 
 class CompositionSettings(ServiceSettings):
-    """`ServiceSettings`, and the limits of planning."""
+    """`ServiceSettings`, the limits of planning, and how long closures and alarms are kept."""
 
     port: int = Field(
         default=8002,
@@ -37,4 +37,18 @@ class CompositionSettings(ServiceSettings):
         default="exact,heuristic",
         description="Strategies, separated by commas, that everybody may ask for in "
         "`POST /v1/compositions`. Operators may ask for all.",
+    )
+    closure_days: float | None = Field(
+        default=None,
+        ge=1.0,
+        le=36_500.0,
+        description="Days of fleet time for which closures, zones, outages and ground stops are "
+        "kept after their end. Without it they are kept for ever.",
+    )
+    alarm_days: float | None = Field(
+        default=None,
+        ge=1.0,
+        le=36_500.0,
+        description="Days of fleet time for which alarms are kept after an operator has "
+        "acknowledged them. Without it they are kept for ever.",
     )

@@ -3,8 +3,10 @@
 from datetime import timedelta
 from typing import Final
 
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.loops import Loops, repeat
-from skyway_gateway.parts import Parts
+from skyway.runtime.sql.database import Database
+from skyway_gateway.clients import Composition
 from skyway_gateway.retention.prune_deliveries import DeliveryPruning
 from skyway_gateway.retention.prune_logs import ExpiredPruning, LogPruning
 from skyway_gateway.settings import GatewaySettings
@@ -15,23 +17,31 @@ _LOGS_EVERY_S: Final = 60.0
 _EXPIRED_EVERY_S: Final = 600.0
 
 
-def start_pruning(loops: Loops, parts: Parts, settings: GatewaySettings) -> None:
+def start_pruning(
+    loops: Loops,
+    db: Database,
+    clock: FleetClock,
+    *,
+    composition: Composition,
+    claimant: str,
+    settings: GatewaySettings,
+) -> None:
     """Start to delete what is older than the settings keep."""
-    expired = ExpiredPruning(parts.db, parts.clock)
+    expired = ExpiredPruning(db, clock)
     loops.start("sweep", repeat("sweep", expired.step, every_s=_EXPIRED_EVERY_S))
     if settings.delivery_days is not None:
         deliveries = DeliveryPruning(
-            parts.db,
-            parts.composition,
-            parts.clock,
-            claimant=parts.booking.claimant,
+            db,
+            composition,
+            clock,
+            claimant=claimant,
             kept=timedelta(days=settings.delivery_days),
         )
         step = repeat("old deliveries", deliveries.step, every_s=_DELIVERIES_EVERY_S)
         loops.start("old deliveries", step)
     logs = LogPruning(
-        parts.db,
-        parts.clock,
+        db,
+        clock,
         audit_kept=_span(settings.audit_days),
         attempts_kept=_span(settings.webhook_attempt_days),
     )

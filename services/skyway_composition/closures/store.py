@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import Row, bindparam, insert, or_, select, true, update
+from sqlalchemy import Row, bindparam, delete, insert, or_, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.statistics import Span
@@ -13,6 +13,9 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.sql.database import Tx
 from skyway_composition.closures.closure import Area, Closure, ClosureKind
 from skyway_composition.tables import closures, networks, stations
+
+#: The closures that one transaction deletes at most.
+_DELETED_TOGETHER: Final = 500
 
 # Built once, because these statements run every second and building takes longer than running.
 _IN_FORCE: Final = select(closures).where(
@@ -119,6 +122,14 @@ async def lift(tx: Tx, closure_id: ClosureId, *, now_ms: int) -> bool:
         .values(lifted_ms=now_ms)
     )
     return done.rowcount == 1
+
+
+async def delete_over(tx: Tx, *, before_ms: int) -> bool:
+    """Delete some closures that were over before this fleet time; whether there may be more."""
+    is_over = or_(closures.c.lifted_ms < before_ms, closures.c.until_ms < before_ms)
+    some = select(closures.c.closure_id).where(is_over).limit(_DELETED_TOGETHER)
+    deleted = await tx.execute(delete(closures).where(closures.c.closure_id.in_(some)))
+    return deleted.rowcount == _DELETED_TOGETHER
 
 
 async def get(connection: AsyncConnection, closure_id: ClosureId) -> Closure | None:

@@ -11,6 +11,5 @@ the lock on it, and what it sends to its drone and reports to others. On top of 
 - `timeouts` checks missions because time has passed,
 - `calendar` looks after the missions that wait behind other missions,
 - `schedule` shows the calendars of drones,
-- `tracking` shows missions and the tracks of deliveries,
-- `forget_routes` deletes deliveries that ended long ago.
+- `tracking` shows missions and the tracks of deliveries.
 """

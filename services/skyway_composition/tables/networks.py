@@ -82,7 +82,7 @@ pad_reservations = Table(
 )
 
 
-#: Closures, in force from `from_ms` until they end or are lifted; rows are never deleted.
+#: Closures, in force from `from_ms` until they end or are lifted.
 closures = Table(
     "closures",
     metadata,

@@ -61,9 +61,9 @@ async def _other_than_body(survey: Survey) -> list[str]:
 
 
 def _differs(row: Any) -> bool:  # a row of instructions
-    names = ("instruction_id", "stream", "seq", "kind")
+    names = ["instruction_id", "stream", "seq", "kind"]
     if row.mission_id is not None:  # the mission of an answered instruction may be deleted
-        names += ("mission_id", "mission_revision")
+        names += ["mission_id", "mission_revision"]
     try:
         body = json.loads(row.body)
         return any(body[name] != getattr(row, name) for name in names)

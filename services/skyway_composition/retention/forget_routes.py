@@ -16,8 +16,8 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.missions import forget_store
 from skyway_composition.planning.no_show_store import COUNTED
+from skyway_composition.retention import forget_store
 
 
 @dataclass(frozen=True, slots=True)

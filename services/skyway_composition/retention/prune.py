@@ -1,0 +1,55 @@
+"""Deletes old closures that are over and old acknowledged alarms, as the settings ask for it.
+
+Deliveries are deleted when the gateway asks for it (`forget_routes`).
+"""
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Final
+
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.loops import Loops, repeat
+from skyway.runtime.sql.database import Database
+from skyway.units import moment_to_ms
+from skyway_composition import alarm_store
+from skyway_composition.closures import store as closure_store
+from skyway_composition.settings import CompositionSettings
+
+#: Seconds of wall time between two steps.
+_EVERY_S: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pruning:
+    """Deletes closures and alarms after a span of fleet time; None keeps them."""
+
+    db: Database
+    clock: FleetClock
+    closures_kept: timedelta | None
+    alarms_kept: timedelta | None
+
+    async def step(self) -> bool:
+        """Delete some of each; whether there may be more."""
+        more_closures = await self._delete(closure_store.delete_over, self.closures_kept)
+        more_alarms = await self._delete(alarm_store.delete_acknowledged, self.alarms_kept)
+        return more_closures or more_alarms
+
+    async def _delete(self, delete: Callable[..., Awaitable[bool]], kept: timedelta | None) -> bool:
+        if kept is None:
+            return False
+        async with self.db.write() as tx:
+            return await delete(tx, before_ms=moment_to_ms(self.clock.now() - kept))
+
+
+def start_pruning(
+    loops: Loops, db: Database, clock: FleetClock, settings: CompositionSettings
+) -> None:
+    """Start to delete what is older than the settings keep."""
+    kept = _span(settings.closure_days), _span(settings.alarm_days)
+    pruning = Pruning(db, clock, *kept)
+    loops.start("old rows", repeat("old rows", pruning.step, every_s=_EVERY_S))
+
+
+def _span(days: float | None) -> timedelta | None:
+    return None if days is None else timedelta(days=days)
