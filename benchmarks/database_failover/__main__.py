@@ -24,7 +24,7 @@ import httpx
 from benchmarks.database_failover.patroni import Cluster, patroni_cluster
 from benchmarks.load.burst import Burst
 from benchmarks.load.city import City
-from benchmarks.load.run import load_folder, verify
+from benchmarks.load.run import check, data_folder
 from benchmarks.load.world import World, populate
 from benchmarks.planner.machine import Machine
 from skyway.cli.data_folder import DataFolder
@@ -59,7 +59,7 @@ class Accepted:
 
 async def run(burst: Burst, cluster: Cluster) -> bool:
     """One run; whether nothing was lost."""
-    with load_folder() as folder:
+    with data_folder() as folder:
         ports = Ports(gateway=0, broker=0)
         async with running_system(folder, rate=burst.clock_rate, ports=ports, say=print) as system:
             city = City.of(stations=burst.stations, seed=burst.seed)
@@ -138,7 +138,7 @@ async def _report(
     folder: DataFolder, accepted: Accepted, states: dict[str, str], killed_s: float
 ) -> bool:
     gap_s = accepted.longest_gap_s(after_s=killed_s)
-    violations = await asyncio.to_thread(verify, folder)
+    violations = await asyncio.to_thread(check, folder)
     print(
         f"{len(states)} accepted, {dict(Counter(states.values()))}; nothing was accepted for "
         f"{gap_s:.1f} s after the kill; verify: {violations}",

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
@@ -44,7 +44,7 @@ _MOST_WAVES: Final = 20
 
 async def run(burst: Burst) -> Outcome:
     """The run from its first process to its last; of one that goes wrong the logs are kept."""
-    with load_folder() as folder:
+    with data_folder() as folder:
         # Counting takes some of the time that is measured, so only who looks for it has it.
         options = () if burst.profile is None else SERVER_OPTIONS
         with storage_pair(burst.storage, folder, postgresql_options=options) as servers:
@@ -55,15 +55,15 @@ async def run(burst: Burst) -> Outcome:
                 key = read_keys(folder)["SKYWAY_OPERATOR_KEY"]
                 async with GatewayApi(system.urls["gateway"]) as api:
                     world = await populate(system, api, city, operator_key=key, burst=burst)
-                pids = _pids(system, world) | {name: one.pid for name, one in servers.items()}
-                outcome = await _measured(system, world, city, burst=burst, pids=pids)
+                pids = pids_of(system, world) | {name: one.pid for name, one in servers.items()}
+                outcome = await measured(system, world, city, burst=burst, pids=pids, check=_verify)
         if not outcome.is_right:
             _keep_logs(folder)
         return outcome
 
 
 @contextmanager
-def load_folder() -> Iterator[DataFolder]:
+def data_folder() -> Iterator[DataFolder]:
     """A data folder for the length of the block."""
     with tempfile.TemporaryDirectory(prefix="skyway-load-") as name:
         folder = DataFolder(Path(name))
@@ -81,9 +81,16 @@ def _keep_logs(folder: DataFolder) -> None:
     print(f"the logs are in {kept}", file=sys.stderr, flush=True)
 
 
-async def _measured(
-    system: System, world: World, city: City, *, burst: Burst, pids: Mapping[str, int]
+async def measured(
+    system: System,
+    world: World,
+    city: City,
+    *,
+    burst: Burst,
+    pids: Mapping[str, int],
+    check: Callable[[DataFolder], str],
 ) -> Outcome:
+    """What the burst costs these processes, once all is warm; `check` looks at the databases."""
     requests = city.requests(rate_per_s=burst.rate_per_s, seconds=burst.seconds, seed=burst.seed)
     await _warm_up(system, world, city, burst=burst)
     # Afterwards: a service that has just started still compiles and reads.
@@ -110,7 +117,7 @@ async def _measured(
             busy_s=ended_s - started_s,
         ),
         counted={name: value - counted.get(name, 0.0) for name, value in after.items()},
-        violations=await asyncio.to_thread(verify, system.folder),
+        violations=await asyncio.to_thread(check, system.folder),
     )
 
 
@@ -143,7 +150,8 @@ async def _until_settled(followed: Followed, requests_sent: int, *, within_s: fl
         await asyncio.sleep(0.1)  # many events from outside decide this; there is no single one
 
 
-def _pids(system: System, world: World) -> dict[str, int]:
+def pids_of(system: System, world: World) -> dict[str, int]:
+    """The processes of the system and its agents, by name."""
     names = [*system.urls, "broker", *world.agents]
     found = {name: system.supervisor.pid(name) for name in names}
     return {name: pid for name, pid in found.items() if pid is not None}
@@ -153,7 +161,7 @@ def _python_only(pids: Mapping[str, int]) -> dict[str, int]:
     return {name: pid for name, pid in pids.items() if name not in ("postgresql", "mosquitto")}
 
 
-def verify(folder: DataFolder) -> str:
+def check(folder: DataFolder) -> str:
     """What `skyway verify` says last, of the databases as they stand."""
     command = [sys.executable, "-m", "skyway.cli", "verify", "--data", str(folder.path)]
     checked = subprocess.run(
