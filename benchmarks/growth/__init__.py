@@ -2,5 +2,5 @@
 
 Each run starts a system, has it fly a delivery, stops it, copies that delivery and a drone as often
 as the size says, starts the system again, and loads it for a short time. The copies are like the
-rows that services write, but for their ids and times; `skyway verify` does not accept them.
+rows that services write, with other ids and times; `skyway verify` does not accept them.
 """

@@ -45,8 +45,8 @@ def _costs(growth: Growth, size: Size) -> Mapping[str, float]:
     if dispatched < _LEAST:
         print(f"  only {dispatched} dispatches: take a higher rate or more drones", flush=True)
     costs = _each_ms(outcome)
-    told = ", ".join(f"{name} {each:.1f}" for name, each in costs.items())
-    print(f"  {dispatched} dispatches; ms each: {told}", flush=True)
+    each_ms = ", ".join(f"{name} {each:.1f}" for name, each in costs.items())
+    print(f"  {dispatched} dispatches; ms each: {each_ms}", flush=True)
     return costs
 
 

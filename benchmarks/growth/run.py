@@ -57,7 +57,7 @@ async def _fly_one(folder: DataFolder, city: City, first: Burst) -> None:
             try:
                 async with asyncio.timeout(_FLOWN_WITHIN_S):
                     while len(followed.ended) < len(sent.asked_at):  # noqa: ASYNC110
-                        await asyncio.sleep(0.5)  # asked of what others tell us
+                        await asyncio.sleep(0.5)  # there is no one event to wait for
             except TimeoutError as error:
                 if not followed.of(DeliveryEventType.COMPLETED):
                     raise SkywayError("no delivery was completed") from error
