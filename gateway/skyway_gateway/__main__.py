@@ -1,8 +1,9 @@
-"""Runs the gateway: ``python -m skyway_gateway [serve | migrate | verify]``."""
+"""Runs the gateway: ``python -m skyway_gateway [serve | migrate | verify | archive]``."""
 
 import sys
 
 from skyway.runtime.service_process import ServiceProcess
+from skyway_gateway.retention.archived_tables import ARCHIVED
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.verify.facts import FACTS
 from skyway_gateway.verify.rules import RULES
@@ -17,5 +18,7 @@ def _serve(settings: GatewaySettings) -> int:
 
 
 if __name__ == "__main__":
-    process = ServiceProcess("gateway", "skyway_gateway", GatewaySettings, _serve, RULES, FACTS)
+    process = ServiceProcess(
+        "gateway", "skyway_gateway", GatewaySettings, _serve, RULES, FACTS, ARCHIVED
+    )
     sys.exit(process.run())

@@ -1,8 +1,9 @@
-"""Runs composition: ``python -m skyway_composition [serve | migrate | verify]``."""
+"""Runs composition: ``python -m skyway_composition [serve | migrate | verify | archive]``."""
 
 import sys
 
 from skyway.runtime.service_process import ServiceProcess
+from skyway_composition.retention.archived_tables import ARCHIVED
 from skyway_composition.settings import CompositionSettings
 from skyway_composition.verify.rules import FACTS, RULES
 
@@ -17,6 +18,6 @@ def _serve(settings: CompositionSettings) -> int:
 
 if __name__ == "__main__":
     process = ServiceProcess(
-        "composition", "skyway_composition", CompositionSettings, _serve, RULES, FACTS
+        "composition", "skyway_composition", CompositionSettings, _serve, RULES, FACTS, ARCHIVED
     )
     sys.exit(process.run())

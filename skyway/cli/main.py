@@ -32,6 +32,7 @@ _COMMANDS: Final = {
     "quarantine": "skyway.cli.quarantine:quarantine_command",
     "secrets": "skyway.cli.system.secrets:secrets_command",
     "nats": "skyway.cli.system.nats_files:nats_command",
+    "archive": "skyway.cli.archive:archive_command",
     "verify": "skyway.cli.verify.command:verify_command",
     "doctor": "skyway.cli.doctor:doctor_command",
     "network": "skyway.cli.network:network_app",

@@ -1,4 +1,4 @@
-"""A cloud service as a process: ``python -m PACKAGE [serve | migrate | verify]``.
+"""A cloud service as a process: ``python -m PACKAGE [serve | migrate | verify | archive]``.
 
 Each command imports what it needs: `verify` takes a third of the time without the app.
 """
@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Final, Generic, TypeVar
 
 from skyway.errors import SkywayError
-from skyway.runtime.clock import AnchoredClock
+from skyway.runtime.archive.archived_table import ArchivedTable
+from skyway.runtime.clock import AnchoredClock, load_clock
 from skyway.runtime.errors import exit_code_of
 from skyway.runtime.garbage import load_without_collecting
-from skyway.runtime.settings import DatabaseSettings, ServiceSettings
+from skyway.runtime.settings import ArchiveSettings, DatabaseSettings, ServiceSettings
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import LAST_ERRORS, configure_logs
 from skyway.runtime.verification.check import check
@@ -42,17 +43,21 @@ class ServiceProcess(Generic[S]):
     serve: Callable[[S], int]
     rules: Sequence[Rule]
     facts: Mapping[str, FactReader]
+    archived: Sequence[ArchivedTable] = ()
 
     def run(self, arguments: Sequence[str] | None = None) -> int:
         """The exit code; 1 when `verify` found something."""
         parser = argparse.ArgumentParser(prog=f"python -m {self.package}")
-        commands = ("migrate", "serve", "verify")
+        commands = ("migrate", "serve", "verify", "archive")
         parser.add_argument("command", nargs="?", default="serve", choices=commands)
         parser.add_argument("--facts", type=Path, help="of verify: a new folder for facts")
+        parser.add_argument("--folder", type=Path, help="of archive: where the files are")
         given = parser.parse_args(arguments)
         try:
             if given.command == "verify":
                 return self._verify(given.facts)
+            if given.command == "archive":
+                return asyncio.run(self._archive(given.folder or Path("archive")))
             return self._migrate() if given.command == "migrate" else self._serve()
         except SkywayError as error:
             sys.stderr.write(f"{self.package}: {error}\n")
@@ -78,6 +83,16 @@ class ServiceProcess(Generic[S]):
 
     def _verify(self, folder: Path | None) -> int:
         return asyncio.run(self._print_broken_rules(DatabaseSettings.load().database_url, folder))
+
+    async def _archive(self, folder: Path) -> int:
+        from skyway.runtime.archive.export import Export
+
+        settings = ArchiveSettings.load()
+        async with Database(settings.database_url) as db:
+            export = Export(db, load_clock(settings.clock_file), folder)
+            for each in await export.write(self.archived):
+                sys.stdout.write(each.model_dump_json() + "\n")
+        return 0
 
     async def _print_broken_rules(self, database_url: str, folder: Path | None) -> int:
         wall_at = AnchoredClock.plain().wall_now()

@@ -42,7 +42,16 @@ class DatabaseSettings(BaseSettings):
             raise InvalidSettings(faults) from None
 
 
-class ServiceSettings(DatabaseSettings):
+class ArchiveSettings(DatabaseSettings):
+    """What `archive` of a service needs: its database, and which day is today."""
+
+    clock_file: Path | None = Field(
+        default=None,
+        description="The anchor of the fleet clock. Without it fleet time is wall time.",
+    )
+
+
+class ServiceSettings(ArchiveSettings):
     """Variables ``SKYWAY_...``: where things are. Secrets are files in `secrets_dir`."""
 
     # Not shown: it may hold a password.
@@ -57,10 +66,6 @@ class ServiceSettings(DatabaseSettings):
         "system's roots are trusted.",
     )
     secrets_dir: Path = Field(description="Folder with one file for each secret.")
-    clock_file: Path | None = Field(
-        default=None,
-        description="The anchor of the fleet clock. Without it fleet time is wall time.",
-    )
     host: str = Field(default="127.0.0.1", description="Address on which the service listens.")
     port: int = Field(
         default=0, ge=0, le=65535, description="Port on which it listens. 0 takes any free port."

@@ -2,5 +2,6 @@
 
 `prune_deliveries` deletes deliveries that ended long ago, at composition first; its SQL is in
 `delivery_store`. `prune_logs` deletes the oldest of the audit log and of webhooks' attempts, by
-`log_store`, and what has expired. `start_pruning` starts the loops.
+`log_store`, and what has expired. `start_pruning` starts the loops. `archived_tables` are
+what `skyway archive` writes.
 """

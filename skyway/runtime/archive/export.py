@@ -1,0 +1,70 @@
+"""Writes the days of a service's tables that are over and have no file yet."""
+
+from collections.abc import AsyncIterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Final
+
+from skyway.json_model import JsonModel
+from skyway.runtime.archive.archived_table import DAY_MS, ArchivedTable
+from skyway.runtime.archive.parquet_file import write_parquet
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.sql.connection import AnyRow
+from skyway.runtime.sql.database import Database
+from skyway.runtime.verification.rule import Survey
+from skyway.units import moment_to_ms, ms_to_moment
+
+#: How long after its end a day is written: what is late still belongs to it.
+_LATE: Final = timedelta(hours=1)
+
+
+class WrittenDay(JsonModel):
+    """A file that was written."""
+
+    table: str
+    day: str
+    rows: int
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """Writes the archive of one database below a folder, read at one moment."""
+
+    db: Database
+    clock: FleetClock
+    folder: Path
+
+    async def write(self, tables: Sequence[ArchivedTable]) -> list[WrittenDay]:
+        """Write each day that is over and has no file; a file that exists is never changed.
+
+        Rows of that day may have been deleted from the database since the file was written.
+        """
+        written: list[WrittenDay] = []
+        async with self.db.survey() as connection:
+            survey = Survey(connection, self.db.dialect, moment_to_ms(self.clock.wall_now()))
+            for archived in tables:
+                for begins_ms in await self._days(survey, archived):
+                    day = ms_to_moment(begins_ms).date().isoformat()
+                    name = archived.table.name
+                    path = self.folder / name / f"{day}.parquet"
+                    if not path.exists():
+                        rows = _rows(survey, archived, begins_ms)
+                        count = await write_parquet(path, archived.columns(), rows)
+                        written.append(WrittenDay(table=name, day=day, rows=count))
+        return written
+
+    async def _days(self, survey: Survey, archived: ArchivedTable) -> list[int]:
+        """When each of the days begins that are over, ms since 1970."""
+        now = self.clock.wall_now() if archived.is_of_wall_time else self.clock.now()
+        today = moment_to_ms(_earlier(now)) // DAY_MS
+        return [row.begins_ms for row in await survey.rows(archived.days(before=today))]
+
+
+def _earlier(now: datetime) -> datetime:
+    return now - _LATE
+
+
+async def _rows(survey: Survey, archived: ArchivedTable, begins_ms: int) -> AsyncIterator[AnyRow]:
+    async for row in survey.each(archived.rows(begins_ms=begins_ms)):
+        yield row
