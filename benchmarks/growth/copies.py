@@ -1,9 +1,9 @@
 """SQL that copies rows many times: other ids, earlier times, in one statement for each table."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
-from sqlalchemy import BigInteger, Boolean, Column, Table, Text
+from sqlalchemy import BigInteger, Column, Table, Text
 
 #: An id has 26 characters after its prefix. Zeros sort before all that services make.
 _ZEROS: Final = "0" * 19
@@ -30,17 +30,22 @@ def copying(
     copies: int,
     ids: Mapping[str, str],
     columns: Mapping[str, str],
+    drone_ids: Sequence[str],
 ) -> str:
     """The statement that copies the rows `where` a condition holds.
 
-    In every text an id of `ids` is replaced by its SQL. `columns` are set to their own SQL.
+    In every text an id of `ids` is replaced by its SQL. `columns` are set to their own SQL. The
+    copies take turns with these drones, as `fleet.drone_id`.
     """
+    fleet = ", ".join(f"({number}, '{each}')" for number, each in enumerate(drone_ids))
     values = [columns.get(each.name) or _value(each, ids, copies) for each in table.c]
     names = ", ".join(each.name for each in table.c)
     return (
-        f"WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {copies}) "
+        f"WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {copies}), "
+        f"fleet(number, drone_id) AS (VALUES {fleet}) "
         f"INSERT INTO {table.name} ({names}) SELECT {', '.join(values)} "
-        f"FROM {table.name} AS old CROSS JOIN n WHERE {where}"
+        f"FROM n JOIN fleet ON fleet.number = n.i % {len(drone_ids)} "
+        f"CROSS JOIN {table.name} AS old WHERE {where}"
     )
 
 
@@ -51,8 +56,6 @@ def _value(column: Column[object], ids: Mapping[str, str], copies: int) -> str:
             own = f"replace({own}, '{old}', {new})"
     elif isinstance(column.type, BigInteger) and _is_fleet_time(column.name):
         return f"{own} - ({copies} - n.i) * {_APART_MS}"
-    elif isinstance(column.type, Boolean):
-        return own
     return own
 
 

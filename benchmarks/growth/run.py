@@ -2,28 +2,34 @@
 
 import asyncio
 from dataclasses import replace
+from typing import Final
 
 from benchmarks.growth.seed import seed
 from benchmarks.growth.sizes import Size
 from benchmarks.load.burst import Burst
 from benchmarks.load.city import City
 from benchmarks.load.figures import Outcome
-from benchmarks.load.follow import following
 from benchmarks.load.run import data_folder, measured, pids_of
 from benchmarks.load.send import send
 from benchmarks.load.storage_pair import storage_pair
-from benchmarks.load.world import populate
+from benchmarks.load.world import World, populate, start_again
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.gateway import GatewayApi, read_keys
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import running_system
-from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.errors import SkywayError
 
-#: The system in which the first delivery is flown: small and fast.
-_FIRST_DRONES = 10
-_FIRST_RATE = 120.0
-_FLOWN_WITHIN_S = 120.0
+#: How fast the first deliveries are flown, and within how many wall seconds.
+_FIRST_RATE: Final = 120.0
+_FLOWN_WITHIN_S: Final = 120.0
+
+#: The first deliveries: so many a second, for so many seconds.
+_FIRST_PER_S: Final = 5.0
+_FIRST_S: Final = 2.0
+
+_OVER: Final = ("COMPLETED", "ABORTED", "CANCELLED", "REFUSED")
+
+_PORTS: Final = Ports(gateway=0, broker=0)
 
 
 async def run(size: Size, load: Burst) -> Outcome:
@@ -31,33 +37,40 @@ async def run(size: Size, load: Burst) -> Outcome:
     load = replace(load, stations=size.stations)
     city = City.of(stations=size.stations, seed=load.seed)
     with data_folder() as folder, storage_pair(load.storage, folder) as servers:
-        await _fly_one(folder, city, replace(load, drones=_FIRST_DRONES, clock_rate=_FIRST_RATE))
-        await seed(folder, size)
-        ports = Ports(gateway=0, broker=0)
-        async with running_system(folder, rate=load.clock_rate, ports=ports, say=print) as system:
+        world, flown = await _fly_some(folder, city, replace(load, clock_rate=_FIRST_RATE))
+        await seed(folder, size, fleet=load.drones)
+        async with running_system(folder, rate=load.clock_rate, ports=_PORTS, say=print) as system:
             key = read_keys(folder)["SKYWAY_OPERATOR_KEY"]
             async with GatewayApi(system.urls["gateway"]) as api:
-                world = await populate(system, api, city, operator_key=key, burst=load)
+                # Those that have flown may still recharge.
+                ready = load.drones - flown
+                await start_again(system, api, world, operator_key=key, ready=ready)
             pids = pids_of(system, world) | {name: one.pid for name, one in servers.items()}
             return await measured(
                 system, world, city, burst=load, pids=pids, check=lambda _: "not checked"
             )
 
 
-async def _fly_one(folder: DataFolder, city: City, first: Burst) -> None:
-    """Fly deliveries until one is completed."""
-    ports = Ports(gateway=0, broker=0)
-    async with running_system(folder, rate=first.clock_rate, ports=ports, say=print) as system:
+async def _fly_some(folder: DataFolder, city: City, first: Burst) -> tuple[World, int]:
+    """Fly a few deliveries to their end; who is there, and how many they were."""
+    async with running_system(folder, rate=first.clock_rate, ports=_PORTS, say=print) as system:
         key = read_keys(folder)["SKYWAY_OPERATOR_KEY"]
         async with GatewayApi(system.urls["gateway"]) as api:
             world = await populate(system, api, city, operator_key=key, burst=first)
-        requests = city.requests(rate_per_s=5.0, seconds=2.0, seed=first.seed)
-        async with following(world, mqtt_url=system.mqtt_url) as followed:
+            requests = city.requests(rate_per_s=_FIRST_PER_S, seconds=_FIRST_S, seed=first.seed)
             sent = await send(system.urls["gateway"], world, requests)
             try:
                 async with asyncio.timeout(_FLOWN_WITHIN_S):
-                    while len(followed.ended) < len(sent.asked_at):  # noqa: ASYNC110
-                        await asyncio.sleep(0.5)  # there is no one event to wait for
+                    await _until_over(api, key)
             except TimeoutError as error:
-                if not followed.of(DeliveryEventType.COMPLETED):
-                    raise SkywayError("no delivery was completed") from error
+                raise SkywayError("the first missions did not end") from error
+    return world, 2 * len(sent.asked_at)
+
+
+async def _until_over(api: GatewayApi, key: str) -> None:
+    """Wait until missions have begun, and all of them are over."""
+    while True:
+        missions = (await api.call("GET", "/v1/missions", key=key))["items"]
+        if missions and all(each["state"] in _OVER for each in missions):
+            return
+        await asyncio.sleep(1.0)  # asked of another process: there is nothing to wait on

@@ -1,6 +1,7 @@
 """Copies a flown delivery and a drone as often as a size says, in the databases of a folder."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from skyway_composition.tables import (
@@ -25,32 +26,69 @@ from skyway.runtime.sql.database import Database
 
 #: A delivery that one mission has flown.
 _FLOWN: Final = text(
-    "SELECT delivery_id, max(mission_id) AS mission_id FROM missions WHERE delivery_id IN"
-    " (SELECT delivery_id FROM deliveries WHERE state = 'COMPLETED')"
-    " GROUP BY delivery_id HAVING count(*) = 1 ORDER BY delivery_id LIMIT 1"
+    "SELECT delivery_id, max(mission_id) AS mission_id, max(drone_id) AS drone_id FROM missions"
+    " WHERE delivery_id IN (SELECT delivery_id FROM deliveries WHERE state = 'COMPLETED')"
+    " GROUP BY delivery_id HAVING count(*) = 1 AND max(state) = 'COMPLETED'"
+    " ORDER BY delivery_id LIMIT 1"
 )
-_A_DRONE: Final = text("SELECT min(drone_id) FROM drones")
+_FLEET: Final = text("SELECT drone_id FROM drones ORDER BY drone_id")
+
+#: Customers take turns too.
+_CUSTOMERS: Final = 5
 
 
-async def seed(folder: DataFolder, size: Size) -> None:
-    """Copy rows until the databases have grown to this size; no service runs meanwhile."""
+@dataclass(frozen=True, slots=True)
+class Copying:
+    """What is copied, how often, and the drones that take turns."""
+
+    delivery_id: str
+    mission_id: str
+    drone_id: str
+    copies: int
+    drone_ids: Sequence[str]
+
+    def of(self, table: Table, key: str, **columns: str) -> str:
+        """The statement that copies the rows of a table; `key` names a field of ours."""
+        return copying(
+            table,
+            where=f"old.{key} = '{getattr(self, key)}'",
+            copies=self.copies,
+            ids={
+                self.delivery_id: copy_id("dlv"),
+                self.mission_id: copy_id("msn"),
+                self.drone_id: "fleet.drone_id",
+            },
+            columns=columns,
+            drone_ids=self.drone_ids,
+        )
+
+
+async def seed(folder: DataFolder, size: Size, *, fleet: int) -> None:
+    """Copy rows until the databases have grown to this size; no service runs meanwhile.
+
+    The past deliveries were flown by the first `fleet` drones in turn, as those that come later.
+    """
     urls = await database_urls(folder)
-    async with Database(urls["gateway"]) as gateway, Database(urls["registry"]) as registry:
+    async with (
+        Database(urls["gateway"]) as gateway,
+        Database(urls["composition"]) as composition,
+        Database(urls["registry"]) as registry,
+    ):
         async with gateway.read() as connection:
             flown = (await connection.execute(_FLOWN)).one_or_none()
         async with registry.read() as connection:
-            drone_id = (await connection.execute(_A_DRONE)).scalar_one()
+            drone_ids = (await connection.execute(_FLEET)).scalars().all()[:fleet]
         if flown is None:
             raise SkywayError("no delivery was completed that could be copied")
-        delivery = flown.delivery_id, flown.mission_id
-        await _run(gateway, _of_gateway(*delivery, copies=size.deliveries))
-        await _run(registry, _drones(drone_id, copies=size.drones))
-    async with Database(urls["composition"]) as composition:
-        await _run(composition, _of_composition(*delivery, copies=size.deliveries))
-        await _run(composition, _links(drone_id, copies=size.drones))
+        copied = flown.delivery_id, flown.mission_id, flown.drone_id
+        past = Copying(*copied, copies=size.deliveries, drone_ids=drone_ids)
+        await _run(gateway, _of_gateway(past))
+        await _run(composition, _of_composition(past))
+        await _run(registry, _idle_drones(drone_ids[0], size.drones, drones, presence))
+        await _run(composition, _idle_drones(drone_ids[0], size.drones, drone_links))
 
 
-async def _run(db: Database, statements: Sequence[str]) -> None:
+async def _run(db: Database, statements: Iterable[str]) -> None:
     for statement in statements:
         async with db.write() as tx:
             await tx.connection.exec_driver_sql(statement)
@@ -60,59 +98,32 @@ async def _run(db: Database, statements: Sequence[str]) -> None:
             await tx.connection.exec_driver_sql("ANALYZE")
 
 
-def _ids(delivery_id: str, mission_id: str) -> dict[str, str]:
-    return {delivery_id: copy_id("dlv"), mission_id: copy_id("msn")}
-
-
-def _of_gateway(delivery_id: str, mission_id: str, *, copies: int) -> list[str]:
-    tables = of_gateway.deliveries, of_gateway.packages, of_gateway.custody, of_gateway.missions
-    event_id = {"event_id": part_id("evt", "sequence")}
-    return [
-        copying(
-            table,
-            where=f"old.delivery_id = '{delivery_id}'",
-            copies=copies,
-            ids=_ids(delivery_id, mission_id),
-            columns=event_id if table is events else {},
-        )
-        for table in (*tables, events)
-    ]
-
-
-def _of_composition(delivery_id: str, mission_id: str, *, copies: int) -> list[str]:
-    #: Each copy has a stream of its own: a stream has no number twice.
-    instruction = {"instruction_id": part_id("ins", "seq"), "stream": "1000 + n.i"}
-    return [
-        copying(
-            table,
-            where=f"old.{key} = '{value}'",
-            copies=copies,
-            ids=_ids(delivery_id, mission_id),
-            columns=instruction if table is instructions else {},
-        )
-        for table, key, value in (
-            (deliveries, "delivery_id", delivery_id),
-            (missions, "mission_id", mission_id),
-            (mission_steps, "mission_id", mission_id),
-            (custody, "delivery_id", delivery_id),
-            (instructions, "mission_id", mission_id),
-        )
-    ]
-
-
-def _drones(drone_id: str, *, copies: int) -> list[str]:
-    return [_of_drone(table, drone_id, copies) for table in (drones, presence)]
-
-
-def _links(drone_id: str, *, copies: int) -> list[str]:
-    return [_of_drone(drone_links, drone_id, copies)]
-
-
-def _of_drone(table: Table, drone_id: str, copies: int) -> str:
-    return copying(
-        table,
-        where=f"old.drone_id = '{drone_id}'",
-        copies=copies,
-        ids={drone_id: copy_id("drn")},
-        columns={},
+def _of_gateway(past: Copying) -> Iterator[str]:
+    yield past.of(
+        of_gateway.deliveries, "delivery_id", customer_id=f"'c' || CAST(n.i % {_CUSTOMERS} AS TEXT)"
     )
+    for table in (of_gateway.packages, of_gateway.custody, of_gateway.missions):
+        yield past.of(table, "delivery_id")
+    yield past.of(events, "delivery_id", event_id=part_id("evt", "sequence"))
+
+
+def _of_composition(past: Copying) -> Iterator[str]:
+    yield past.of(deliveries, "delivery_id")
+    yield past.of(missions, "mission_id")
+    yield past.of(mission_steps, "mission_id")
+    yield past.of(custody, "delivery_id")
+    # Each copy has a stream of its own: a stream has no number twice.
+    place = {"instruction_id": part_id("ins", "seq"), "stream": "1000 + n.i"}
+    yield past.of(instructions, "mission_id", **place)
+
+
+def _idle_drones(drone_id: str, copies: int, *tables: Table) -> Iterator[str]:
+    for table in tables:
+        yield copying(
+            table,
+            where=f"old.drone_id = '{drone_id}'",
+            copies=copies,
+            ids={drone_id: copy_id("drn")},
+            columns={},
+            drone_ids=[drone_id],
+        )

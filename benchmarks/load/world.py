@@ -4,6 +4,7 @@ import asyncio
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.load.burst import Burst
@@ -60,12 +61,29 @@ async def populate(
         for n in range(_CUSTOMERS)
     ]
     agents = _start_agents(system, drones, processes=burst.agents)
+    await _until_ready(api, operator_key, len(drones))
+    return World(tuple(customers), agents)
+
+
+async def start_again(
+    system: System, api: GatewayApi, world: World, *, operator_key: str, ready: int
+) -> None:
+    """Start the agents of a world in a system that was stopped, until so many drones are ready."""
+    for number, name in enumerate(world.agents):
+        system.start_fleet(name, _fleet_file(system, number), gives_way_by=SIMULATES)
+    await _until_ready(api, operator_key, ready)
+
+
+def _fleet_file(system: System, number: int) -> Path:
+    return system.folder.path / f"fleet-{number}.json"
+
+
+async def _until_ready(api: GatewayApi, operator_key: str, drones: int) -> None:
     try:
         async with asyncio.timeout(_READY_WITHIN_S):
-            await _until_available(api, operator_key, len(drones))
+            await _until_available(api, operator_key, drones)
     except TimeoutError as error:
         raise SkywayError(f"not all drones were ready within {_READY_WITHIN_S:g} s") from error
-    return World(tuple(customers), agents)
 
 
 def _start_agents(
@@ -73,7 +91,7 @@ def _start_agents(
 ) -> tuple[str, ...]:
     names = tuple(f"agent {number}" for number in range(processes))
     for number, name in enumerate(names):
-        file = system.folder.path / f"fleet-{number}.json"
+        file = _fleet_file(system, number)
         file.touch(mode=0o600)
         file.write_text(json.dumps({"items": drones[number::processes]}))
         system.start_fleet(name, file, gives_way_by=SIMULATES)

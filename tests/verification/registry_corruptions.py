@@ -250,7 +250,7 @@ _ACROSS: Final = (
         "a hint of a mission that nobody booked",
         "the registry knows no mission that composition does not have",
         registry="UPDATE mission_hints SET mission_id = 'msn_invented'"
-        " WHERE mission_id = :completed_mission",
+        " WHERE mission_id = :flying_mission",
     ),
     Corruption(
         "a provider's key whose provider is gone",

@@ -1,10 +1,13 @@
 import json
+import sqlite3
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from sqlalchemy import literal, select
+from sqlalchemy import BigInteger, Column, MetaData, Table, literal, select, true
 
+from skyway.runtime.archive.archived_table import ArchivedTable
 from skyway.runtime.errors import ExitCode
 from skyway.runtime.service_process import ServiceProcess
 from skyway.runtime.settings import ServiceSettings
@@ -57,7 +60,7 @@ def test_verify_finds_nothing_and_exits_0(capsys: pytest.CaptureFixture[str]) ->
     assert (code, capsys.readouterr().out) == (0, "")
 
 
-@pytest.mark.parametrize("command", ["serve", "migrate", "verify"])
+@pytest.mark.parametrize("command", ["serve", "migrate", "verify", "archive"])
 def test_a_missing_setting_is_named(
     command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -81,3 +84,28 @@ def test_a_damaged_database_and_one_that_is_away_have_codes_of_their_own(
 
     assert codes == {"damaged": ExitCode.BAD_DATABASE, "tower": ExitCode.NOT_NOW}
     assert "it is damaged: file is not a database" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("a_database")
+def test_archive_prints_a_line_for_each_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flights = Table("flights", MetaData(), Column("at_ms", BigInteger, primary_key=True))
+    with sqlite3.connect(tmp_path / "tower.db") as database:
+        database.execute("CREATE TABLE flights (at_ms INTEGER)")
+        database.executemany("INSERT INTO flights VALUES (?)", [(1,), (2,), (86_400_000,)])
+    database.close()
+    archived = ArchivedTable(flights, flights.c.at_ms, flights, true())
+    process = replace(make_process(), archived=[archived])
+
+    code = process.run(["archive", "--folder", str(tmp_path / "archive")])
+
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert (code, lines) == (
+        0,
+        [
+            {"table": "flights", "day": "1970-01-01", "rows": 2},
+            {"table": "flights", "day": "1970-01-02", "rows": 1},
+        ],
+    )
+    assert (tmp_path / "archive" / "flights" / "1970-01-02.parquet").exists()
