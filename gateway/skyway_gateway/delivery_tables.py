@@ -33,8 +33,11 @@ IS_LIVE: Final = (
     "state IN ('SCHEDULED', 'REQUESTED', 'PLANNED', 'DISPATCHED', 'LOADING', 'IN_PROGRESS')"
 )
 
-#: Deliveries that are over.
-IS_OVER: Final = "state IN ('COMPLETED', 'PARTIALLY_COMPLETED', 'CANCELLED', 'FAILED', 'REJECTED')"
+#: Deliveries that are over. Of an expression, because SQLite would take `deliveries_by_state` for a
+#: column, and read all deliveries that are over to find the oldest.
+IS_OVER: Final = (
+    "(state || '') IN ('COMPLETED', 'PARTIALLY_COMPLETED', 'CANCELLED', 'FAILED', 'REJECTED')"
+)
 
 #: Rows with `is_queued` are the queue of `deliveries.booking`.
 deliveries = Table(

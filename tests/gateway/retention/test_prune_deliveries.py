@@ -4,6 +4,7 @@ import asyncio
 from datetime import timedelta
 
 import pytest
+from skyway_gateway.delivery_tables import IS_OVER
 from skyway_gateway.retention.prune_deliveries import DeliveryPruning
 from skyway_gateway.retention.prune_logs import ExpiredPruning
 
@@ -231,3 +232,17 @@ async def test_events_that_are_sent_again_leave_before_their_delivery(
 
     assert await prune.delete(forgotten) == 0
     assert len(await left(gateway)) == 1
+
+
+async def test_old_deliveries_are_found_without_reading_all_that_are_over(
+    gateway: Gateway,
+) -> None:
+    async with gateway.parts.db.read() as connection:
+        found = await connection.exec_driver_sql(
+            "EXPLAIN QUERY PLAN SELECT delivery_id FROM deliveries"
+            f" WHERE {IS_OVER} AND updated_ms < 5 AND next_try_wall_ms <= 5"
+            " ORDER BY updated_ms, delivery_id LIMIT 200"
+        )
+        plan = " ".join(row.detail for row in found)
+
+    assert "deliveries_over" in plan

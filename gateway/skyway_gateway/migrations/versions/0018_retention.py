@@ -8,7 +8,9 @@ down_revision = "0017"
 branch_labels = None
 depends_on = None
 
-_IS_OVER = "state IN ('COMPLETED', 'PARTIALLY_COMPLETED', 'CANCELLED', 'FAILED', 'REJECTED')"
+_IS_OVER = (
+    "(state || '') IN ('COMPLETED', 'PARTIALLY_COMPLETED', 'CANCELLED', 'FAILED', 'REJECTED')"
+)
 
 
 def upgrade() -> None:
