@@ -17,7 +17,6 @@ from sqlalchemy import (
     update,
 )
 
-from skyway.contracts.drone_report import DroneState
 from skyway.ids import DeliveryId, MissionId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
@@ -52,8 +51,8 @@ def _is_unanswered(table: Any) -> ColumnElement[bool]:  # a table and its alias 
     return found
 
 
-#: Missions that are not over, wait for an answer, have reports on their way, or count against
-#: their provider.
+#: Missions that are not over, wait for an answer, have reports on their way, count against their
+#: provider, or are reported by their drone, which may still have the packages.
 _NEEDED: Final = select(missions.c.delivery_id).where(
     in_list(missions.c.delivery_id, "delivery_ids"),
     or_(
@@ -68,13 +67,14 @@ _NEEDED: Final = select(missions.c.delivery_id).where(
             no_shows.c.mission_id == missions.c.mission_id,
             no_shows.c.at_ms >= bindparam("blamed_ms", type_=BigInteger),
         ),
+        exists().where(
+            drone_links.c.drone_id == missions.c.drone_id,
+            drone_links.c.is_occupied,
+            drone_links.c.state.contains('"mission_id":"' + missions.c.mission_id + '"'),
+        ),
     ),
 )
 
-_OCCUPIED: Final = select(drone_links.c.state).where(drone_links.c.is_occupied)
-_OF_MISSIONS: Final = select(missions.c.delivery_id).where(
-    in_list(missions.c.mission_id, "mission_ids"), in_list(missions.c.delivery_id, "delivery_ids")
-)
 _MISSIONS: Final = select(missions.c.mission_id).where(
     in_list(missions.c.delivery_id, "delivery_ids")
 )
@@ -143,20 +143,7 @@ async def needed_among(
     """
     asked = {"delivery_ids": sorted(delivery_ids)}
     await tx.execute(_LOCK, asked)
-    needed = set((await tx.execute(_NEEDED, asked | {"blamed_ms": blamed_ms})).scalars())
-    # A drone that reports a mission may still have its packages.
-    reported = await _reported_missions(tx)
-    if reported:
-        found = await tx.execute(_OF_MISSIONS, asked | {"mission_ids": reported})
-        needed |= set(found.scalars())
-    return needed
-
-
-async def _reported_missions(tx: Tx) -> list[MissionId]:
-    """The missions on which drones are by their last states."""
-    states = (await tx.execute(_OCCUPIED)).scalars()
-    reported = (None if state is None else DroneState.read(state).mission_id for state in states)
-    return sorted({mission_id for mission_id in reported if mission_id is not None})
+    return set((await tx.execute(_NEEDED, asked | {"blamed_ms": blamed_ms})).scalars())
 
 
 async def delete_deliveries(tx: Tx, delivery_ids: Iterable[DeliveryId]) -> None:
