@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from typing import Final
 
-from sqlalchemy import and_, bindparam, exists, func, or_, select, update
+from sqlalchemy import and_, bindparam, exists, func, literal_column, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId, MissionId
@@ -22,14 +22,17 @@ _before: Final = select(missions).where(is_live).subquery("before")
 _queued: Final = missions.alias("queued")
 _is_planned_in_another_world: Final = exists().where(
     _queued.c.drone_id == _next.c.drone_id,
-    _queued.c.state == "QUEUED",
+    # A literal: with a parameter PostgreSQL does not take the index of queued missions, and reads
+    # all missions that ever were.
+    _queued.c.state == literal_column("'QUEUED'"),
     networks.c.network_id == _queued.c.network_id,
     or_(
         networks.c.version != _queued.c.planned_version,
         networks.c.conditions != _queued.c.planned_conditions,
     ),
 )
-_TO_LOOK_AT: Final = (
+#: The drones whose calendar may have to change.
+TO_LOOK_AT: Final = (
     select(_next.c.drone_id)
     .select_from(_next.outerjoin(_before, _before.c.drone_id == _next.c.drone_id))
     .where(
@@ -60,7 +63,7 @@ async def drones_to_look_at(
     next mission should have begun before `overdue_ms` are found too.
     """
     values = {"soon_ms": soon_ms, "hand_over_ms": hand_over_ms, "overdue_ms": overdue_ms}
-    found = await connection.execute(_TO_LOOK_AT, values)
+    found = await connection.execute(TO_LOOK_AT, values)
     return list(found.scalars())
 
 
