@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 from itertools import groupby
 from typing import Final
 
-from sqlalchemy import BigInteger, and_, bindparam, exists, func, or_, select
+from sqlalchemy import BigInteger, and_, bindparam, exists, func, literal_column, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Connection
@@ -52,7 +52,7 @@ _YIELDING: Final = (
         ~exists().where(
             and_(
                 _later.c.drone_id == missions.c.drone_id,
-                _later.c.state == "QUEUED",
+                _later.c.state == literal_column("'QUEUED'"),
                 _later.c.start_ms > missions.c.start_ms,
             )
         ),
