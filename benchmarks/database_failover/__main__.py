@@ -24,7 +24,7 @@ import httpx
 from benchmarks.database_failover.patroni import Cluster, patroni_cluster
 from benchmarks.load.burst import Burst
 from benchmarks.load.city import City
-from benchmarks.load.run import check, data_folder
+from benchmarks.load.run import data_folder, verify
 from benchmarks.load.world import World, populate
 from benchmarks.planner.machine import Machine
 from skyway.cli.data_folder import DataFolder
@@ -138,7 +138,7 @@ async def _report(
     folder: DataFolder, accepted: Accepted, states: dict[str, str], killed_s: float
 ) -> bool:
     gap_s = accepted.longest_gap_s(after_s=killed_s)
-    violations = await asyncio.to_thread(check, folder)
+    violations = await asyncio.to_thread(verify, folder)
     print(
         f"{len(states)} accepted, {dict(Counter(states.values()))}; nothing was accepted for "
         f"{gap_s:.1f} s after the kill; verify: {violations}",

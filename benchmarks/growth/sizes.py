@@ -66,7 +66,7 @@ def read_growth(arguments: list[str]) -> Growth:
         seconds=given.seconds,
         clock_rate=1.0,
         agents=1,
-        patience_s=30.0,
+        longest_wait_s=30.0,
         seed=given.seed,
     )
     return Growth(given.deliveries, given.drones, given.stations, load)

@@ -56,7 +56,7 @@ async def run(burst: Burst) -> Outcome:
                 async with GatewayApi(system.urls["gateway"]) as api:
                     world = await populate(system, api, city, operator_key=key, burst=burst)
                 pids = pids_of(system, world) | {name: one.pid for name, one in servers.items()}
-                outcome = await measured(system, world, city, burst=burst, pids=pids, check=_verify)
+                outcome = await measured(system, world, city, burst=burst, pids=pids, check=verify)
         if not outcome.is_right:
             _keep_logs(folder)
         return outcome
@@ -161,7 +161,7 @@ def _python_only(pids: Mapping[str, int]) -> dict[str, int]:
     return {name: pid for name, pid in pids.items() if name not in ("postgresql", "mosquitto")}
 
 
-def check(folder: DataFolder) -> str:
+def verify(folder: DataFolder) -> str:
     """What `skyway verify` says last, of the databases as they stand."""
     command = [sys.executable, "-m", "skyway.cli", "verify", "--data", str(folder.path)]
     checked = subprocess.run(

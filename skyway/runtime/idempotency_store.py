@@ -122,6 +122,14 @@ _THIS: Final = _KEYS.c.key_hash == bindparam("this")
 _FIND: Final = select(_KEYS.c.body_hash, _KEYS.c.answer).where(
     _THIS, _KEYS.c.created_at_ms > _EXPIRED_MS
 )
+#: The rule of the database that refuses a key a second time.
+_ONE_ANSWER: Final = "idempotency_pkey"
+
+_FIRST_SERVER_ERROR: Final = 500
+
+#: The act of a request, in the given transaction.
+Act = Callable[[Tx], Awaitable[Answer]]
+
 #: The answers that one transaction deletes at most: other writers do not wait for long.
 _DELETED_TOGETHER: Final = 1000
 
@@ -193,17 +201,6 @@ async def sweep(db: Database, clock: FleetClock) -> int:
         count += deleted
         if deleted < _DELETED_TOGETHER:
             return count
-
-
-__all__ = ["Act", "Answer", "answered_before", "once"]
-
-_FIRST_SERVER_ERROR: Final = 500
-
-#: The rule of the database that refuses a key a second time.
-_ONE_ANSWER: Final = "idempotency_pkey"
-
-#: The act of a request, in the given transaction.
-Act = Callable[[Tx], Awaitable[Answer]]
 
 
 async def once(

@@ -83,17 +83,17 @@ async def test_the_events_of_a_drone_count_after_a_thief_has_numbered_events(
     drone.stream = thief.stream = 0
     await composition.receive(drone.state())
     for _ in range(5):
-        alarm = thief.event("ALARM", code="FALSE", level="WARNING")
+        alarm = thief.event("ALARM", code="GPS_LOST", level="WARNING")
         await composition.receive(alarm)
     assert (await link(composition)).last_event_seq == 5
 
     await renew(composition)
     await composition.receive(drone.state(last_event_seq=0))
-    await composition.receive(drone.event("ALARM", code="TRUE", level="WARNING"))
+    await composition.receive(drone.event("ALARM", code="MOTOR_FAILURE", level="WARNING"))
 
     assert (await link(composition)).last_event_seq == 1
     alarms = await composition.rows("SELECT code FROM alarms ORDER BY alarm_id")
-    assert [row.code for row in alarms] == ["FALSE"] * 5 + ["TRUE"]
+    assert [row.code for row in alarms] == ["GPS_LOST"] * 5 + ["MOTOR_FAILURE"]
 
 
 async def test_a_stream_that_nobody_can_have_opened_is_set_aside(
