@@ -432,10 +432,18 @@ def test_a_past_hour_is_played_again(
     page = console.show("replay").page
     expect(page.locator(".player")).to_contain_text("measured something")
     expect(page.get_by_label("What happened")).to_contain_text("Station Played T5 closed")
-    page.get_by_label("Speed").select_option("600")
+    asked_at = system.operate("GET", f"/v1/deliveries/{delivery_id}")["created_at"]
+    page.get_by_label("Moment").evaluate(
+        """(slider, moment) => {
+          slider.value = Date.parse(moment);
+          slider.dispatchEvent(new Event("input", {bubbles: true}));
+        }""",
+        asked_at,
+    )
+    page.get_by_label("Speed").select_option("60")
     page.get_by_role("button", name="Play", exact=True).click()
     longitude = f"{DRAWN}.get('{drone}')?.drone.position[0]"
-    # A second of a busy machine is ten minutes of the replay, so the page itself pauses in time.
+    # A second of a busy machine is a minute of the replay, so the page itself pauses in time.
     pause = (
         """[...document.querySelectorAll("button")].find((one) => one.textContent === "Pause")"""
     )
