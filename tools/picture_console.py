@@ -1,4 +1,4 @@
-"""Take the pictures of the console in docs/pictures: every view, light and dark.
+"""Take the pictures in docs/pictures: the console's views and the tracking page, light and dark.
 
     python tools/picture_console.py
 
@@ -26,6 +26,9 @@ PICTURES: Final = Path(__file__).parent.parent / "docs/pictures"
 _SETTLES_S: Final = 90.0
 _COLOURS: Final = 256
 _SIZE: Final = (1200, 750)
+_PHONE_SIZE: Final = (390, 844)
+#: How long a page may take until it shows what it shows, milliseconds.
+_SHOWN_WITHIN_MS: Final = 4_000
 
 #: The pictures: the role that sees them, and the address of the view. `{drone}` flies.
 _VIEWS: Final = {
@@ -65,9 +68,15 @@ def _ask(keys: dict[str, str], path: str) -> Any:  # JSON
 
 
 def _shown(keys: dict[str, str]) -> dict[str, str]:
-    """A drone in the air, and its delivery."""
+    """A drone in the air, its delivery, and the delivery's tracking page."""
     mission = _ask(keys, "/v1/missions?state=ACTIVE&limit=1")["items"][0]
-    return {"drone": mission["drone_id"], "delivery": mission["delivery_id"]}
+    delivery_id = mission["delivery_id"]
+    link = _ask(keys, f"/v1/deliveries/{delivery_id}/tracking-link")
+    return {
+        "drone": mission["drone_id"],
+        "delivery": delivery_id,
+        "tracking_url": link["tracking_url"],
+    }
 
 
 def _log_in(browser: Browser, keys: dict[str, str], *, role: str, theme: Any) -> Page:
@@ -107,10 +116,24 @@ def save_pictures() -> None:
                 page = _log_in(browser, keys, role=role, theme=theme)
                 target = json.dumps(f"#/{address.format(**ids)}")
                 page.evaluate(f"() => {{ location.hash = {target} }}")
-                page.wait_for_timeout(4_000)
+                page.wait_for_timeout(_SHOWN_WITHIN_MS)
                 _save_picture(page, PICTURES / f"{name}-{theme}.png")
                 page.context.close()
+            _save_tracking_page(browser, ids["tracking_url"], theme=theme)
         browser.close()
+
+
+def _save_tracking_page(browser: Browser, url: str, *, theme: Any) -> None:
+    context = browser.new_context(
+        viewport={"width": _PHONE_SIZE[0], "height": _PHONE_SIZE[1]},
+        color_scheme=theme,
+        locale="en-GB",
+    )
+    page = context.new_page()
+    page.goto(url)
+    page.wait_for_timeout(_SHOWN_WITHIN_MS)
+    _save_picture(page, PICTURES / f"tracking-{theme}.png")
+    context.close()
 
 
 if __name__ == "__main__":

@@ -33,6 +33,16 @@ class ConsolePage(WatchedPage):
         """A panel beside the map."""
         return self.page.get_by_role("region", name=name)
 
+    def move_replay_to(self, moment: str) -> None:
+        """Move the slider of the replay to a moment of its hour."""
+        self.page.get_by_label("Moment").evaluate(
+            """(slider, moment) => {
+              slider.value = Date.parse(moment);
+              slider.dispatchEvent(new Event("input", {bubbles: true}));
+            }""",
+            moment,
+        )
+
     def confirm(self, reason: str, *, after: str) -> None:
         """Confirm in the dialog, after it has said what would happen."""
         dialog = self.page.get_by_role("dialog")

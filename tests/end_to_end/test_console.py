@@ -433,13 +433,7 @@ def test_a_past_hour_is_played_again(
     expect(page.locator(".player")).to_contain_text("measured something")
     expect(page.get_by_label("What happened")).to_contain_text("Station Played T5 closed")
     asked_at = system.operate("GET", f"/v1/deliveries/{delivery_id}")["created_at"]
-    page.get_by_label("Moment").evaluate(
-        """(slider, moment) => {
-          slider.value = Date.parse(moment);
-          slider.dispatchEvent(new Event("input", {bubbles: true}));
-        }""",
-        asked_at,
-    )
+    console.move_replay_to(asked_at)
     page.get_by_label("Speed").select_option("60")
     page.get_by_role("button", name="Play", exact=True).click()
     longitude = f"{DRAWN}.get('{drone}')?.drone.position[0]"

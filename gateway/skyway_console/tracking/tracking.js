@@ -92,11 +92,14 @@ function showStages() {
   }));
 }
 
+const degrees = (value, positive, negative) =>
+  `${Math.abs(value).toFixed(5)}° ${value < 0 ? negative : positive}`;
+
 // What the drone measured at the hand-over.
 function measured({proof_mass_kg: massKg, proof_position: position}) {
   return [
     ...(typeof massKg === "number" ? [`Mass: ${Number(massKg.toFixed(3))} kg`] : []),
-    ...(position ? [`Place: ${position[1].toFixed(5)}° north, ${position[0].toFixed(5)}° east`] : []),
+    ...(position ? [`Place: ${degrees(position[1], "north", "south")}, ${degrees(position[0], "east", "west")}`] : []),
   ];
 }
 

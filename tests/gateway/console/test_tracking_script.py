@@ -81,7 +81,7 @@ def test_a_hand_over_is_shown_with_what_the_drone_measured(stage: StagedPage) ->
 
     expect(card).to_contain_text("Handed over at B, 11:59")
     expect(card).to_contain_text("Mass: 0.45 kg")
-    expect(card).to_contain_text("Place: 29.50000° north, -97.88000° east")
+    expect(card).to_contain_text("Place: 29.50000° north, 97.88000° west")
 
 
 def test_a_newer_state_wins_over_a_stream_that_ended(stage: StagedPage) -> None:
