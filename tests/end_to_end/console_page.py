@@ -33,15 +33,17 @@ class ConsolePage(WatchedPage):
         """A panel beside the map."""
         return self.page.get_by_role("region", name=name)
 
-    def move_replay_to(self, moment: str) -> None:
-        """Move the slider of the replay to a moment of its hour."""
-        self.page.get_by_label("Moment").evaluate(
-            """(slider, moment) => {
-              slider.value = Date.parse(moment);
-              slider.dispatchEvent(new Event("input", {bubbles: true}));
+    def replay_from(self, moment: str) -> None:
+        """Choose the hour of the replay that begins with the minute of this moment."""
+        minute = self.page.evaluate(
+            """(moment) => {
+              const date = new Date(moment);
+              const local = new Date(date.getTime() - date.getTimezoneOffset() * 60_000);
+              return local.toISOString().slice(0, 16);
             }""",
             moment,
         )
+        self.page.get_by_label("From", exact=True).fill(minute)
 
     def confirm(self, reason: str, *, after: str) -> None:
         """Confirm in the dialog, after it has said what would happen."""

@@ -430,10 +430,10 @@ def test_a_past_hour_is_played_again(
     system.operate("DELETE", f"{place}/{closed}")
     shown_network(console.page, "played")
     page = console.show("replay").page
+    # On a slow machine the hour that has just passed may begin after the flight.
+    console.replay_from(system.operate("GET", f"/v1/deliveries/{delivery_id}")["created_at"])
     expect(page.locator(".player")).to_contain_text("measured something")
     expect(page.get_by_label("What happened")).to_contain_text("Station Played T5 closed")
-    asked_at = system.operate("GET", f"/v1/deliveries/{delivery_id}")["created_at"]
-    console.move_replay_to(asked_at)
     page.get_by_label("Speed").select_option("60")
     page.get_by_role("button", name="Play", exact=True).click()
     longitude = f"{DRAWN}.get('{drone}')?.drone.position[0]"

@@ -4,7 +4,7 @@ import {render} from "preact";
 import {effect} from "@preact/signals";
 
 import {refusedCalls} from "./api.js";
-import {startClock} from "./fleet_clock.js";
+import {isClockAsked, startClock} from "./fleet_clock.js";
 import {html} from "./html.js";
 import {followPicture, forgetPicture} from "./live.js";
 import {route} from "./routes.js";
@@ -35,10 +35,13 @@ const VIEWS = {
   account: {view: AccountView, name: "Keys", roles: ["operator", "provider", "customer"]},
 };
 
+const opening = html`<p class="opening">Opening the console…</p>`;
+
 function Console() {
-  if (session.value === undefined) return html`<p class="opening">Opening the console…</p>`;
+  if (session.value === undefined) return opening;
   if (session.value === null) return html`<${LoginForm} problem=${loginProblem.value} />`;
   if (offeredLogin.value) return html`<${LoginQuestion} code=${offeredLogin.value} />`;
+  if (!isClockAsked.value) return opening;
   const views = Object.entries(VIEWS).filter(([, {roles}]) => roles.includes(session.value.role));
   const [name, ...parts] = route.value;
   const [open, {view}] = views.find(([each]) => each === name) ?? views[0];
@@ -48,7 +51,7 @@ function Console() {
 // The live picture is followed as long as there is a session.
 effect(() => {
   if (session.value) {
-    startClock().catch(() => null);
+    startClock();
     followPicture();
   } else {
     forgetPicture();

@@ -23,10 +23,14 @@ async function readClock() {
 
 let isRunning = false;
 
+// Whether the gateway was asked for the time. Before that, this browser's own time would be shown.
+export const isClockAsked = signal(false);
+
 export async function startClock() {
   if (isRunning) return;
   isRunning = true;
   setInterval(() => ticks.value += 1, EVERY_MS);
   setInterval(() => readClock().catch(() => null), READ_EVERY_MS);
-  await readClock();
+  await readClock().catch(() => null);
+  isClockAsked.value = true;
 }

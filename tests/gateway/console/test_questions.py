@@ -103,6 +103,7 @@ def test_drones_and_stations_are_opened_by_keyboard(two_stations: StagedPage) ->
 def test_the_corners_of_an_area_are_chosen_by_keyboard(two_stations: StagedPage) -> None:
     page = two_stations.open("/console#/map/zone").page
     corner = page.get_by_role("button", name="Corner at the middle")
+    page.wait_for_function("() => document.querySelector('.map')?.fleetMap?.map")
     centre = "() => document.querySelector('.map').fleetMap.map.getCenter().toArray()"
     for key in ("ArrowLeft", "ArrowUp", "ArrowRight"):
         before = page.evaluate(centre)

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import os
+import secrets
 import socket
 from collections import Counter
 from collections.abc import AsyncIterator, Callable
@@ -25,6 +26,9 @@ mavlink = mavutil.mavlink
 
 #: Wall seconds between two ticks of the autopilot, and ticks that it needs to fly an item.
 TICK_S, TICKS_PER_ITEM = 0.1, 15
+
+#: Below the ports that kernels choose from, when a program asks for any free port.
+PORTS = range(20_000, 32_000)
 
 #: Turns of the event loop in which everybody reacts to what has arrived,
 #: and the most of them in which the socket may become quiet.
@@ -189,9 +193,12 @@ def kind(request: pytest.FixtureRequest) -> int:
 
 @pytest.fixture
 def port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
+    """A free port that the kernel does not give to another process in the meantime."""
+    while True:
+        chosen = secrets.choice(PORTS)
+        with contextlib.suppress(OSError), socket.socket(type=socket.SOCK_DGRAM) as free:
+            free.bind(("127.0.0.1", chosen))
+            return chosen
 
 
 @pytest.fixture

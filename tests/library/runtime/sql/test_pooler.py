@@ -62,11 +62,6 @@ pytestmark = [
 ]
 
 
-def listens(port: int) -> bool:
-    with socket.socket() as client:
-        return client.connect_ex(("127.0.0.1", port)) == 0
-
-
 @pytest.fixture
 def pooled_url(database_url: str) -> Iterator[str]:
     direct = make_url(database_url)
@@ -74,20 +69,30 @@ def pooled_url(database_url: str) -> Iterator[str]:
         port = free.getsockname()[1]
     user = unprivileged_user()
     with tempfile.TemporaryDirectory(prefix="skyway-pgbouncer-") as folder:
-        configuration = Path(folder, "pgbouncer.ini")
+        configuration, log = Path(folder, "pgbouncer.ini"), Path(folder, "log")
         configuration.write_text(_CONFIGURATION.format(host=direct.query["host"], port=port))
         if user is not None:
-            os.chown(folder, user.pw_uid, user.pw_gid)
-        process = subprocess.Popen(
-            [str(_BINARY), str(configuration)],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            user=None if user is None else user.pw_uid,
-            group=None if user is None else user.pw_gid,
-            extra_groups=None if user is None else [],
-        )
+            # The file too: a strict umask lets nobody but its owner read it.
+            for path in (folder, configuration):
+                os.chown(path, user.pw_uid, user.pw_gid)
+        with log.open("wb") as output:
+            process = subprocess.Popen(
+                [str(_BINARY), str(configuration)],
+                stdout=output,
+                stderr=output,
+                cwd=folder,
+                user=None if user is None else user.pw_uid,
+                group=None if user is None else user.pw_gid,
+                extra_groups=None if user is None else [],
+            )
+
+        def listens() -> bool:
+            assert process.poll() is None, log.read_text()
+            with socket.socket() as client:
+                return client.connect_ex(("127.0.0.1", port)) == 0
+
         try:
-            eventually(lambda: listens(port), "PgBouncer listens")
+            eventually(listens, "PgBouncer listens", instead=log.read_text)
             yield f"postgresql://skyway@127.0.0.1:{port}/{direct.database}?pooling=transaction"
         finally:
             process.terminate()
