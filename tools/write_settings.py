@@ -64,7 +64,12 @@ BROKER: Final = (
     Row("SKYWAY_LOG_LEVEL", "text", "`INFO`", "DEBUG, INFO, WARNING or ERROR."),
 )
 AGENT: Final = (
-    Row("SKYWAY_MQTT_URL", "text", "or `--mqtt-url`", "The broker's listener for drones."),
+    Row(
+        "SKYWAY_MQTT_URL",
+        "text",
+        "or `--mqtt-url`",
+        "The broker's listener for drones, instead of the addresses of the enrolment.",
+    ),
     Row("SKYWAY_AGENT_JOURNAL", "path", "or `--journal`", "Folder of journals and credentials."),
     Row("SKYWAY_ENROLMENT_TOKEN", "text", "or `--enrol`", "A token to exchange once."),
     Row("SKYWAY_GATEWAY_URL", "text", "or `--api`", "Where the token is exchanged."),

@@ -7,7 +7,7 @@ import asyncio
 import contextlib
 import logging
 import resource
-from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from typing import Never
 
 from skyway.errors import SkywayError
@@ -49,21 +49,28 @@ async def host_fleet(
     drones: tuple[EnrolledDrone, ...],
     folder: JournalFolder,
     *,
-    mqtt_url: str,
+    mqtt_url: str | None,
     accesses: tuple[CloudAccess, ...] = (),
     disturbances: Disturbances = UNDISTURBED,
     mavlink: MavlinkSettings | None = None,
 ) -> None:
     """Serve all drones until cancelled; a drone that fails does not disturb the others.
 
-    With `mavlink` there is one drone, and its autopilot flies it. With `accesses` the process reads
-    stations that no mission names.
+    Without `mqtt_url` each drone connects where its enrolment says. With `mavlink` there is one
+    drone, and its autopilot flies it. With `accesses` the process reads stations that no mission
+    names.
+
+    Raises
+    ------
+    InvalidSettings
+        No broker is named for a drone, or there are several drones with `mavlink`.
     """
+    brokers = {drone.drone_id: mqtt_url or _enrolled_broker(drone) for drone in drones}
     clock = KeptClock(folder.clock_file)
     async with _landing_book(folder, accesses) as book:
         if mavlink is not None:
             await _host_real_drone(
-                drones, folder, clock=clock, book=book, mqtt_url=mqtt_url, mavlink=mavlink
+                drones, folder, clock=clock, book=book, brokers=brokers, mavlink=mavlink
             )
         async with asyncio.TaskGroup() as group:
             group.create_task(_settle(), name="settle")
@@ -72,7 +79,11 @@ async def host_fleet(
                     drone.model, clock, disturbances=disturbances, drone_id=drone.drone_id
                 )
                 make_link = _link_maker(
-                    drone, folder, clock=clock, mqtt_url=mqtt_url, disturbances=disturbances
+                    drone,
+                    folder,
+                    clock=clock,
+                    mqtt_url=brokers[drone.drone_id],
+                    disturbances=disturbances,
                 )
                 serving = _keep_flying(
                     drone, folder, vehicle=vehicle, clock=clock, book=book, make_link=make_link
@@ -100,7 +111,7 @@ async def _host_real_drone(
     *,
     clock: KeptClock,
     book: LandingBook,
-    mqtt_url: str,
+    brokers: Mapping[DroneId, str],
     mavlink: MavlinkSettings,
 ) -> Never:
     if len(drones) != 1:
@@ -110,12 +121,28 @@ async def _host_real_drone(
     from skyway_drone_agent.mavlink.vehicle import ready_vehicle
 
     (drone,) = drones
-    make_link = _link_maker(drone, folder, clock=clock, mqtt_url=mqtt_url, disturbances=UNDISTURBED)
+    make_link = _link_maker(
+        drone,
+        folder,
+        clock=clock,
+        mqtt_url=brokers[drone.drone_id],
+        disturbances=UNDISTURBED,
+    )
     async with mavlink_link(mavlink.address, clock) as link:
         vehicle = await ready_vehicle(drone.model, clock, link, mavlink)
         await _keep_flying(
             drone, folder, vehicle=vehicle, clock=clock, book=book, make_link=make_link
         )
+
+
+def _enrolled_broker(drone: EnrolledDrone) -> str:
+    """The addresses of the broker that the drone's enrolment names, parted by commas."""
+    if not drone.mqtt_urls:
+        raise InvalidSettings(
+            "the broker is missing: --mqtt-url or SKYWAY_MQTT_URL"
+            f" (the enrolment of drone {drone.drone_id} names none)"
+        )
+    return ",".join(drone.mqtt_urls)
 
 
 def _link_maker(

@@ -39,14 +39,14 @@ class EnrolmentSettings:
 class AgentSettings:
     """The drones, the folder of their journals, and the broker.
 
-    Without a fleet file the agent serves the drones that enrolled here. The agent stops when
-    `parent_fd` is closed.
+    Without `mqtt_url` each drone connects where its enrolment says. Without a fleet file the agent
+    serves the drones that enrolled here. The agent stops when `parent_fd` is closed.
     """
 
     fleet: Path | None
     enrolment: EnrolmentSettings
     journal: Path
-    mqtt_url: str
+    mqtt_url: str | None
     parent_fd: int | None
     log_level: str
     disturbances: Disturbances
@@ -63,8 +63,6 @@ def read_settings(arguments: Sequence[str], environment: Mapping[str, str]) -> A
         raise InvalidSettings(
             "the folder of the journals is missing: --journal or SKYWAY_AGENT_JOURNAL"
         )
-    if not mqtt_url:
-        raise InvalidSettings("the broker is missing: --mqtt-url or SKYWAY_MQTT_URL")
     parent_fd = environment.get("SKYWAY_PARENT_FD", "")
     if parent_fd and not parent_fd.isdecimal():
         raise InvalidSettings(f"SKYWAY_PARENT_FD is a file descriptor, not {parent_fd!r}")
@@ -72,7 +70,7 @@ def read_settings(arguments: Sequence[str], environment: Mapping[str, str]) -> A
         fleet=None if given.fleet is None else Path(given.fleet),
         enrolment=_enrolment(given, environment),
         journal=Path(journal),
-        mqtt_url=mqtt_url,
+        mqtt_url=mqtt_url or None,
         parent_fd=int(parent_fd) if parent_fd else None,
         log_level=environment.get("SKYWAY_LOG_LEVEL", "INFO"),
         disturbances=_disturbances(given),
@@ -145,7 +143,9 @@ def _parser() -> argparse.ArgumentParser:
         "--journal", metavar="DIR", help="folder of the journals (or SKYWAY_AGENT_JOURNAL)"
     )
     parser.add_argument(
-        "--mqtt-url", metavar="URL", help="mqtt://host:port or mqtts:// (or SKYWAY_MQTT_URL)"
+        "--mqtt-url",
+        metavar="URL",
+        help="mqtt://host:port or mqtts:// (or SKYWAY_MQTT_URL); without it: as the enrolment says",
     )
     _add_placing(parser)
     _add_vehicle(parser)

@@ -95,7 +95,9 @@ def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Par
         stations=CompositionStations(composition),
         networks=NetworkLearner(stations_from(composition)),
         password_file=password_file,
-        issuer=Issuer(authority, cloud_keys, password_file.hash_password),
+        issuer=Issuer(
+            authority, cloud_keys, password_file.hash_password, mqtt_urls=settings.mqtt_drone_url
+        ),
         cloud_keys=cloud_keys,
         signatures=SignatureCheck(KeyBook(StoredKeys(db, clock), clock), NoQuarantine()),
         drone_limit=DroneLimit(db, settings.drones_per_provider),

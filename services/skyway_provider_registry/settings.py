@@ -3,8 +3,11 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
+from pydantic_settings import NoDecode
 
+from skyway.errors import InvalidInput
+from skyway.runtime.mqtt.address import BrokerAddress
 from skyway.runtime.settings import ServiceSettings
 
 BrokerKind = Literal["mosquitto", "nats"]
@@ -37,6 +40,11 @@ class RegistrySettings(ServiceSettings):
         description="Folder of the authority that signs drones' certificates. Without it drones "
         "have none.",
     )
+    mqtt_drone_url: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="`mqtts://HOST:PORT`: the broker's listener for drones, which each drone gets "
+        "at its enrolment. Several, parted by commas, for the nodes of a cluster.",
+    )
     drones_per_provider: int = Field(
         default=20_000, ge=1, le=1_000_000, description="Drones of one provider."
     )
@@ -48,3 +56,15 @@ class RegistrySettings(ServiceSettings):
         float,
         Field(gt=0, le=3_650, description="Days of wall time for which minutes are kept."),
     ] = 30.0
+
+    @field_validator("mqtt_drone_url", mode="before")
+    @classmethod
+    def _part(cls, urls: str | tuple[str, ...]) -> tuple[str, ...]:
+        """The URLs of a broker's nodes."""
+        parted = tuple(url.strip() for url in urls.split(",")) if isinstance(urls, str) else urls
+        for url in parted:
+            try:
+                BrokerAddress.parse(url)
+            except InvalidInput as error:
+                raise ValueError("must look like mqtts://host:port,mqtts://other:port") from error
+        return parted

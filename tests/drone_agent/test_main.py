@@ -46,9 +46,9 @@ def wait_for_journal(tmp_path: Path, running: subprocess.Popen[str]) -> None:
     assert (tmp_path / "journal" / "drn_1.jsonl").exists()
 
 
-def test_wrong_settings_are_named_and_end_the_process() -> None:
+def test_a_missing_broker_is_named_and_ends_the_process(files: list[str]) -> None:
     done = subprocess.run(
-        [*COMMAND, "--fleet", "none.json", "--journal", "none"],
+        [*COMMAND, *files[: files.index("--mqtt-url")]],
         capture_output=True,
         text=True,
         env={key: value for key, value in os.environ.items() if key != "SKYWAY_MQTT_URL"},
@@ -57,7 +57,9 @@ def test_wrong_settings_are_named_and_end_the_process() -> None:
     )
 
     assert done.returncode == 2
-    assert "SKYWAY_MQTT_URL" in done.stderr
+    assert "--mqtt-url or SKYWAY_MQTT_URL" in done.stderr
+    assert "drn_1 names none" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_the_agent_stops_on_a_signal(tmp_path: Path, files: list[str]) -> None:

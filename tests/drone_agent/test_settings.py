@@ -52,7 +52,6 @@ def test_a_factor_that_is_not_above_zero_is_named() -> None:
     ("environment", "named"),
     [
         ({"SKYWAY_MQTT_URL": "mqtt://b:1"}, "SKYWAY_AGENT_JOURNAL"),
-        ({"SKYWAY_AGENT_JOURNAL": "here"}, "SKYWAY_MQTT_URL"),
         (
             {
                 "SKYWAY_AGENT_JOURNAL": "here",

@@ -175,7 +175,12 @@ async def api(
         stations=stations,
         networks=networks,
         password_file=password_file,
-        issuer=Issuer(None, CloudKeyFile(secrets_dir / CLOUD_KEYS), password_file.hash_password),
+        issuer=Issuer(
+            None,
+            CloudKeyFile(secrets_dir / CLOUD_KEYS),
+            password_file.hash_password,
+            mqtt_urls=("mqtt://one:1883", "mqtt://two:1883"),
+        ),
         cloud_keys=CloudKeyFile(secrets_dir / CLOUD_KEYS),
         signatures=SignatureCheck(unsigned_book(clock), NoQuarantine()),
         drone_limit=DroneLimit(db, 6_000),

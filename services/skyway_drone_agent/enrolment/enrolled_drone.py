@@ -54,6 +54,8 @@ class EnrolledDrone(WireModel):
     position: Position | None = None
     soc: Soc
     mqtt: BrokerLogin
+    #: Where the broker listens; a cloud of an older version names no address.
+    mqtt_urls: tuple[str, ...] = ()
     certificate: ClientCertificate | None = None
     #: The drone's own key, with which it signs; a drone of an older version has none.
     signing_key: str | None = Field(default=None, repr=False)
@@ -102,6 +104,7 @@ class Credentials(WireModel):
     """The answer to a rotation of credentials."""
 
     mqtt: BrokerLogin
+    mqtt_urls: tuple[str, ...] = ()
     certificate: ClientCertificate | None = None
     key: str = Field(repr=False)
     signing_key: str | None = Field(default=None, repr=False)

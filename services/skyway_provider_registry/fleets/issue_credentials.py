@@ -87,6 +87,10 @@ class Credentials(JsonModel):
     """A broker account, and a key for the drone's own REST calls; both are shown only once."""
 
     mqtt: Annotated[MqttAccount, Field(description="account at the broker")]
+    mqtt_urls: Annotated[
+        tuple[str, ...],
+        Field(description="addresses of the broker's nodes; empty if the operator names none here"),
+    ]
     certificate: Annotated[
         ClientCertificate | None,
         Field(description="null where the deployment has no authority for drones"),
@@ -121,7 +125,8 @@ class Enrolment(Credentials):
 class Issuer:
     """Makes credentials; with an authority they include a certificate.
 
-    `hash_password` makes of a broker password what is stored.
+    `hash_password` makes of a broker password what is stored. `mqtt_urls` are the addresses of the
+    broker at which drones connect.
     """
 
     def __init__(
@@ -129,8 +134,11 @@ class Issuer:
         authority: CertificateAuthority | None,
         cloud_keys: CloudKeyFile,
         hash_password: PasswordHash,
+        *,
+        mqtt_urls: tuple[str, ...] = (),
     ) -> None:
         self.hash_password = hash_password
+        self._mqtt_urls = mqtt_urls
         self._authority = authority
         self._cloud_keys = cloud_keys
 
@@ -139,6 +147,7 @@ class Issuer:
         user_name = drone_account(provider_id, drone_id)
         return Credentials(
             mqtt=MqttAccount(user_name=user_name, password=_new_password()),
+            mqtt_urls=self._mqtt_urls,
             certificate=self._certificate(drone_id),
             key=_new_key(),
             cloud_keys=self._cloud_keys.read(),
@@ -198,6 +207,7 @@ async def enrol(
         position=drone.position,
         soc=drone.soc,
         mqtt=made.mqtt,
+        mqtt_urls=made.mqtt_urls,
         certificate=made.certificate,
         key=made.key,
         cloud_keys=made.cloud_keys,

@@ -94,7 +94,8 @@ def environment(folder: DataFolder, sockets: Mapping[str, socket.socket]) -> dic
         settings[f"SKYWAY_{name.upper()}_URL"] = url
     broker = named_broker()
     if broker is None:
-        settings["SKYWAY_MQTT_URL"] = f"mqtt://{_HOST}:{_port(sockets['broker'])}"
+        url = f"mqtt://{_HOST}:{_port(sockets['broker'])}"
+        settings |= {"SKYWAY_MQTT_URL": url, "SKYWAY_MQTT_DRONE_URL": url}
     else:
         settings["SKYWAY_MQTT_URL"] = broker
         if not is_nats():

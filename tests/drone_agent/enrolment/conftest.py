@@ -69,6 +69,7 @@ class FakeCloud:
         return {
             "key": f"dk_{self.made}",
             "mqtt": {"user_name": "drn_1", "password": f"password {self.made}"},
+            "mqtt_urls": [f"mqtt://node-{self.made}:1883"],
         }
 
 

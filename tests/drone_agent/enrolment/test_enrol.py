@@ -29,6 +29,7 @@ def test_the_credentials_for_a_token_are_readable_only_by_this_user(
     given = enrol("enr_good", api_url=cloud.url, folder=folder)
 
     assert (given.drone.drone_id, given.drone.mqtt.password) == ("drn_1", cloud.password)
+    assert given.drone.mqtt_urls == ("mqtt://node-1:1883",)
     assert enrolled(folder, drone_id=None) == (given,)
     [kept] = (tmp_path / "journal").iterdir()
     assert stat.S_IMODE(kept.stat().st_mode) == 0o600

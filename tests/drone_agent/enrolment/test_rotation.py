@@ -41,6 +41,7 @@ def test_a_rotation_ends_with_credentials_that_the_broker_accepts(
 
     assert password(crew) == cloud.password != kept.drone.mqtt.password
     assert password(restarted(folder)) == cloud.password
+    assert crew.drones[0].mqtt_urls == ("mqtt://node-2:1883",), "as the cloud names them now"
 
 
 def test_a_rotation_brings_another_signing_key_that_never_leaves_the_drone(

@@ -44,6 +44,7 @@ async def test_a_token_is_exchanged_for_everything_a_drone_needs(api: Any, tmp_p
     assert answer.headers["cache-control"] == "no-store"
     for member in ("drone_id", "provider_id", "model", "home_station_id", "home_position", "soc"):
         assert enrolled[member] == drone[member]
+    assert enrolled["mqtt_urls"] == ["mqtt://one:1883", "mqtt://two:1883"]
     assert enrolled["mqtt"]["user_name"] == f"{drone['provider_id']}/{drone['drone_id']}"
     assert logs_in(tmp_path, drone["drone_id"], enrolled["mqtt"]["password"])
     assert await whose(api, enrolled["key"]) == drone["drone_id"]
