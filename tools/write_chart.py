@@ -38,6 +38,7 @@ SERVICES: Final[Mapping[str, type[ServiceSettings]]] = {
 #: Settings that the chart sets by itself, or that mean nothing in a pod.
 NOT_FOR_VALUES: Final = frozenset(
     {
+        "broker_kind",
         "broker_password_file",
         "broker_pid_file",
         "clock_file",
@@ -114,9 +115,14 @@ def schema_of_settings(settings: type[ServiceSettings]) -> Schema:
 
 
 def schema_of_setting(field: Schema) -> Schema:
-    """One variable; of a setting that may be empty, the other alternative."""
+    """One variable; of a setting that may be empty, the other alternative.
+
+    A list is a text with commas: so it stands in the variable.
+    """
     alternatives = [each for each in field.get("anyOf", ()) if each.get("type") != "null"]
     whole = {**field, **(alternatives[0] if alternatives else {})}
+    if whole.get("type") == "array":
+        whole["type"] = "string"
     return {name: whole[name] for name in _KEPT if name in whole}
 
 

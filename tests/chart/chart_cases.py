@@ -76,6 +76,24 @@ CASES: Final[Mapping[str, Values]] = {
         "agents": {"enabled": True, "networkId": ""},
         "networkPolicy": {"callers": [], "broker": [{"ipBlock": {"cidr": "10.2.0.0/16"}}]},
     },
+    "clusters": {
+        "database": {"host": "db-1.example.org,db-2.example.org"},
+        "broker": {
+            "mode": "outside",
+            "outside": {
+                "kind": "nats",
+                "host": "node-a.example.org,node-b.example.org",
+                "port": 8883,
+                "dronePort": 8883,
+                "tls": True,
+                "accountsClaim": "accounts",
+            },
+        },
+        "registry": {
+            "settings": {"SKYWAY_MQTT_DRONE_URL": "mqtts+nats://a.example.org:8883"},
+        },
+        "agents": {"enabled": True},
+    },
     "page": _of_page(),
     "bare": {"networkPolicy": {"enabled": False}},
 }
@@ -91,6 +109,8 @@ WRONG: Final[Mapping[str, Values]] = {
     },
     "/database/port: got string": {"database": {"port": "5432"}},
     "/database/caSecret: minLength": {"database": {"sslMode": "verify-full"}},
+    "/database/host: db-1, db-2 does not match": {"database": {"host": "db-1, db-2"}},
+    "/broker/outside/kind: value must be one of": {"broker": {"outside": {"kind": "rabbit"}}},
     "/broker/mode: value must be one of": {"broker": {"mode": "embedded"}},
     "/broker/outside/accountsClaim: minLength": {
         "broker": {"mode": "outside", "outside": {"host": "mqtt.example.org"}}

@@ -44,6 +44,21 @@ def test_no_pod_has_rights_a_token_or_variables_of_other_services(found: Documen
         assert not {"hostNetwork", "hostPID", "hostIPC"} & pod.spec.keys()
 
 
+def test_every_server_of_a_cluster_is_named(outcomes: Outcomes) -> None:
+    running = outcomes["clusters"].running()
+    nodes = "mqtts+nats://node-a.example.org:8883,mqtts+nats://node-b.example.org:8883"
+
+    registry, agents = (
+        environment(running[each].spec["containers"][0]) for each in ("registry", "agents")
+    )
+
+    assert registry["SKYWAY_DATABASE_URL"].startswith(
+        "postgresql://skyway_registry@db-1.example.org:5432,db-2.example.org:5432/skyway_registry?"
+    )
+    assert registry["SKYWAY_BROKER_KIND"] == "nats"
+    assert registry["SKYWAY_MQTT_URL"] == agents["SKYWAY_MQTT_URL"] == nodes
+
+
 def test_no_container_can_write_its_image_or_gain_rights(found: Documents) -> None:
     for pod in found.pods():
         for container in pod.containers:

@@ -28,12 +28,22 @@ helm.sh/chart: {{ printf "%s-%s" .root.Chart.Name .root.Chart.Version | replace 
 {{ .Values.image.repository }}:{{ .Values.image.tag | default .Chart.AppVersion }}
 {{- end -}}
 
+{{/* The addresses of a broker outside, parted by commas. Arguments: outside, port. */}}
+{{- define "skyway.outsideBroker" -}}
+{{- $scheme := printf "%s%s" (ternary "mqtts" "mqtt" .outside.tls) (ternary "+nats" "" (eq .outside.kind "nats")) -}}
+{{- $urls := list -}}
+{{- range splitList "," .outside.host -}}
+{{- $urls = append $urls (printf "%s://%s:%d" $scheme . (int $.port)) -}}
+{{- end -}}
+{{- join "," $urls -}}
+{{- end -}}
+
 {{/* The broker's listener for services, as everybody but the registry's own pod sees it. */}}
 {{- define "skyway.mqttUrl" -}}
 {{- if eq .Values.broker.mode "sidecar" -}}
 mqtt://{{ include "skyway.fullname" . }}-broker:1884
 {{- else -}}
-{{ ternary "mqtts" "mqtt" .Values.broker.outside.tls }}://{{ .Values.broker.outside.host }}:{{ int .Values.broker.outside.port }}
+{{ include "skyway.outsideBroker" (dict "outside" .Values.broker.outside "port" .Values.broker.outside.port) }}
 {{- end -}}
 {{- end -}}
 
@@ -42,6 +52,6 @@ mqtt://{{ include "skyway.fullname" . }}-broker:1884
 {{- if eq .Values.broker.mode "sidecar" -}}
 mqtt://{{ include "skyway.fullname" . }}-broker:1883
 {{- else -}}
-{{ ternary "mqtts" "mqtt" .Values.broker.outside.tls }}://{{ .Values.broker.outside.host }}:{{ int .Values.broker.outside.dronePort }}
+{{ include "skyway.outsideBroker" (dict "outside" .Values.broker.outside "port" .Values.broker.outside.dronePort) }}
 {{- end -}}
 {{- end -}}

@@ -63,8 +63,10 @@ topologySpreadConstraints:
 {{/* How a service reaches its database. Arguments: root, name. */}}
 {{- define "skyway.databaseEnv" -}}
 {{- $database := .root.Values.database -}}
+{{- $port := printf ":%d" (int $database.port) -}}
+{{- $hosts := splitList "," $database.host | join (printf "%s," $port) -}}
 - name: SKYWAY_DATABASE_URL
-  value: postgresql://skyway_{{ .name }}@{{ $database.host }}:{{ int $database.port }}/skyway_{{ .name }}?connections={{ int $database.connections }}{{ if $database.pooler }}&pooling=transaction{{ end }}
+  value: postgresql://skyway_{{ .name }}@{{ $hosts }}{{ $port }}/skyway_{{ .name }}?connections={{ int $database.connections }}{{ if $database.pooler }}&pooling=transaction{{ end }}
 - name: PGPASSFILE
   value: /var/run/passfile/pgpass
 - name: PGSSLMODE
