@@ -4,13 +4,17 @@ No server runs: the browser gets the pages' own files, and the test says what th
 and what its streams send.
 """
 
+import asyncio
 import json
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlsplit
 
-from playwright.sync_api import Browser, Page, Route
+import httpx
+from fastapi import FastAPI
+from playwright.sync_api import Browser, Page, Request, Route
 
 _PACKAGE: Final = Path(__file__).parents[3] / "gateway/skyway_console"
 #: The console's stream of the live picture.
@@ -81,6 +85,26 @@ class StagedPage:
         self.page.add_init_script(_STREAMS)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.route("**/*", self._answer)
+
+    def ask(self, app: FastAPI, addresses: str) -> list[int]:
+        """Let an app answer these addresses; the list gets the statuses of its answers."""
+        statuses: list[int] = []
+
+        async def asked(request: Request) -> httpx.Response:
+            transport = httpx.ASGITransport(app)
+            async with httpx.AsyncClient(transport=transport, base_url=_HOST) as http:
+                return await http.request(request.method, request.url, headers=request.headers)
+
+        def answer(route: Route) -> None:
+            # The thread of the browser has an event loop that runs.
+            with ThreadPoolExecutor(1) as aside:
+                given = aside.submit(asyncio.run, asked(route.request)).result()
+            statuses.append(given.status_code)
+            headers = dict(given.headers)
+            route.fulfill(status=given.status_code, headers=headers, body=given.content)
+
+        self.page.route(addresses, answer)
+        return statuses
 
     def open(self, path: str) -> "StagedPage":
         self.page.goto(_HOST + path)

@@ -1,10 +1,17 @@
 """Every view with markup in all texts: it stays text, and axe finds nothing serious."""
 
+import json
+from pathlib import Path
+
 import pytest
+from fastapi import FastAPI
 from playwright.sync_api import Browser, Page, expect
+from skyway_gateway.console.base_map import BaseMap
+from skyway_gateway.console.page_routes import console_routes
 
 from tests.end_to_end.browser import needs_browser, serious_problems
 from tests.gateway.console.hostile_names import ANSWERS, DELIVERY, EVENT, MARKUP, PICTURE
+from tests.gateway.console.map_archive import LAND, write_archive
 from tests.gateway.console.staged_page import LIVE, StagedPage
 
 pytestmark = [pytest.mark.integration, needs_browser]
@@ -115,3 +122,26 @@ def test_an_own_base_map_lies_below_the_fleet(stage: StagedPage) -> None:
     )
     assert layers[0] == "lakes"
     assert "stations" in layers
+
+
+def test_an_own_base_map_may_be_one_file_of_tiles(stage: StagedPage, tmp_path: Path) -> None:
+    """The console reads parts of a PMTiles file, as the gateway sends them."""
+    write_archive(tmp_path / "world.pmtiles")
+    style = {
+        "version": 8,
+        "sources": {"world": {"type": "vector", "url": "pmtiles://world.pmtiles"}},
+        "layers": [{"id": "land", "type": "fill", "source": "world", "source-layer": LAND}],
+    }
+    (tmp_path / "style.json").write_text(json.dumps(style))
+    gateway = FastAPI()
+    gateway.include_router(console_routes(base_map=BaseMap(tmp_path)))
+    statuses = stage.ask(gateway, "**/console-map/**")
+
+    page = stage.open("/console#/map").page
+
+    page.wait_for_function(
+        """() => document.querySelector(".map")?.fleetMap?.map
+          .queryRenderedFeatures({layers: ["land"]}).length > 0"""
+    )
+    assert statuses[0] == 200
+    assert set(statuses[1:]) == {206}
