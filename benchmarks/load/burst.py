@@ -27,13 +27,16 @@ class Burst:
     #: How long the run waits after the last request until all are dispatched or rejected.
     longest_wait_s: float
     seed: int
+    #: How many processes of gateway and composition each.
+    replicas: int = 1
     #: Folder for the stacks of every process (py-spy) and for PostgreSQL's statements.
     profile: Path | None = None
 
     def as_text(self) -> str:
         """One line."""
         return (
-            f"{self.storage} pair, {self.stations:,} stations, {self.drones:,} drones in "
+            f"{self.storage} pair, {self.replicas} of gateway and composition each, "
+            f"{self.stations:,} stations, {self.drones:,} drones in "
             f"{self.agents} processes, {self.providers} providers; {self.rate_per_s:g} requests/s "
             f"for {self.seconds:g} s; clock rate {self.clock_rate:g}, seed {self.seed}"
         )
@@ -52,5 +55,9 @@ def read_burst(arguments: list[str]) -> Burst:
     parser.add_argument("--agents", type=int, default=2, help="processes that host the drones")
     parser.add_argument("--longest-wait-s", type=float, default=30.0, help="after the last request")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--replicas", type=int, default=1, help="of gateway and composition each")
     parser.add_argument("--profile", type=Path, metavar="FOLDER", help="stacks, statements")
-    return Burst(**vars(parser.parse_args(arguments)))
+    burst = Burst(**vars(parser.parse_args(arguments)))
+    if burst.replicas > 1 and burst.storage == "embedded":
+        parser.error("the embedded pair has one process of each service: add --storage production")
+    return burst

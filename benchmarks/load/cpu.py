@@ -18,11 +18,15 @@ class CpuReading:
 
     @classmethod
     def of(cls, pids: Mapping[str, int]) -> Self:
-        """What these processes and those below them have taken; databases count by service."""
+        """What these processes and those below them have taken; databases count by service.
+
+        Replicas count together: `composition-2` is another process of composition.
+        """
         seconds: dict[str, float] = {}
         for name, pid in pids.items():
             for one in with_descendants([pid]):
-                label = _postgresql_part(one) if name == "postgresql" else name
+                own = name.partition("-")[0]
+                label = _postgresql_part(one) if own == "postgresql" else own
                 seconds[label] = seconds.get(label, 0.0) + _taken_s(one)
         return cls(seconds, _machine_s())
 

@@ -25,7 +25,7 @@ from benchmarks.load.storage_pair import storage_pair
 from benchmarks.load.world import World, populate
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.gateway import GatewayApi, read_keys
-from skyway.cli.system.children import Ports
+from skyway.cli.system.children import REPLICATED, Ports, replica_name
 from skyway.cli.system.running_system import System, running_system
 from skyway.cli.system.secrets import read_secret
 from skyway.errors import SkywayError
@@ -49,13 +49,18 @@ async def run(burst: Burst) -> Outcome:
         options = () if burst.profile is None else SERVER_OPTIONS
         with storage_pair(burst.storage, folder, postgresql_options=options) as servers:
             async with running_system(
-                folder, rate=burst.clock_rate, ports=Ports(gateway=0, broker=0), say=print
+                folder,
+                rate=burst.clock_rate,
+                ports=Ports(gateway=0, broker=0),
+                say=print,
+                replicas=burst.replicas,
             ) as system:
                 city = City.of(stations=burst.stations, seed=burst.seed)
                 key = read_keys(folder)["SKYWAY_OPERATOR_KEY"]
                 async with GatewayApi(system.urls["gateway"]) as api:
                     world = await populate(system, api, city, operator_key=key, burst=burst)
-                pids = pids_of(system, world) | {name: one.pid for name, one in servers.items()}
+                pids = pids_of(system, world, replicas=burst.replicas)
+                pids |= {name: one.pid for name, one in servers.items()}
                 outcome = await measured(system, world, city, burst=burst, pids=pids, check=verify)
         if not outcome.is_right:
             _keep_logs(folder)
@@ -150,9 +155,11 @@ async def _until_settled(followed: Followed, requests_sent: int, *, within_s: fl
         await asyncio.sleep(0.1)  # many events from outside decide this; there is no single one
 
 
-def pids_of(system: System, world: World) -> dict[str, int]:
+def pids_of(system: System, world: World, *, replicas: int = 1) -> dict[str, int]:
     """The processes of the system and its agents, by name."""
-    names = [*system.urls, "broker", *world.agents]
+    further = range(2, replicas + 1)
+    more = [replica_name(name, number) for name in REPLICATED for number in further]
+    names = [*system.urls, *more, "broker", *world.agents]
     found = {name: system.supervisor.pid(name) for name in names}
     return {name: pid for name, pid in found.items() if pid is not None}
 

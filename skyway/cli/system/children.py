@@ -24,6 +24,9 @@ PACKAGES = {
     "broker": "skyway_broker",
 }
 
+#: The services that may run as several processes on a database server.
+REPLICATED = ("composition", "gateway")
+
 
 @dataclass(frozen=True, slots=True)
 class Ports:
@@ -101,6 +104,11 @@ def environment(folder: DataFolder, sockets: Mapping[str, socket.socket]) -> dic
         if not is_nats():
             settings["SKYWAY_BROKER_PID_FILE"] = str(folder.broker_pid.resolve())
     return settings
+
+
+def replica_name(service: str, number: int) -> str:
+    """The name of a service's process; the first one is called as its service."""
+    return service if number == 1 else f"{service}-{number}"
 
 
 def child(

@@ -5,17 +5,19 @@ import os
 import sys
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import ExitStack, asynccontextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from skyway.cli.data_folder import DataFolder, held
 from skyway.cli.system.broker_files import write_mosquitto_files
 from skyway.cli.system.children import (
+    REPLICATED,
     Ports,
     bind_when_free,
     child,
     environment,
     is_nats,
+    replica_name,
     service_urls,
 )
 from skyway.cli.system.databases import database_urls
@@ -54,12 +56,18 @@ class System:
 
 @asynccontextmanager
 async def running_system(
-    folder: DataFolder, *, rate: float, ports: Ports, say: Callable[[str], None]
+    folder: DataFolder,
+    *,
+    rate: float,
+    ports: Ports,
+    say: Callable[[str], None],
+    replicas: int = 1,
 ) -> AsyncIterator[System]:
     """Start everything, wait until it is ready, and end everything on leaving.
 
     `SKYWAY_DATABASE_URL` and `SKYWAY_MQTT_URL` replace the embedded database and broker. When the
-    start takes long, or a process has to be started again, `say` gets the reason.
+    start takes long, or a process has to be started again, `say` gets the reason. Gateway and
+    composition may have several `replicas`, which share their socket; this needs PostgreSQL.
 
     Raises
     ------
@@ -94,7 +102,11 @@ async def running_system(
                     process = child(
                         name, folder, listener=listener, shared=settings, database_urls=databases
                     )
-                    system.supervisor.start(process)
+                    for number in range(1, 1 + (replicas if name in REPLICATED else 1)):
+                        its_name = replica_name(name, number)
+                        system.supervisor.start(
+                            replace(process, name=its_name, log=folder.log(its_name))
+                        )
                 # Each service says for as long as it takes what it waits for.
                 await first_of(until_ready(system.urls, say=say), system.supervisor.failed())
                 yield system
