@@ -1,6 +1,5 @@
 """Composition as an app: its routes, what it opens and closes, and its loops."""
 
-import secrets
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -138,7 +137,6 @@ def build_app(settings: CompositionSettings) -> FastAPI:
     """The app of the running service; its lifespan opens everything."""
     registry = registry_client(settings)
     parts = parts_of(settings, registry)
-    replica = f"{SERVICE}-{secrets.token_hex(8)}"
     identity = ServiceIdentity(SERVICE, settings.secrets_dir)
     gateway = ServiceClient("gateway", settings.gateway_url, identity)
 
@@ -147,7 +145,7 @@ def build_app(settings: CompositionSettings) -> FastAPI:
 
     mqtt = MqttClient(
         settings.mqtt_url,
-        client_id=replica,
+        client_id=parts.membership.own_id,
         user_name=SERVICE,
         password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
         tls=settings.mqtt_tls,
@@ -155,13 +153,14 @@ def build_app(settings: CompositionSettings) -> FastAPI:
         seal=CloudSeal(read_signing_key(settings.secrets_dir, SERVICE)),
     )
     clients = {"gateway": gateway, "registry": registry}
-    work = Work(parts, mqtt=mqtt, clients=clients, replica=replica)
+    work = Work(parts, mqtt=mqtt, clients=clients)
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         await migrate(settings.database_url, PACKAGE)
         async with (
             parts.db,
+            parts.membership,
             parts.solver,
             parts.inquiries,
             parts.problems,
@@ -172,7 +171,7 @@ def build_app(settings: CompositionSettings) -> FastAPI:
         ):
             loops.start("warm", parts.solver.warm())
             work.start(loops)
-            start_pruning(loops, parts.db, parts.clock, settings)
+            start_pruning(loops, parts.membership, parts.db, parts.clock, settings)
             yield
 
     async def readiness() -> dict[str, bool]:
@@ -183,7 +182,9 @@ def build_app(settings: CompositionSettings) -> FastAPI:
         }
 
     inboxes = GaugeSource("mqtt", mqtt.gauges, kept_s=0.0)
-    parts.gauges.show(readiness_gauges(readiness), *CompositionGauges(parts).sources(), inboxes)
+    members = GaugeSource("replicas", parts.membership.gauges, kept_s=0.0)
+    own = (*CompositionGauges(parts).sources(), inboxes, members)
+    parts.gauges.show(readiness_gauges(readiness), *own)
     return composition_app(parts, lifespan=lifespan, readiness=readiness)
 
 

@@ -1,5 +1,6 @@
 """The parts that composition's folders share; none of them is opened here."""
 
+import secrets
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -11,6 +12,8 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import Gauges
 from skyway.runtime.minting import Mint, mint
 from skyway.runtime.mqtt.signature_check import SignatureCheck
+from skyway.runtime.replicas.membership import Membership
+from skyway.runtime.replicas.replica_store import ReplicaStore
 from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
 from skyway_composition.closures.close import Closings
@@ -30,7 +33,7 @@ from skyway_composition.planning.routes import StrategyRights
 from skyway_composition.planning.solver_pool import ReadingTurn, SolverPool
 from skyway_composition.quarantine.set_aside import Quarantine
 from skyway_composition.settings import CompositionSettings
-from skyway_composition.tables import outbox
+from skyway_composition.tables import outbox, replicas
 
 SERVICE: Final = "composition"
 
@@ -44,6 +47,7 @@ class Parts:
     """What the folders share; a `Wake` starts a loop when another part has work for it."""
 
     db: Database
+    membership: Membership
     gate: ServiceGate
     metrics_gate: MetricsGate
     clock: FleetClock
@@ -130,11 +134,14 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
     """The parts for these settings."""
     db = Database(settings.database_url, outbox=outbox)
     clock = load_clock(settings.clock_file)
-    listening = Listening(clock)
+    own_id = f"{SERVICE}-{secrets.token_hex(8)}"
+    membership = Membership(ReplicaStore(db, replicas), own_id=own_id, clock=clock)
+    listening = Listening(clock, membership)
     keys = KeyBook(RegisteredKeys(registry), clock)
     quarantine = Quarantine(db, clock=clock, mint=mint, listening=listening)
     return Parts(
         db=db,
+        membership=membership,
         gate=ServiceGate(settings.secrets_dir, allowed=("gateway", "registry")),
         metrics_gate=MetricsGate(settings.secrets_dir),
         clock=clock,

@@ -1,6 +1,11 @@
-"""The loops that run beside composition's REST answers."""
+"""The loops that run beside composition's REST answers.
+
+Each replica sends, follows its own drones, and replans what it is woken for. The leader alone does
+what looks at everything from time to time.
+"""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Final, Never
 
 from skyway.contracts.mission_reports import MANY_MISSION_REPORTS, MISSION_REPORTS
@@ -9,10 +14,11 @@ from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.senders import MqttSender, ReportSender
 from skyway.runtime.outbox.stream_sender import hint_pace
+from skyway.runtime.replicas.membership import LeaderStep
 from skyway_composition.missions.calendar.give_up_withdrawn import WithdrawnDrones
 from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer
-from skyway_composition.missions.following.follow import Follower
+from skyway_composition.missions.following.follow import Follower, GainedDrones
 from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
 from skyway_composition.missions.timeouts import (
     LateMissions,
@@ -33,11 +39,12 @@ class Work:
     """All loops: they send messages, follow drones, replan, find what is late, and announce."""
 
     def __init__(
-        self, parts: Parts, *, mqtt: MqttClient, clients: Mapping[str, ServiceClient], replica: str
+        self, parts: Parts, *, mqtt: MqttClient, clients: Mapping[str, ServiceClient]
     ) -> None:
         db, clock, mint = parts.db, parts.clock, parts.mint
         self._parts = parts
         self._mqtt = mqtt
+        self._membership = parts.membership
         self._instructions = MqttSender(db, mqtt, clock)
         self._reports = ReportSender(
             db,
@@ -57,10 +64,19 @@ class Work:
             quarantine=parts.quarantine,
             listening=self._listening,
         )
+        self._gained = GainedDrones(
+            self._handler, mqtt.subscribe_again, membership=self._membership, clock=clock
+        )
         self._overdue = OverdueMissions(db, clock, mint, self._listening)
         self._late = LateMissions(db, parts.networks, clock, mint, parts.stuck)
         self._replanner = Replanner(
-            db, parts.networks, parts.solver, clock, mint, replica, OccupiedPads(parts.closings)
+            db,
+            parts.networks,
+            parts.solver,
+            clock,
+            mint,
+            self._membership.own_id,
+            OccupiedPads(parts.closings),
         )
         self._calendars = Calendars(db, parts.networks, parts.solver, clock, mint)
         self._withdrawn = WithdrawnDrones(db, clients["registry"], clock, mint)
@@ -73,10 +89,11 @@ class Work:
     async def greet(self) -> None:
         """After every connect: publish retained messages again, ask drones for missed events."""
         self._listening.begin()
+        self._membership.set_listening(True)
         self._station_states.forget()
         self._network_versions.forget()
         self._parts.published.set()
-        await self._handler.ask_live_drones()
+        await self._handler.ask_live_drones(self._listening.owns)
 
     async def _notice_lost_connections(self) -> Never:
         """End the listening whenever the connection to the broker is lost; `greet` begins it."""
@@ -84,10 +101,13 @@ class Work:
             await self._mqtt.wait_connected()
             await self._mqtt.wait_lost()
             self._listening.end()
+            self._membership.set_listening(False)
 
     def start(self, loops: Loops) -> None:
         """Start all loops."""
+        self._membership.start(loops)
         loops.start("listening", self._notice_lost_connections())
+        loops.start("gained drones", repeat("gained drones", self._gained.step, every_s=1.0))
         loops.start("instructions", self._instructions.run())
         loops.start("reports", self._reports.run())
         self._parts.signatures.start(loops)
@@ -96,16 +116,30 @@ class Work:
             ("recompose", self._replanner.step, self._parts.stuck),
             ("calendars", self._calendars.step, self._parts.calendars),
             ("overdue", self._overdue.step, Wake()),
-            ("lagging", self._late.step, Wake()),
-            ("loading", self._loading_timeouts.step, Wake()),
-            ("holds", self._keeper.delete_expired, Wake()),
-            ("ground stops", self._ground_stops.step, Wake()),
-            ("station states", self._station_states.step, Wake()),
-            ("network versions", self._network_versions.step, self._parts.published),
             ("quarantine", self._parts.quarantine.step, self._parts.quarantine.wake),
         ):
             loops.start(name, repeat(name, step, every_s=_STEP_EVERY_S, wake=wake))
+        self._start_leading(loops)
+
+    def _start_leading(self, loops: Loops) -> None:
+        """Start the loops whose work the leader does for all replicas."""
+        states, versions = self._station_states, self._network_versions
+        led = partial(LeaderStep, self._membership)
+        for name, step, every_s in (
+            ("lagging", led(self._late.step), _STEP_EVERY_S),
+            ("loading", led(self._loading_timeouts.step), _STEP_EVERY_S),
+            ("holds", led(self._keeper.delete_expired), _STEP_EVERY_S),
+            ("ground stops", led(self._ground_stops.step), _STEP_EVERY_S),
+            ("station states", led(states.step, begin=states.forget), _STEP_EVERY_S),
+            ("withdrawn drones", led(self._withdrawn.step), _ASK_REGISTRY_EVERY_S),
+        ):
+            loops.start(name, repeat(name, step, every_s=every_s))
         loops.start(
-            "withdrawn drones",
-            repeat("withdrawn drones", self._withdrawn.step, every_s=_ASK_REGISTRY_EVERY_S),
+            "network versions",
+            repeat(
+                "network versions",
+                led(versions.step, begin=versions.forget),
+                every_s=_STEP_EVERY_S,
+                wake=self._parts.published,
+            ),
         )

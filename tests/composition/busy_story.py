@@ -221,7 +221,7 @@ class Story:
             drone.is_held_back = False
             drone.unsent.clear()
         self.world.restart()
-        await self.world.handler.ask_live_drones()
+        await self.world.handler.ask_live_drones(lambda _drone_id: True)
         await self.world.converse()
 
     async def repeat_messages_in_disorder(self, chance: Random) -> None:

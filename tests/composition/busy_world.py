@@ -64,6 +64,7 @@ from tests.broken_rules import broken_rules
 from tests.composition.busy_network import MODEL, NETWORK_ID, PLACES, add_network
 from tests.composition.drone_journals import ended_missions, handed_over, shared_pads
 from tests.composition.flown_drone import FlownDrone
+from tests.composition.lone_replica import lone_replica
 
 #: Fleet seconds per second of wall time.
 _RATE = 60.0
@@ -133,7 +134,7 @@ class BusyWorld:
         self.closings = Closings(db, networks, impact, clock, mint)
         self.cancellations, self.commands = Cancellations(*parts), Commands(*parts)
         self.loadings = Loadings(*parts)
-        listening = Listening(clock)
+        listening = Listening(clock, lone_replica(db, clock))
         self.handler = ReportHandler(
             db,
             clock=clock,

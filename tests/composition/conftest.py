@@ -47,6 +47,7 @@ from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
 from tests.composition.drone_messages import DroneMessages
+from tests.composition.lone_replica import lone_replica
 from tests.shared_app import shared_app
 from tests.unsigned_drones import unsigned_book
 
@@ -269,7 +270,8 @@ async def unpublished(
 ) -> AsyncIterator[Composition]:
     """Composition without any network."""
     mint = CountingMint()
-    listening = Listening(clock)
+    membership = lone_replica(db, clock)
+    listening = Listening(clock, membership)
     listening.begin()
     async with (
         SolverPool(threads=2, time_limit_s=5.0) as solver,
@@ -280,6 +282,7 @@ async def unpublished(
         keys = unsigned_book(clock)
         parts = Parts(
             db=db,
+            membership=membership,
             gate=ServiceGate(secrets_dir, allowed=("gateway", "registry")),
             metrics_gate=MetricsGate(secrets_dir),
             clock=clock,

@@ -280,6 +280,11 @@ _LINKS: Final = (
 
 _QUARANTINE: Final = (
     Corruption(
+        "a replica that joined after it was seen last",
+        "a replica was seen since it joined",
+        composition="INSERT INTO replicas VALUES ('composition-1', 2, 1, 1)",
+    ),
+    Corruption(
         "a link that was renewed before there were drones",
         "a link was renewed at a possible moment",
         composition="UPDATE drone_links SET renewed_ms = -1 WHERE drone_id = :flying_drone",

@@ -1,7 +1,8 @@
-"""Since when this process has received and handled every message of drones.
+"""Since when this process has received and handled every message of its drones.
 
 A drone's silence proves something only to a process that has listened all the time. A process that
-was started later, lost its connection, was frozen or dropped messages may have missed an answer.
+was started later, lost its connection, was frozen or dropped messages may have missed an answer. So
+may a process that did not own the drone all the time: another replica has handled its messages.
 """
 
 from datetime import datetime, timedelta
@@ -9,6 +10,7 @@ from typing import Final
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.replicas.membership import Membership
 
 #: The most drones of which a missed message is remembered; then it counts for all drones.
 _MOST_MISSED: Final = 10_000
@@ -20,12 +22,17 @@ _LONGEST_PAUSE: Final = timedelta(seconds=5)
 class Listening:
     """The span for which no message of a drone was missed, in fleet time."""
 
-    def __init__(self, clock: FleetClock) -> None:
+    def __init__(self, clock: FleetClock, membership: Membership) -> None:
         self._clock = clock
+        self._membership = membership
         self._since_at: datetime | None = None
         self._busy_since_at: datetime | None = None
         self._looked_wall_at: datetime | None = None
         self._missed_at: dict[DroneId, datetime] = {}
+
+    def owns(self, drone_id: DroneId) -> bool:
+        """Whether this replica handles the messages of a drone now."""
+        return self._membership.owns(drone_id)
 
     def begin(self) -> None:
         """Everything before this moment may have been missed; from now on nothing is."""
@@ -61,6 +68,8 @@ class Listening:
     def covers(self, drone_id: DroneId, from_at: datetime, until_at: datetime) -> bool:
         """Whether every message of a drone between these moments was received and handled here."""
         if self._since_at is None or self._since_at > from_at:
+            return False
+        if not self._membership.has_owned(drone_id, from_at):
             return False
         missed_at = self._missed_at.get(drone_id)
         if missed_at is not None and missed_at >= from_at:

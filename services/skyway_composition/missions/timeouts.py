@@ -51,7 +51,7 @@ _LEAST_WALL_S: Final = 10.0
 
 @dataclass(frozen=True, slots=True)
 class OverdueMissions:
-    """Judges missions whose time is over."""
+    """Judges missions whose time is over: only the owner of a drone has listened to it."""
 
     db: Database
     clock: FleetClock
@@ -59,7 +59,7 @@ class OverdueMissions:
     listening: Listening
 
     async def step(self) -> bool:
-        """Judge the missions that are overdue now."""
+        """Judge the missions of this replica's drones that are overdue now."""
         self.listening.look()
         now = self.clock.now()
         longest_wait = fleet_margin(self.clock, fleet_s=3_600, wall_s=120)
@@ -69,7 +69,7 @@ class OverdueMissions:
                 expired_ms=moment_to_ms(now),
                 released_ms=moment_to_ms(now - longest_wait),
             )
-        for drone_id in drone_ids:
+        for drone_id in filter(self.listening.owns, drone_ids):
             await self._judge(drone_id, silent_since=now - longest_wait)
         return False
 

@@ -84,6 +84,10 @@ class Quarantine:
         self._swept_at = clock.wall_now()
         self.wake = Wake()
 
+    def is_ours(self, ids: tuple[str, ...]) -> bool:
+        """Whether this replica owns the drone; another replica handles the others' messages."""
+        return self._listening.owns(DroneId(ids[1]))
+
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         """Whether the messages of this sender are not read at present."""
         if not self._offenders.is_put_out((ids[0], ids[1]), now=self._clock.wall_now()):

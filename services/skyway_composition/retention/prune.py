@@ -10,6 +10,7 @@ from typing import Final
 
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.loops import Loops, repeat
+from skyway.runtime.replicas.membership import LeaderStep, Membership
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition import alarm_store
@@ -43,12 +44,17 @@ class Pruning:
 
 
 def start_pruning(
-    loops: Loops, db: Database, clock: FleetClock, settings: CompositionSettings
+    loops: Loops,
+    membership: Membership,
+    db: Database,
+    clock: FleetClock,
+    settings: CompositionSettings,
 ) -> None:
-    """Start to delete what is older than the settings keep."""
+    """Start to delete, at the leader, what is older than the settings keep."""
     kept = _span(settings.closure_days), _span(settings.alarm_days)
     pruning = Pruning(db, clock, *kept)
-    loops.start("old rows", repeat("old rows", pruning.step, every_s=_EVERY_S))
+    step = LeaderStep(membership, pruning.step)
+    loops.start("old rows", repeat("old rows", step, every_s=_EVERY_S))
 
 
 def _span(days: float | None) -> timedelta | None:

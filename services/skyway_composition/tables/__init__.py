@@ -1,6 +1,7 @@
 """The tables of composition; `_ms` is fleet time and `_wall_ms` is wall time, ms since 1970."""
 
 from skyway.runtime.outbox.outbox_store import outbox_table
+from skyway.runtime.replicas.replica_store import replicas_table
 from skyway_composition.tables.links import drone_links, instructions
 from skyway_composition.tables.missions import (
     alarms,
@@ -52,7 +53,9 @@ __all__ = [
     "outbox",
     "pad_reservations",
     "quarantine",
+    "replicas",
     "stations",
 ]
 
 outbox = outbox_table(metadata)
+replicas = replicas_table(metadata)

@@ -1,4 +1,7 @@
-"""The rules of links to drones: gapless instructions, open ones in the outbox, true counters."""
+"""The rules of links to drones, and of the replicas that share them.
+
+Gapless instructions, open ones in the outbox, true counters.
+"""
 
 import json
 from collections import Counter
@@ -18,6 +21,7 @@ from skyway_composition.tables import (
     mission_steps,
     missions,
     outbox,
+    replicas,
 )
 
 #: A drone sends its state after each event. When its link breaks between the two, the events that
@@ -269,5 +273,16 @@ LINKS: Final = (
             )
         ),
         "The registry knows the drone's provider. Correct the column that differs.",
+    ),
+    Rule(
+        "a replica was seen since it joined",
+        select(replicas.c.replica_id).where(
+            or_(
+                replicas.c.joined_wall_ms < 0,
+                replicas.c.joined_wall_ms > replicas.c.seen_wall_ms,
+                replicas.c.seen_wall_ms > _LATEST_MS,
+            )
+        ),
+        "Delete the row of `replicas`: a replica that lives adds it again within a second.",
     ),
 )

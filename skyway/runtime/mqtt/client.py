@@ -194,6 +194,11 @@ class MqttClient:
         self._has_new_inbox.set()
         return inbox.batches()
 
+    def subscribe_again(self) -> None:
+        """Subscribe again to everything: the broker then sends what it has retained once more."""
+        self._subscribed = 0
+        self._has_new_inbox.set()
+
     def _arrived(self, name: str, payload: bytes, retained: bool) -> None:
         if not payload:  # this is how MQTT clears a retained message
             return

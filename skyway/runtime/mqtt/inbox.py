@@ -62,6 +62,9 @@ ReadAgain = Callable[[Arrival], None]
 class Doorkeeper(Protocol):
     """Decides whose messages are read, and gets the messages that cannot be read."""
 
+    def is_ours(self, ids: tuple[str, ...]) -> bool:
+        """Whether this process reads messages with these ids; it drops others as they arrive."""
+
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         """Whether to drop the messages with these ids in their topic, unread."""
 
@@ -119,7 +122,8 @@ class Inbox:
                 continue
             ids = topic.ids_in(name)
             if ids is not None and all(other.ids_in(name) is None for other in narrower):
-                self._add(Arrival(topic, ids, name, payload, retained, time.monotonic()))
+                if self._doorkeeper is None or self._doorkeeper.is_ours(ids):
+                    self._add(Arrival(topic, ids, name, payload, retained, time.monotonic()))
                 return
 
     def _add(self, arrival: Arrival) -> None:

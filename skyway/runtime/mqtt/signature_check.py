@@ -36,6 +36,10 @@ _REFRESH_EVERY_S: Final = 1.0
 class Reception(Protocol):
     """Receives the decisions of the check."""
 
+    def is_ours(self, ids: tuple[str, ...]) -> bool:
+        """Whether this process reads the messages of this sender."""
+        ...
+
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         """Whether to drop the messages of this sender, unread."""
         ...
@@ -67,6 +71,10 @@ class SignatureCheck:
         self._wake = Wake()
         self._logged_s = -_LOG_EVERY_S
         _count_forged(0)
+
+    def is_ours(self, ids: tuple[str, ...]) -> bool:
+        """Whether this process reads the messages of this sender."""
+        return self._reception.is_ours(ids)
 
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         """Whether to drop the messages of this sender, unread."""

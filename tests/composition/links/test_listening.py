@@ -7,6 +7,8 @@ from skyway_composition.links.listening import Listening
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import ManualClock
+from skyway.runtime.sql.database import Database
+from tests.composition.lone_replica import lone_replica
 
 MINUTE = timedelta(minutes=1)
 DRONE, OTHER = DroneId("drn_1"), DroneId("drn_2")
@@ -14,7 +16,8 @@ DRONE, OTHER = DroneId("drn_1"), DroneId("drn_2")
 
 @pytest.fixture
 def listening(clock: ManualClock) -> Listening:
-    return Listening(clock)
+    db = Database("sqlite:///never-opened")
+    return Listening(clock, lone_replica(db, clock))
 
 
 def test_a_process_that_was_never_connected_has_received_nothing(

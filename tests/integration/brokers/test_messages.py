@@ -20,6 +20,22 @@ async def test_a_later_reader_receives_the_retained_message(
     assert received.message.rate == 2.0
 
 
+async def test_a_reader_that_subscribes_again_receives_the_retained_message_again(
+    broker, connect, make, receive, all_connected
+):
+    gateway = await connect(broker.service_port, "gateway")
+    await all_connected(gateway)
+    await gateway.publish(CLOCK(), make.anchor(1.0))
+    drone = await connect(broker.port, "p/drone-1")
+    arrived = drone.batches(CLOCK)
+    await receive(arrived, 1)
+
+    drone.subscribe_again()
+
+    [received] = await receive(arrived, 1)
+    assert received.retained
+
+
 async def test_a_reader_can_distinguish_live_and_retained_messages(
     broker, connect, make, receive, all_connected
 ):

@@ -3,16 +3,21 @@
 A batch that fails is tried again, and then handled message by message. Messages that cannot be
 handled are set aside (`skyway_composition.quarantine`); the other messages of their batch are
 handled.
+
+Each replica follows its own drones. When another replica is gone, it follows more drones, and asks
+for what it has missed.
 """
 
 import asyncio
 import logging
 from collections import defaultdict
-from collections.abc import AsyncIterator, Sequence
-from datetime import datetime
+from collections.abc import AsyncIterator, Callable, Sequence
+from datetime import UTC, datetime
+from functools import partial
 from typing import Any, Protocol
 
 from skyway.contracts.topics import Topic
+from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import repeat
@@ -20,6 +25,7 @@ from skyway.runtime.metrics import count
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE, Doorkeeper
 from skyway.runtime.mqtt.moments import earliest_believed, latest_believed
+from skyway.runtime.replicas.membership import Membership
 from skyway_composition.links.listening import Listening
 from skyway_composition.missions.following.handle_batch import FOLLOWED_TOPICS, ReportHandler
 from skyway_composition.missions.following.plausibility import is_ahead, is_behind
@@ -34,6 +40,9 @@ _TRIES = 3
 #: Seconds of wall time between two batches: messages that arrive meanwhile share one transaction.
 #: A drone often sends an acknowledgement and two states about the same change.
 _PAUSE_S = 0.1
+
+#: The longest wait for drones of a replica that is gone, seconds of wall time; then it waits again.
+_LONGEST_WAIT_S = 60.0
 
 
 class Subscriber(Protocol):
@@ -170,3 +179,42 @@ class Follower:
                 )
                 self._quarantine.add(received, "FAILED", f"{type(error).__name__}: {error}")
             del self._batch[0]
+
+
+class GainedDrones:
+    """Catches up on drones that this replica owns since another replica is gone.
+
+    Their messages of the last seconds were dropped here, and perhaps handled nowhere. States and
+    connections are retained by the broker, instructions are sent until they are answered, and
+    drones keep their events until they are confirmed.
+    """
+
+    def __init__(
+        self,
+        handler: ReportHandler,
+        subscribe_again: Callable[[], None],
+        *,
+        membership: Membership,
+        clock: FleetClock,
+    ) -> None:
+        self._handler = handler
+        self._subscribe_again = subscribe_again
+        self._membership = membership
+        self._clock = clock
+        self._caught_up_at = datetime.min.replace(tzinfo=UTC)
+        self._is_behind = False
+
+    async def step(self) -> bool:
+        """Catch up when drones were gained. Always True: this method itself waits for them."""
+        if not self._is_behind and not await self._membership.gained.wait(_LONGEST_WAIT_S):
+            return True
+        self._is_behind = True
+        now, since_at = self._clock.now(), self._caught_up_at
+        self._subscribe_again()
+        await self._handler.ask_live_drones(partial(self._is_gained, since_at=since_at))
+        self._caught_up_at, self._is_behind = now, False
+        return True
+
+    def _is_gained(self, drone_id: DroneId, since_at: datetime) -> bool:
+        is_ours = self._membership.owns(drone_id)
+        return is_ours and not self._membership.has_owned(drone_id, since_at)

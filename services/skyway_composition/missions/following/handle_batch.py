@@ -2,14 +2,14 @@
 
 Messages come late, twice, out of order or not at all. Each kind has its own defence. An ack answers
 an instruction once. Events are handled in the order of their `seq`, and requested again when one is
-missing. States and connections only replace older ones. So a batch may be handled again, and every
-replica may read all messages.
+missing. States and connections only replace older ones. So a batch may be handled again, and two
+replicas may handle the same message.
 
 An idle drone that repeats its state causes no transaction (`links.cached_links`).
 """
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -127,11 +127,11 @@ class ReportHandler:
             self._cached_links.note(drone_id, said[drone_id])
         return [each for each in batch if DroneId(each.ids[1]) not in again]
 
-    async def ask_live_drones(self) -> None:
-        """Ask every drone on a mission for its missing events, after a connection was lost."""
+    async def ask_live_drones(self, is_asked: Callable[[DroneId], bool]) -> None:
+        """Ask these drones on missions for their missing events: some may have come meanwhile."""
         async with self._db.read() as connection:
             drone_ids = await store.live_drones(connection)
-        for drone_id in drone_ids:
+        for drone_id in filter(is_asked, drone_ids):
             async with self._db.write() as tx:
                 work = await MissionUnitOfWork.lock(
                     [drone_id], tx=tx, clock=self._clock, mint=self._mint

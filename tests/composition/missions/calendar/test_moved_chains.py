@@ -89,7 +89,7 @@ async def test_composition_that_is_killed_after_booking_sends_the_mission_later(
 
     for _ in range(6):
         world.restart()
-        await world.handler.ask_live_drones()
+        await world.handler.ask_live_drones(lambda _drone_id: True)
         await pass_minutes(world, 7)
     await world.end()
 

@@ -275,7 +275,7 @@ async def test_after_a_connect_events_of_drones_on_missions_are_requested(
     instruction = await booked(composition)
     await composition.receive(drone.ack(instruction))
 
-    await composition.handler.ask_live_drones()
+    await composition.handler.ask_live_drones(composition.listening.owns)
 
     assert [sent.kind for sent in await composition.sent()] == ["REPORT"]
 

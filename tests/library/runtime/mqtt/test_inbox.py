@@ -7,12 +7,28 @@ from typing import Any
 from skyway.contracts.drone_report import Telemetry
 from skyway.contracts.topics import ACKS, CLOCK, STATE, STATION_STATE, TELEMETRY
 from skyway.runtime.metrics import COUNTERS
-from skyway.runtime.mqtt.inbox import BATCH_SIZE, MOST_LIGHT, Inbox
+from skyway.runtime.mqtt.inbox import BATCH_SIZE, MOST_LIGHT, Arrival, Inbox, ReadAgain
 
 CLOCK_JSON = (
     b'{"message_id": "m", "sent_at": "2026-01-01T00:00:00Z", "fleet_at": "2026-01-01T00:00:00Z",'
     b' "wall_at": "2026-01-01T00:00:00Z", "rate": %d, "of a newer version": 1}'
 )
+
+
+class OnlyOneDrone:
+    """A `Doorkeeper` that reads the messages of drone 1 only."""
+
+    def is_ours(self, ids: tuple[str, ...]) -> bool:
+        return ids[1] == "drn_1"
+
+    def is_shut_out(self, ids: tuple[str, ...]) -> bool:
+        return False
+
+    def is_proven(self, arrival: Arrival, read_again: ReadAgain) -> bool:
+        return True
+
+    def unreadable(self, *_: Any) -> None:
+        raise AssertionError("nothing is read")
 
 
 async def test_all_waiting_messages_come_in_one_batch_in_order():
@@ -46,6 +62,14 @@ async def test_a_reader_waits_for_later_messages():
 
     [received] = await waiting
     assert received.retained
+
+
+async def test_messages_that_are_not_ours_are_dropped_as_they_arrive():
+    inbox = Inbox((STATE,), OnlyOneDrone())
+    for drone_id in ("drn_1", "drn_2"):
+        inbox.offer(STATE("prv_1", drone_id).name, b"{", retained=False)
+
+    assert inbox.waiting == 1
 
 
 async def test_an_unreadable_message_is_logged_once_and_dropped(caplog):

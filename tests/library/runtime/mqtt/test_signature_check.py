@@ -63,6 +63,9 @@ class Taken:
     postponed_ids: list[tuple[str, ...]] = field(default_factory=list)
     unreadable_payloads: list[bytes] = field(default_factory=list)
 
+    def is_ours(self, ids: tuple[str, ...]) -> bool:
+        return True
+
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         return ids[1] == "drn_out"
 

@@ -1,0 +1,68 @@
+"""Decides which replica leads and which replica owns a drone, from the list of live replicas.
+
+Replicas that see the same list decide the same. While their lists differ, two replicas may lead, or
+own a drone, or a drone may have no owner for a moment.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import blake2b
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Member:
+    """A live replica, and when it joined, by the database's clock.
+
+    Only replicas that are connected to the broker are `is_listening`, and own drones.
+    """
+
+    joined_wall_ms: int
+    replica_id: str
+    is_listening: bool
+
+
+@dataclass(frozen=True)
+class Replicas:
+    """The live replicas of a service, as the replica `own_id` sees them."""
+
+    own_id: str
+    members: tuple[Member, ...] = ()
+
+    @cached_property
+    def leads(self) -> bool:
+        """Whether this replica leads: it has joined before all others.
+
+        So the lead changes only when the leader leaves.
+        """
+        return bool(self.members) and min(self.members).replica_id == self.own_id
+
+    @cached_property
+    def listeners(self) -> frozenset[str]:
+        """The replicas that share the drones: those that listen, and always this one.
+
+        A replica that has just connected is not yet seen by the others, but must miss nothing.
+        """
+        listening = (each.replica_id for each in self.members if each.is_listening)
+        return frozenset([self.own_id, *listening])
+
+    def owns(self, drone_id: str) -> bool:
+        """Whether this replica handles the messages of a drone."""
+        return owner_of(drone_id, self.listeners) == self.own_id
+
+    def may_own_more_than(self, before: "Replicas") -> bool:
+        """Whether this replica may own drones that it did not own before."""
+        return not before.listeners <= self.listeners
+
+
+def owner_of(drone_id: str, replica_ids: Iterable[str]) -> str:
+    """The replica with the largest hash of itself and the drone (rendezvous hashing).
+
+    A replica that joins or leaves changes only the owner of its own drones. Source: Thaler and
+    Ravishankar, "Using name-based mappings to increase hit rates", 1998.
+    """
+    return max(replica_ids, key=lambda each: (_weight(each, drone_id), each))
+
+
+def _weight(replica_id: str, drone_id: str) -> bytes:
+    return blake2b(f"{replica_id} {drone_id}".encode(), digest_size=8).digest()

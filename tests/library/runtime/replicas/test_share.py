@@ -1,0 +1,77 @@
+"""Each drone has one owner, and a change of one replica moves only its own drones."""
+
+from collections import Counter
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skyway.runtime.replicas.share import Member, Replicas, owner_of
+
+DRONES = [f"drn_{number}" for number in range(200)]
+
+replica_ids = st.sets(st.text(min_size=1, max_size=8), min_size=1, max_size=8)
+
+
+def seen_by(own_id: str, replica_ids: set[str], *, listening: set[str]) -> Replicas:
+    return Replicas(
+        own_id,
+        tuple(
+            Member(number, each, is_listening=each in listening)
+            for number, each in enumerate(sorted(replica_ids))
+        ),
+    )
+
+
+@settings(max_examples=25)
+@given(replica_ids)
+def test_each_drone_has_exactly_one_owner_and_one_replica_leads(ids: set[str]) -> None:
+    views = [seen_by(each, ids, listening=ids) for each in ids]
+
+    assert all(sum(view.owns(drone_id) for view in views) == 1 for drone_id in DRONES)
+    assert sum(view.leads for view in views) == 1
+
+
+@settings(max_examples=25)
+@given(replica_ids, st.text(min_size=1, max_size=8))
+def test_a_replica_that_joins_or_leaves_moves_only_its_own_drones(ids: set[str], one: str) -> None:
+    without, within = ids - {one} or {"another"}, ids | {one}
+
+    for drone_id in DRONES:
+        owner = owner_of(drone_id, within)
+        assert owner in (one, owner_of(drone_id, without))
+
+
+@settings(max_examples=25)
+@given(replica_ids, st.data())
+def test_a_drone_has_an_owner_while_some_replicas_do_not_see_the_new_one(
+    ids: set[str], data: st.DataObject
+) -> None:
+    """A replica that has joined sees all; each other one sees it now or later."""
+    new = data.draw(st.sampled_from(sorted(ids)))
+    late = data.draw(st.sets(st.sampled_from(sorted(ids)))) - {new}
+    views = [
+        seen_by(each, ids - {new} if each in late else ids, listening=ids) for each in sorted(ids)
+    ]
+
+    assert all(any(view.owns(drone_id) for view in views) for drone_id in DRONES)
+
+
+def test_a_replica_without_a_connection_leads_but_leaves_its_drones_to_the_others() -> None:
+    ids = {"a", "b", "c"}
+    first, second, third = (seen_by(each, ids, listening={"b", "c"}) for each in sorted(ids))
+
+    assert first.leads
+    assert all(second.owns(each) + third.owns(each) == 1 for each in DRONES)
+
+
+def test_a_replica_owns_more_only_when_another_one_is_gone() -> None:
+    three, two = (seen_by("a", ids, listening=ids) for ids in ({"a", "b", "c"}, {"a", "b"}))
+
+    assert two.may_own_more_than(three)
+    assert not three.may_own_more_than(two)
+
+
+def test_four_replicas_own_about_the_same_number_of_drones() -> None:
+    counted = Counter(owner_of(f"drn_{number}", "abcd") for number in range(4_000))
+
+    assert all(900 < each < 1_100 for each in counted.values())
