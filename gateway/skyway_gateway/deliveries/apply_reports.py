@@ -58,7 +58,13 @@ class ReportApplier:
         Conflict
             NOT_YET: an earlier report is missing; the sender repeats this one.
         """
-        if not await self._apply_to_cached(report):
+        cached = self.writer.cache.pop(report.delivery_id)
+        if cached is not None and await self._is_applied_to(cached, report):
+            return
+        # Another replica may have written the delivery last; usually it does not write it just now.
+        async with self.db.read() as connection:
+            stored = await delivery_store.read(connection, report.delivery_id)
+        if not await self._is_applied_to(stored, report):
             await self._apply_to_locked(report)
 
     async def apply_all(self, reports: Sequence[TracedReport]) -> None:
@@ -73,11 +79,8 @@ class ReportApplier:
             with tracing(each.traceparent, "apply report"):
                 await self.apply(each.report)
 
-    async def _apply_to_cached(self, report: MissionReport) -> bool:
-        """Apply a report to the cached delivery; False when it is not cached or out of date."""
-        stored = self.writer.cache.pop(report.delivery_id)
-        if stored is None:
-            return False
+    async def _is_applied_to(self, stored: StoredDelivery, report: MissionReport) -> bool:
+        """Apply a report in one statement; False when the delivery or the report is out of date."""
         try:
             async with self.db.write() as tx:
                 self._apply(tx, stored, report)

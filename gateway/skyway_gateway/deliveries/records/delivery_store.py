@@ -67,9 +67,8 @@ from skyway_gateway.delivery_tables import custody, deliveries, missions, packag
 
 # Statements that every delivery runs are built once: building one takes as long as running it.
 
-_LOCKED: Final = (
-    select(deliveries).where(deliveries.c.delivery_id == bindparam("this")).with_for_update()
-)
+_ONE: Final = select(deliveries).where(deliveries.c.delivery_id == bindparam("this"))
+_LOCKED: Final = _ONE.with_for_update()
 #: A delivery in these states was never booked, unless it has a second attempt.
 _UNBOOKED: Final[frozenset[DeliveryState]] = frozenset({"SCHEDULED", "REQUESTED"})
 #: Each visible change of a delivery that `save` does not write counts as a version.
@@ -103,10 +102,17 @@ async def lock(tx: Tx, delivery_id: DeliveryId) -> StoredDelivery:
     NotFound
         There is no such delivery.
     """
-    found = (await tx.execute(_LOCKED, {"this": delivery_id})).all()
+    return await read(tx.connection, delivery_id, query=_LOCKED)
+
+
+async def read(
+    connection: AsyncConnection, delivery_id: DeliveryId, *, query: Select[Any] = _ONE
+) -> StoredDelivery:
+    """A delivery, not locked; its parts may be newer than its version. Raises as `lock` does."""
+    found = (await connection.execute(query, {"this": delivery_id})).all()
     if not found:
         raise NotFound("delivery", delivery_id)
-    [delivery] = await with_parts(tx.connection, found)
+    [delivery] = await with_parts(connection, found)
     return stored_of(found[0], delivery)
 
 

@@ -99,6 +99,16 @@ async def test_a_plan_of_an_older_attempt_is_not_written(
     assert await gateway.event_types(delivery_id) == ["delivery.requested", "delivery.planned"]
 
 
+async def test_a_report_about_a_delivery_of_another_replica_is_applied_without_a_lock(
+    gateway_on_both: Gateway, replica: Gateway, statements: Any
+) -> None:
+    delivery_id = await gateway_on_both.planned()
+    with statements() as seen:
+        await _apply(replica, delivery_id, "ACCEPTED", seq=1)
+    assert not [one for one in seen if "FOR UPDATE" in one or "SELECT missions.report_seq" in one]
+    assert (await replica.get(delivery_id))["state"] == "DISPATCHED"
+
+
 async def test_reports_to_two_replicas_are_applied_once_each(
     gateway_on_both: Gateway, replica: Gateway
 ) -> None:
