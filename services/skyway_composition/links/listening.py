@@ -30,6 +30,11 @@ class Listening:
         self._looked_wall_at: datetime | None = None
         self._missed_at: dict[DroneId, datetime] = {}
 
+    @property
+    def replicas(self) -> int:
+        """How many replicas share the drones."""
+        return self._membership.listeners
+
     def owns(self, drone_id: DroneId) -> bool:
         """Whether this replica handles the messages of a drone now."""
         return self._membership.owns(drone_id)

@@ -121,10 +121,15 @@ class Inbox:
             if only is not None and only != name:
                 continue
             ids = topic.ids_in(name)
-            if ids is not None and all(other.ids_in(name) is None for other in narrower):
-                if self._doorkeeper is None or self._doorkeeper.is_ours(ids):
-                    self._add(Arrival(topic, ids, name, payload, retained, time.monotonic()))
+            # This is asked first, because most messages may be for other replicas.
+            if ids is None or not self._is_ours(ids):
+                continue
+            if all(other.ids_in(name) is None for other in narrower):
+                self._add(Arrival(topic, ids, name, payload, retained, time.monotonic()))
                 return
+
+    def _is_ours(self, ids: tuple[str, ...]) -> bool:
+        return self._doorkeeper is None or self._doorkeeper.is_ours(ids)
 
     def _add(self, arrival: Arrival) -> None:
         self._waiting.append(arrival)

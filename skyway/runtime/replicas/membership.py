@@ -82,6 +82,11 @@ class Membership:
         """Whether this replica does now what one replica does for all."""
         return self._now.leads
 
+    @property
+    def listeners(self) -> int:
+        """How many replicas share the drones."""
+        return len(self._now.listeners)
+
     def owns(self, drone_id: str) -> bool:
         """Whether this replica handles the messages of a drone now."""
         return self._now.owns(drone_id)

@@ -5,9 +5,13 @@ own a drone, or a drone may have no owner for a moment.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import blake2b
+from typing import Final
+
+#: The most drones of which is remembered whether they are owned, about 100 bytes each.
+_MOST_REMEMBERED: Final = 200_000
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -28,6 +32,8 @@ class Replicas:
 
     own_id: str
     members: tuple[Member, ...] = ()
+    #: What `owns` has answered: most messages are of drones that were asked about before.
+    _owned: dict[str, bool] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def leads(self) -> bool:
@@ -48,7 +54,13 @@ class Replicas:
 
     def owns(self, drone_id: str) -> bool:
         """Whether this replica handles the messages of a drone."""
-        return owner_of(drone_id, self.listeners) == self.own_id
+        is_owned = self._owned.get(drone_id)
+        if is_owned is None:
+            if len(self._owned) >= _MOST_REMEMBERED:
+                self._owned.clear()
+            is_owned = owner_of(drone_id, self.listeners) == self.own_id
+            self._owned[drone_id] = is_owned
+        return is_owned
 
     def may_own_more_than(self, before: "Replicas") -> bool:
         """Whether this replica may own drones that it did not own before."""

@@ -38,8 +38,9 @@ log = logging.getLogger(__name__)
 _TRIES = 3
 
 #: Seconds of wall time between two batches: messages that arrive meanwhile share one transaction.
-#: A drone often sends an acknowledgement and two states about the same change.
-_PAUSE_S = 0.1
+#: A drone often sends an acknowledgement and two states about the same change. Several replicas
+#: wait longer, up to the second time: together they begin as many transactions as one.
+_PAUSE_S, _LONGEST_PAUSE_S = 0.1, 0.3
 
 #: The longest wait for drones of a replica that is gone, seconds of wall time; then it waits again.
 _LONGEST_WAIT_S = 60.0
@@ -97,7 +98,7 @@ class Follower:
         is_full, self._batch = len(self._batch) >= BATCH_SIZE, []
         if not is_full:
             self._listening.end_batch()
-            await asyncio.sleep(_PAUSE_S)
+            await asyncio.sleep(min(_PAUSE_S * self._listening.replicas, _LONGEST_PAUSE_S))
         return True
 
     def _of_now(self, batch: Sequence[Received[Any]]) -> list[Received[Any]]:
