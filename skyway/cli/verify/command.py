@@ -10,12 +10,18 @@ from typing import Annotated, Final
 
 import typer
 
-from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_folder
+from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import fail
 from skyway.cli.system.databases import database_urls
 from skyway.cli.verify.delivery_rules import DELIVERY_RULES
 from skyway.cli.verify.drone_rules import DRONE_RULES
-from skyway.cli.verify.looks import AnyCrossRule, broken_across, look, still_broken
+from skyway.cli.verify.looks import (
+    AnyCrossRule,
+    broken_across,
+    cell_name,
+    look,
+    still_broken,
+)
 from skyway.errors import SkywayError
 from skyway.runtime.verification.rule import BrokenRule
 
@@ -28,6 +34,10 @@ _SETTLES_WITHIN_S: Final = 2.0
 
 def verify_command(
     data: DataOption = None,
+    cells: Annotated[
+        list[str] | None,
+        typer.Option("--cell", help="The URL of a cell's database; once for each cell."),
+    ] = None,
     repair: Annotated[
         bool,
         typer.Option("--repair", help="Say what a person can do about each; nothing is changed."),
@@ -36,6 +46,7 @@ def verify_command(
     """Check all invariants of the databases; exit code 1 when one is violated."""
     folder = data_folder(data)
     urls = asyncio.run(database_urls(folder))
+    urls |= {cell_name(number): url for number, url in enumerate(cells or (), start=1)}
     for url in urls.values():
         _must_exist(url)
     try:
@@ -51,7 +62,7 @@ def verify_command(
             typer.echo(f"{where}: {json.dumps({'rule': each.rule, 'subject': each.subject})}")
             if repair:
                 typer.echo(f"    {each.advice}")
-    typer.echo(f"{count} violations in {len(CLOUD_SERVICES)} databases")
+    typer.echo(f"{count} violations in {len(urls)} databases")
     raise typer.Exit(1 if count else 0)
 
 
@@ -61,7 +72,7 @@ def _all_broken(
     """The broken rules of each service, and of the services together."""
     first = look(folder, urls, scratch / "first")
     found: dict[str, Sequence[BrokenRule]] = {
-        service: first[service].broken for service in CLOUD_SERVICES
+        service: look_at.broken for service, look_at in first.items()
     }
     if broken_across(RULES, first, first):
         time.sleep(_SETTLES_WITHIN_S)

@@ -7,13 +7,15 @@ there must be in the other service by the second look. What is still on its way 
 difference: a report in an outbox, a booking that is not answered.
 """
 
+import heapq
 import json
 import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Generic, Literal, TypeVar
 
@@ -21,7 +23,6 @@ from skyway.cli.data_folder import DataFolder
 from skyway.cli.system.children import PACKAGES
 from skyway.contracts.service_facts import DeliveryFacts, DroneFacts, HintFacts, ProviderFacts
 from skyway.errors import SkywayError
-from skyway.json_model import WireModel
 from skyway.runtime.errors import ExitCode
 from skyway.runtime.verification.fact_files import side_by_side
 from skyway.runtime.verification.rule import BrokenRule
@@ -34,26 +35,26 @@ _RESTORE: Final = (
     "files away, check the disk, and restore the newest backup (docs/reference/operations.md)."
 )
 
-FactsT = TypeVar("FactsT", bound=WireModel)
-
-
-ComparedT = TypeVar("ComparedT", DeliveryFacts, HintFacts, DroneFacts, ProviderFacts)
-
+FactsT = TypeVar("FactsT", DeliveryFacts, HintFacts, DroneFacts, ProviderFacts)
 Service = Literal["gateway", "composition", "registry"]
 
 
 @dataclass(frozen=True, slots=True)
 class ServiceLook:
-    """What one service said of its database at one moment."""
+    """What one service said of its database at one moment.
+
+    `cells` are the folders of the facts of the service's other databases.
+    """
 
     service: str
     broken: tuple[BrokenRule, ...]
     folder: Path
+    cells: tuple[Path, ...] = ()
 
     @property
     def has_facts(self) -> bool:
-        """Whether the service could write down its facts."""
-        return self.folder.exists()
+        """Whether the service could write down its facts, those of all its databases."""
+        return all(each.exists() for each in (self.folder, *self.cells))
 
     def deliveries(self) -> Iterator[DeliveryFacts]:
         """The facts about deliveries, by id."""
@@ -72,17 +73,37 @@ class ServiceLook:
         return self._facts("providers", ProviderFacts)
 
     def _facts(self, kind: str, model: type[FactsT]) -> Iterator[FactsT]:
-        with (self.folder / f"{kind}.jsonl").open() as lines:
-            for line in lines:
-                yield model.read(line)
+        with ExitStack() as opened:
+            files = [
+                opened.enter_context((each / f"{kind}.jsonl").open())
+                for each in (self.folder, *self.cells)
+            ]
+            facts = ((model.read(line) for line in lines) for lines in files)
+            yield from heapq.merge(*facts, key=lambda fact: fact.key)
 
 
 #: What each service said, by its name.
 Looks = Mapping[str, ServiceLook]
 
+#: The service that may have several databases: its own, and those of cells.
+_OF_CELLS: Final = "composition"
+
+
+def cell_name(number: int) -> str:
+    """How the database of a cell is called, beside the services; numbered from 1."""
+    return f"{_OF_CELLS} of cell {number}"
+
+
+def with_cells(looks: Looks) -> Looks:
+    """The looks in which composition has the facts of all cells, as one service."""
+    cells = tuple(each.folder for name, each in looks.items() if name.startswith(f"{_OF_CELLS} "))
+    return {**looks, _OF_CELLS: replace(looks[_OF_CELLS], cells=cells)}
+
 
 def look(folder: DataFolder, urls: Mapping[str, str], facts: Path) -> Looks:
     """Have the services check their databases side by side, and write facts below a folder.
+
+    Names of cells are those of `cell_name`.
 
     Raises
     ------
@@ -91,12 +112,19 @@ def look(folder: DataFolder, urls: Mapping[str, str], facts: Path) -> Looks:
     """
     with ThreadPoolExecutor() as threads:
         looks = threads.map(lambda service: _look(service, folder, urls, facts / service), urls)
-    return {each.service: each for each in looks}
+    return with_cells({each.service: each for each in looks})
 
 
 def _look(service: str, folder: DataFolder, urls: Mapping[str, str], facts: Path) -> ServiceLook:
     checked = subprocess.run(
-        [sys.executable, "-m", PACKAGES[service], "verify", "--facts", str(facts)],
+        [
+            sys.executable,
+            "-m",
+            PACKAGES[service.partition(" ")[0]],
+            "verify",
+            "--facts",
+            str(facts),
+        ],
         env={
             **os.environ,
             "SKYWAY_DATABASE_URL": urls[service],
@@ -118,15 +146,15 @@ def _look(service: str, folder: DataFolder, urls: Mapping[str, str], facts: Path
 
 # Without slots, because a generic class with slots cannot be made with its type.
 @dataclass(frozen=True)
-class CrossRule(Generic[ComparedT]):
+class CrossRule(Generic[FactsT]):
     """A sentence about the facts of one key in two services; the `second` is read later."""
 
     name: str
     first: Service
     second: Service
-    facts: Callable[[ServiceLook], Iterator[ComparedT]]
+    facts: Callable[[ServiceLook], Iterator[FactsT]]
     #: The subjects that break the rule; None where a service has no such fact.
-    finder: Callable[[ComparedT | None, ComparedT | None], Iterable[str]]
+    finder: Callable[[FactsT | None, FactsT | None], Iterable[str]]
     advice: str
 
     def broken(self, first: ServiceLook, second: ServiceLook) -> Iterator[BrokenRule]:
