@@ -16,6 +16,7 @@ from skyway.contracts.topics import NETWORK_VERSION
 from skyway.contracts.world import NetworkVersion
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
+from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.mqtt.client import MqttClient, Received
@@ -71,6 +72,13 @@ class CachedNetworks:
     def network_of(self, station_id: StationId) -> NetworkId | None:
         """The network of a station; None when the station is not cached."""
         for network_id, network in self._networks.items():
+            if station_id in network.places:
+                return network_id
+        return None
+
+    def last_network_of(self, station_id: StationId) -> NetworkId | None:
+        """The same, also by versions that may have been replaced."""
+        for network_id, network in {**self._outdated, **self._networks}.items():
             if station_id in network.places:
                 return network_id
         return None
@@ -132,12 +140,12 @@ def _position_if_connected(
     return None
 
 
-def stations_from(composition: ServiceClient) -> AllStations:
-    """`AllStations` that asks composition."""
+def stations_from(server_of: Callable[[NetworkId], ServiceClient]) -> AllStations:
+    """`AllStations` that asks the server of composition that serves the network."""
 
     async def ask(network_id: NetworkId) -> NetworkStations:
         path = f"/internal/networks/{network_id}/stations"
-        return await composition.call("GET", path, answer=NetworkStations)
+        return await server_of(network_id).call("GET", path, answer=NetworkStations)
 
     return ask
 
@@ -189,13 +197,20 @@ class NetworkLearner:
         ServiceUnavailable
             Composition or the database does not answer now.
         """
+        silent: ServiceUnavailable | None = None
         for network_id in [each for each in self._announced if self._is_new(each)]:
-            stations = await self._all_stations(network_id)
+            try:
+                stations = await self._all_stations(network_id)
+            except ServiceUnavailable as error:
+                silent = error  # another network may have another server
+                continue
             # A newer announcement, or a lost connection, may have come in the meantime. The next
             # step asks again then.
             if stations.version >= self._announced.get(network_id, stations.version + 1):
                 self.cached.put(stations)
                 await self._keep(stations)
+        if silent is not None:
+            raise silent
         return False
 
     def forget(self) -> None:

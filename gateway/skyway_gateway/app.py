@@ -9,6 +9,7 @@ from typing import Final
 from fastapi import FastAPI
 from starlette.middleware import Middleware
 
+from skyway.cells import READ_EVERY_S
 from skyway.contracts.topics import CONNECTION
 from skyway.runtime.http.app import (
     Lifespan,
@@ -44,6 +45,7 @@ from skyway_gateway.deliveries.reading.routes import (
     statistics_routes,
 )
 from skyway_gateway.deliveries.requests.routes import delivery_routes, report_routes
+from skyway_gateway.forward.cell_routes import ForwardToCells
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.gauges import GatewayGauges
@@ -63,6 +65,7 @@ from skyway_gateway.parts import SERVICE, Parts
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.quotes.store import read_networks
 from skyway_gateway.retention.start_pruning import start_pruning
+from skyway_gateway.routed_composition import DeliveryReports
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tracking.link_routes import link_routes
 from skyway_gateway.tracking.page_routes import page_routes
@@ -151,7 +154,8 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             ),
             forward_routes(
                 gate=gate,
-                clients=parts.clients,
+                registry=parts.clients["registry"],
+                to_cells=ForwardToCells(parts.servers, parts.find),
                 changes=parts.waker,
                 meters=parts.meters,
                 planning=parts.composing,
@@ -161,7 +165,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             console_routes(base_map=parts.base_map),
             system_routes(
                 gate=gate,
-                clients=parts.clients,
+                clients=parts.all_clients,
                 gauges=parts.gauges,
                 small_world=parts.small_world,
                 db=db,
@@ -201,21 +205,22 @@ def build_app(settings: GatewaySettings) -> FastAPI:
         async with AsyncExitStack() as opened:
             await opened.enter_async_context(parts.db)
             await take_over(parts)
-            for client in parts.clients.values():
-                await opened.enter_async_context(client)
+            await opened.enter_async_context(parts.clients["registry"])
+            await opened.enter_async_context(parts.servers)
             await opened.enter_async_context(parts.post)
             await opened.enter_async_context(mqtt)
             loops = await opened.enter_async_context(Loops())
             messages = MqttSender(parts.db, mqtt, parts.clock, pace=unhurried_pace())
             loops.start("messages", messages.run())
-            receivers = {"composition": parts.clients["composition"]}
+            loops.start("cells", repeat("cells", parts.servers.refresh, every_s=READ_EVERY_S))
+            receivers = {"composition": DeliveryReports(parts.servers, parts.find)}
             loops.start("reports", ReportSender(parts.db, receivers, parts.clock).run())
             loops.start("webhooks", parts.sender.run())
             loops.start("networks", parts.networks.run(mqtt))
             loops.start("booking", parts.booking.run(parts.booker))
             loops.start("connections", parts.waker.follow(mqtt.batches(CONNECTION)))
             loops.start("live", parts.live.run())
-            figures = LiveFigures(parts.live, parts.clients, parts.gauges)
+            figures = LiveFigures(parts.live, parts.all_clients, parts.gauges)
             loops.start("live figures", figures.run())
             loops.start("clock", repeat("clock", repeat_clock, every_s=CLOCK_EVERY_S))
             _start_sweeping(loops, parts)

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Final
 
 from skyway.announced_networks import NetworkLearner, stations_from
+from skyway.cells import CellClients, Cells, table_from
 from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import KeyEntrance, Meters
@@ -24,7 +25,7 @@ from skyway_gateway.access.recognise import AllKeys, CachedKeys, DroneKeys
 from skyway_gateway.access.refused_logins import RefusedLogins
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.access.usage import DroneUsage, StreamUsage
-from skyway_gateway.clients import RestComposition, RestRegistry
+from skyway_gateway.clients import RestRegistry
 from skyway_gateway.console.base_map import BaseMap
 from skyway_gateway.console.small_world import SmallWorld
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
@@ -44,6 +45,7 @@ from skyway_gateway.notifications.webhook_quota_store import WebhookQuota
 from skyway_gateway.parts import SERVICE, Parts
 from skyway_gateway.quotes.make_quote import HoldLimits
 from skyway_gateway.quotes.store import keep_network
+from skyway_gateway.routed_composition import NetworkFinder, RoutedComposition
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import outbox
 from skyway_gateway.tracking.pages import TrackingPages
@@ -72,7 +74,10 @@ def build_parts(
     """The parts with these clients and this clock; nothing is opened."""
     db = Database(settings.database_url, outbox=outbox)
     registry = RestRegistry(clients["registry"])
-    composition = RestComposition(clients["composition"])
+    servers = CellClients(clients["composition"], Cells(table_from(clients["registry"])))
+    networks = NetworkLearner(stations_from(servers.of), keep=partial(keep_network, db))
+    find = NetworkFinder(servers, networks.cached, db)
+    composition = RoutedComposition(servers, find)
     listeners, notifications, targets = (
         EventListeners(),
         Wake(),
@@ -89,7 +94,6 @@ def build_parts(
     cached_sessions = CachedKeys(db, clock, session_store.shown)
     all_keys = AllKeys(cached_keys, cached_sessions, DroneKeys(registry), KeysInUse(db, clock))
     refused_logins = RefusedLogins(db, clock, mint)
-    networks = NetworkLearner(stations_from(clients["composition"]), keep=partial(keep_network, db))
     return Parts(
         db=db,
         clock=clock,
@@ -97,6 +101,8 @@ def build_parts(
         clients=clients,
         registry=registry,
         composition=composition,
+        servers=servers,
+        find=find,
         networks=networks,
         cached_keys=cached_keys,
         cached_sessions=cached_sessions,
@@ -176,7 +182,7 @@ def build_parts(
         live=LiveFeed(
             (
                 Deliveries(db),
-                World(clients["composition"], db),
+                World(servers.every, db),
                 Drones(clients["registry"]),
             ),
             most_views=settings.live_views_per_tenant,

@@ -24,7 +24,7 @@ from skyway.contracts.quote import KeepOffer, KeptOffer, QuoteAnswer, QuoteQuery
 from skyway.contracts.shortlist import Candidates
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
-from skyway.ids import DeliveryId, DroneId, HoldId, ProviderId, SubjectId
+from skyway.ids import DeliveryId, DroneId, HoldId, ProviderId, StationId, SubjectId
 from skyway.json_model import WireModel
 from skyway.runtime.errors import RemoteProblem
 from skyway.runtime.http.client import ServiceClient
@@ -51,6 +51,10 @@ class Registry(Protocol):
 
 class Composition(Protocol):
     """Composition, as the gateway needs it."""
+
+    async def must_accept(self, pickup: StationId) -> None:
+        """Go on only if the network of this pickup accepts new requests."""
+        ...
 
     async def check_stations(self, query: StationCheckQuery) -> StationCheck:
         """Whether stations exist, where they are, and whether a path leads to them."""
@@ -152,7 +156,7 @@ class RestRegistry:
 
 
 class RestComposition:
-    """Composition over REST."""
+    """One server of composition over REST."""
 
     def __init__(self, client: ServiceClient) -> None:
         self._client = client

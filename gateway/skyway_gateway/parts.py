@@ -6,6 +6,7 @@ from datetime import timedelta
 from typing import Final
 
 from skyway.announced_networks import NetworkLearner
+from skyway.cells import CellClients
 from skyway.runtime.clock import AnchoredClock, FleetClock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import KeyEntrance, Meters
@@ -42,6 +43,7 @@ from skyway_gateway.notifications.webhook_quota_store import WebhookQuota
 from skyway_gateway.quotes.accept_offer import OfferKeeper
 from skyway_gateway.quotes.check_request import CachedPayloadLimits, RequestChecks, ShortWait
 from skyway_gateway.quotes.make_quote import HoldLimits, QuoteMaker
+from skyway_gateway.routed_composition import NetworkFinder
 from skyway_gateway.tracking.pages import TrackingPages
 from skyway_gateway.tracking_links import TrackingLinks
 
@@ -58,6 +60,8 @@ class Parts:
     clients: Mapping[str, ServiceClient]
     registry: Registry
     composition: Composition
+    servers: CellClients
+    find: NetworkFinder
     networks: NetworkLearner
     cached_keys: CachedKeys
     cached_sessions: CachedKeys
@@ -97,6 +101,10 @@ class Parts:
     pages: TrackingPages
     followers: Slots
     gauges: Gauges = field(default_factory=Gauges)
+
+    def all_clients(self) -> dict[str, ServiceClient]:
+        """The clients of the registry and of all servers of composition, by their names."""
+        return {"registry": self.clients["registry"], **self.servers.every()}
 
     @property
     def booker(self) -> Booker:

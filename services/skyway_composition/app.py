@@ -7,6 +7,7 @@ from typing import Final
 
 from fastapi import FastAPI
 
+from skyway.cells import READ_EVERY_S
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -19,13 +20,14 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import ServiceEntrance
 from skyway.runtime.http.identity import ServiceIdentity, read_secret
 from skyway.runtime.http.metrics_routes import figures_routes, metrics_routes, readiness_gauges
-from skyway.runtime.loops import Loops
+from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.metrics import GaugeSource
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarm_routes import alarm_routes, drone_alarm_routes
+from skyway_composition.cell_routes import CellEntrance, cell_routes
 from skyway_composition.closures.routes import area_routes, place_routes
 from skyway_composition.closures.span_routes import span_routes
 from skyway_composition.gauges import CompositionGauges
@@ -118,10 +120,11 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             quarantine_routes(
                 db=db, gate=gate, replays=Replays(db, clock, parts.handler, parts.keys)
             ),
+            cell_routes(db=db, gate=gate, clock=clock, own=parts.own_cells),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
             figures_routes(gate=gate, gauges=parts.gauges),
         ],
-        entrance=ServiceEntrance(gate),
+        entrance=CellEntrance(ServiceEntrance(gate), parts.own_cells),
         lifespan=lifespan,
         readiness=readiness,
         body_limit=body_limits(
@@ -169,6 +172,8 @@ def build_app(settings: CompositionSettings) -> FastAPI:
             mqtt,
             Loops() as loops,
         ):
+            refresh = parts.own_cells.cells.refresh
+            loops.start("cells", repeat("cells", refresh, every_s=READ_EVERY_S))
             loops.start("warm", parts.solver.warm())
             work.start(loops)
             start_pruning(loops, parts.membership, parts.db, parts.clock, settings)

@@ -4,6 +4,7 @@ import secrets
 from dataclasses import dataclass, field
 from typing import Final
 
+from skyway.cells import Cells, table_from
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
@@ -27,6 +28,7 @@ from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.own_cells import OwnCells, OwnDrones
 from skyway_composition.planning.no_shows import NoShows
 from skyway_composition.planning.plan_offers import Quotes
 from skyway_composition.planning.routes import StrategyRights
@@ -67,6 +69,7 @@ class Parts:
     keys: KeyBook
     signatures: SignatureCheck
     no_shows: NoShows
+    own_cells: OwnCells
     gauges: Gauges = field(default_factory=Gauges)
     turns: Turns = field(default_factory=Turns)
     reading: ReadingTurn = field(default_factory=ReadingTurn)
@@ -137,7 +140,12 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
     own_id = f"{SERVICE}-{secrets.token_hex(8)}"
     membership = Membership(ReplicaStore(db, replicas), own_id=own_id, clock=clock)
     listening = Listening(clock, membership)
-    keys = KeyBook(RegisteredKeys(registry), clock)
+    own_cells = OwnCells(
+        Cells(table_from(registry)),
+        settings.cell_url,
+        is_default=settings.cell_url in (None, settings.composition_url),
+    )
+    keys = KeyBook(RegisteredKeys(registry, own_cells), clock)
     quarantine = Quarantine(db, clock=clock, mint=mint, listening=listening)
     return Parts(
         db=db,
@@ -157,8 +165,9 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
         listening=listening,
         quarantine=quarantine,
         keys=keys,
-        signatures=SignatureCheck(keys, quarantine),
+        signatures=SignatureCheck(keys, OwnDrones(quarantine, own_cells)),
         no_shows=NoShows(db, clock),
+        own_cells=own_cells,
     )
 
 

@@ -16,6 +16,11 @@ class CompositionSettings(ServiceSettings):
         le=65535,
         description="Port on which it listens. 0 takes any free port.",
     )
+    cell_url: str | None = Field(
+        default=None,
+        description="The address of this composition in the table of cells. Without it this "
+        "composition serves the networks that have no cell.",
+    )
     solver_threads: Annotated[
         int,
         Field(

@@ -10,6 +10,7 @@ from typing import Final
 
 from fastapi import FastAPI
 
+from skyway.cells import READ_EVERY_S
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -27,6 +28,7 @@ from skyway.runtime.metrics import GaugeSource
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.migrations import migrate
 from skyway_provider_registry.candidates.routes import candidate_routes, service_state_routes
+from skyway_provider_registry.cells.routes import cell_routes
 from skyway_provider_registry.enrolment.routes import (
     drone_key_routes,
     drone_signature_routes,
@@ -46,7 +48,7 @@ from skyway_provider_registry.fleets.routes import (
     registration_routes,
 )
 from skyway_provider_registry.gauges import RegistryGauges
-from skyway_provider_registry.parts import SERVICE, Parts, composition_client, parts_in_life
+from skyway_provider_registry.parts import SERVICE, Parts, parts_in_life
 from skyway_provider_registry.presence.announce_alarms import AlarmAnnouncer
 from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, PresenceFollower
 from skyway_provider_registry.presence.routes import presence_routes
@@ -105,6 +107,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             drone_signature_routes(gate=gate, keys=StoredKeys(db, clock)),
             enrolment_routes(db=db, gate=gate, password_file=password_file),
             quota_routes(gate=gate, limit=parts.drone_limit),
+            cell_routes(db=db, gate=gate, changes=parts.cell_changes),
             live_routes(db=db, gate=gate, clock=clock),
             telemetry_routes(db=db, gate=gate),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
@@ -121,8 +124,8 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
 
 def build_app(settings: RegistrySettings) -> FastAPI:
     """The registry of these settings; the lifespan of the app opens everything."""
-    composition = composition_client(settings)
-    parts = parts_in_life(settings, composition)
+    parts = parts_in_life(settings)
+    servers = parts.servers
     mqtt = MqttClient(
         settings.mqtt_url,
         client_id=f"{SERVICE}-{secrets.token_hex(8)}",
@@ -141,7 +144,7 @@ def build_app(settings: RegistrySettings) -> FastAPI:
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         parts.cloud_keys.read()  # without them no drone could be registered
         await migrate(settings.database_url, PACKAGE)
-        async with parts.db, composition, mqtt, Loops() as loops:
+        async with parts.db, servers, mqtt, Loops() as loops:
             # First of all: without its accounts the broker refuses everybody, this service too.
             await parts.password_file.refresh()
             follower = PresenceFollower(
@@ -160,8 +163,9 @@ def build_app(settings: RegistrySettings) -> FastAPI:
                 "password file",
                 repeat("password file", parts.password_file.step, every_s=_PASSWORDS_EVERY_S),
             )
-            renewals = RenewalAnnouncer(parts.db, parts.clock, CompositionNotice(composition))
-            alarms = AlarmAnnouncer(parts.db, composition)
+            renewals = RenewalAnnouncer(parts.db, parts.clock, CompositionNotice(servers))
+            alarms = AlarmAnnouncer(parts.db, servers)
+            loops.start("cells", repeat("cells", servers.refresh, every_s=READ_EVERY_S))
             loops.start("alarms", repeat("alarms", alarms.step, every_s=1.0))
             loops.start("renewals", repeat("renewals", renewals.step, every_s=1.0))
             loops.start(
@@ -189,7 +193,7 @@ def openapi_app() -> FastAPI:
         broker_password_file=nowhere,
     )
 
-    parts = parts_in_life(settings, composition_client(settings))
+    parts = parts_in_life(settings)
     return registry_app(parts, lifespan=nothing_to_open, readiness=nothing_to_wait_for)
 
 

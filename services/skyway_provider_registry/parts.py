@@ -9,6 +9,8 @@ from skyway.announced_networks import NetworkLearner, stations_from
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
 from skyway.broker_setup.nats_accounts import NatsAccounts
+from skyway.cells import CellClients, Cells
+from skyway.contracts.cells import CellTable
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
@@ -21,6 +23,8 @@ from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile
 from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates.fleet_view import FleetView
+from skyway_provider_registry.cells import store as cell_store
+from skyway_provider_registry.cells.change_cells import CellChanges
 from skyway_provider_registry.enrolment.password_file import BrokerAccounts, PasswordFile
 from skyway_provider_registry.enrolment.stored_keys import StoredKeys
 from skyway_provider_registry.fleets.issue_credentials import Issuer
@@ -59,12 +63,18 @@ class Parts:
     cloud_keys: CloudKeyFile
     signatures: SignatureCheck
     drone_limit: DroneLimit
+    servers: CellClients
     gauges: Gauges = field(default_factory=Gauges)
 
     @property
     def fleet_view(self) -> FleetView:
         """Keeps all fleets in memory for the selection of candidates."""
         return FleetView(self.db, self.networks.cached, Pace(_REFRESH_EVERY_S))
+
+    @property
+    def cell_changes(self) -> CellChanges:
+        """Changes the table of cells."""
+        return CellChanges(self.db, self.servers.default)
 
 
 def composition_client(settings: RegistrySettings) -> ServiceClient:
@@ -73,10 +83,21 @@ def composition_client(settings: RegistrySettings) -> ServiceClient:
     return ServiceClient("composition", settings.composition_url, identity)
 
 
-def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Parts:
+def composition_servers(settings: RegistrySettings, db: Database) -> CellClients:
+    """The clients of all servers of composition, by the registry's own table of cells."""
+
+    async def read() -> CellTable:
+        async with db.read() as connection:
+            return CellTable(cells=await cell_store.every(connection))
+
+    return CellClients(composition_client(settings), Cells(read))
+
+
+def parts_in_life(settings: RegistrySettings) -> Parts:
     """The parts with the files of these settings and the system's clock."""
     db, clock = Database(settings.database_url), load_clock(settings.clock_file)
     cloud_keys = CloudKeyFile(settings.secrets_dir / CLOUD_KEYS)
+    servers = composition_servers(settings, db)
     authority = None
     if settings.drone_ca_dir is not None:
         authority = CertificateAuthority.load(settings.drone_ca_dir)
@@ -92,8 +113,8 @@ def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Par
         metrics_gate=MetricsGate(settings.secrets_dir),
         clock=clock,
         mint=mint,
-        stations=CompositionStations(composition),
-        networks=NetworkLearner(stations_from(composition)),
+        stations=CompositionStations(servers),
+        networks=NetworkLearner(stations_from(servers.of)),
         password_file=password_file,
         issuer=Issuer(
             authority, cloud_keys, password_file.hash_password, mqtt_urls=settings.mqtt_drone_url
@@ -101,4 +122,5 @@ def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Par
         cloud_keys=cloud_keys,
         signatures=SignatureCheck(KeyBook(StoredKeys(db, clock), clock), NoQuarantine()),
         drone_limit=DroneLimit(db, settings.drones_per_provider),
+        servers=servers,
     )

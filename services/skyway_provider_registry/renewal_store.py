@@ -13,10 +13,10 @@ from typing import Final
 from sqlalchemy import BigInteger, Text, bindparam, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.ids import DroneId
+from skyway.ids import DroneId, NetworkId
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_provider_registry.tables import renewals
+from skyway_provider_registry.tables import drones, renewals
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +34,7 @@ class DueRenewal:
     drone_id: DroneId
     at: datetime
     wall_ms: int
+    network_id: NetworkId | None
 
 
 #: A renewal is announced unless there was another one meanwhile.
@@ -69,7 +70,8 @@ async def due(
 ) -> Sequence[DueRenewal]:
     """The renewals until this moment that were not announced, the oldest first."""
     query = (
-        select(renewals)
+        select(renewals, drones.c.network_id)
+        .join(drones, drones.c.drone_id == renewals.c.drone_id)
         .where(
             renewals.c.is_announced.is_(False),
             renewals.c.renewed_wall_ms <= moment_to_ms(until_wall_at),
@@ -78,7 +80,12 @@ async def due(
         .limit(limit)
     )
     return [
-        DueRenewal(DroneId(row.drone_id), ms_to_moment(row.renewed_ms), row.renewed_wall_ms)
+        DueRenewal(
+            DroneId(row.drone_id),
+            ms_to_moment(row.renewed_ms),
+            row.renewed_wall_ms,
+            row.network_id,
+        )
         for row in await connection.execute(query)
     ]
 

@@ -52,6 +52,17 @@ drone_models = Table(
     Column("model", Text, nullable=False),  # JSON of skyway.drone.model.DroneModel
 )
 
+#: Networks with a server of composition of their own. `generation` numbers all changes together.
+cells = Table(
+    "cells",
+    metadata,
+    Column("network_id", Text, primary_key=True),
+    Column("url", Text, nullable=False),
+    Column("state", Text, nullable=False),
+    Column("generation", BigInteger, nullable=False, unique=True),
+    CheckConstraint("state IN ('OPEN', 'CLOSED')", name="cell_state"),
+)
+
 drones = Table(
     "drones",
     metadata,
@@ -61,6 +72,7 @@ drones = Table(
     Column("home_station_id", Text, nullable=False),
     Column("home_longitude_deg", Double, nullable=False),
     Column("home_latitude_deg", Double, nullable=False),
+    Column("network_id", Text),  # of its home; null in rows of an older version
     Column("name", Text),
     Column("registration", Text),
     Column("initial_soc", Double, nullable=False),

@@ -8,11 +8,13 @@ import sys
 from collections.abc import AsyncIterator
 from typing import Final
 
+from pydantic import TypeAdapter
 from sqlalchemy import Column, ColumnElement, and_, func, literal, or_, select
 
 from skyway.bounds import LATEST
 from skyway.broker_setup.nats_accounts import is_nats_hash
 from skyway.broker_setup.passwords import read_hash
+from skyway.contracts.cells import CellUrl
 from skyway.contracts.drones import DroneAlarm
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.service_facts import AnyFacts, DroneFacts, HintFacts, ProviderFacts
@@ -29,6 +31,7 @@ from skyway_provider_registry.change_store import ONLY_ROW
 from skyway_provider_registry.presence.drone_presence import Condition
 from skyway_provider_registry.tables import (
     broker_accounts,
+    cells,
     changes,
     drone_keys,
     drone_models,
@@ -112,6 +115,7 @@ def _read_password_hash(hashed: str) -> None:
 _FORMS: Final = form_rule(
     {
         providers.c.tariff: Tariff.read,
+        cells.c.url: TypeAdapter(CellUrl).validate_python,
         drone_models.c.model: DroneModel.read,
         presence.c.condition: Condition.read,
         waiting_alarms.c.alarm: DroneAlarm.read,

@@ -29,6 +29,7 @@ _COMMANDS: Final = {
     "open": "skyway.cli.closures.open:open_app",
     "top": "skyway.cli.top:top_command",
     "schedule": "skyway.cli.schedule:schedule_command",
+    "cell": "skyway.cli.cell:cell_app",
     "quarantine": "skyway.cli.quarantine:quarantine_command",
     "secrets": "skyway.cli.system.secrets:secrets_command",
     "nats": "skyway.cli.system.nats_files:nats_command",

@@ -13,7 +13,7 @@ from skyway.bounds import SmallObject, Words
 from skyway.contracts.drone_report import AlarmLevel
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.signature import PublicKey
-from skyway.ids import DroneId, ProviderId
+from skyway.ids import DroneId, NetworkId, ProviderId
 from skyway.json_model import WireModel
 
 #: How every key of a drone begins; the gateway made all other keys.
@@ -63,6 +63,9 @@ class DroneSignature(WireModel):
     drone_id: DroneId
     is_signed: bool
     public_key: PublicKey | None = None
+    network_id: Annotated[
+        NetworkId | None, Field(description="Network of its home; null if it is not known.")
+    ] = None
 
 
 class DroneSignatureQuery(WireModel):

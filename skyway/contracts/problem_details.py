@@ -15,6 +15,12 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "ALREADY_CONFIRMED": "The loading of this mission was confirmed before.",
     "ALREADY_HELD": "The mission is held already.",
     "BEING_LOADED": "The loading was just confirmed; the drone must answer first.",
+    "CELL_BUSY": "The server of the cell has not finished its work; wait, and try again.",
+    "CELL_CHANGED": "Another call has changed the cell in between; try again.",
+    "CELL_EXISTS": "The network has a cell at another server; move the cell.",
+    "CELL_NOT_ALONE": "The server serves other networks too; add and close their cells.",
+    "CELL_NOT_COPIED": "The new server's database does not hold the same; copy it again.",
+    "CELL_OPEN": "A cell of this server accepts new requests; close it first.",
     "HELD": "The mission is held; resume it first.",
     "MISSION_OVER": "The mission is over.",
     "MISSION_QUEUED": "The mission was not sent to its drone yet.",
@@ -26,9 +32,11 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "NOT_LOADING": "The drone does not wait at the pickup for its packages.",
     "NO_SMALL_WORLD": "Only `skyway up` starts a small world.",
     "NO_NETWORK": "No network is published: skyway network import bundled.",
+    "NETWORK_ELSEWHERE": "The network is published at another server; move it.",
     "NOT_YET": "An earlier report is missing; send this report again later.",
     "OFFER_LOST": "The offer cannot be kept any more; `next_offer` is the next best one.",
     "ON_MISSION": "The drone is on a mission.",
+    "OTHER_CELL": "Another server serves the new home; remove the drone and register it again.",
     "PAYLOAD_CUT": "Only the begin of this message was kept, so it cannot be handled.",
     "QUOTE_EXPIRED": "The offer is no longer valid; ask for another quote.",
     "QUOTE_TAKEN": "Another offer of this quote was accepted before.",
@@ -49,6 +57,7 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "TOO_MANY_HOLDS": "As many quotes are held as the customer may hold at the same time.",
     "TOO_LATE": "Nothing of this can be stopped any more.",
     "WEBHOOK_DISABLED": "The webhook is disabled; make it active first.",
+    "WRONG_SERVER": "The server has another SKYWAY_CELL_URL; set it to this address.",
 }
 
 

@@ -6,6 +6,7 @@ SkywayError
 │   └── ScopeMissing        the caller's key does not have the scope that this needs
 ├── NotFound                also for things of other callers
 ├── Conflict                the present state forbids it; `code` names the reason
+├── Misdirected             another server serves what was asked for
 ├── PreconditionFailed      If-Match named another version
 ├── TooLarge                a body above its limit
 ├── BudgetSpent             the caller used more than its budget; `code` names the budget
@@ -86,6 +87,10 @@ class Conflict(SkywayError):
         self.code = code
         self.detail = detail
         self.members = dict(members or {})
+
+
+class Misdirected(SkywayError):
+    """Another server serves what was asked for; the caller has to look where it is served now."""
 
 
 class PreconditionFailed(SkywayError):

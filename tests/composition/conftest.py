@@ -18,6 +18,7 @@ from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.missions.replanning.replan import OccupiedPads, Replanner
 from skyway_composition.missions.timeouts import LateMissions, OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.own_cells import OwnCells, OwnDrones
 from skyway_composition.parts import Parts
 from skyway_composition.planning.no_shows import NoShows
 from skyway_composition.planning.routes import StrategyRights
@@ -27,7 +28,9 @@ from skyway_composition.tables import outbox
 from skyway_composition.verify.rules import RULES
 from sqlalchemy import select, text
 
+from skyway.cells import Cells
 from skyway.contracts.candidate import Candidate
+from skyway.contracts.cells import CellTable
 from skyway.contracts.instruction import Instruction
 from skyway.contracts.mission import Booking, BookMissions
 from skyway.contracts.mission_reports import MissionReport
@@ -264,6 +267,11 @@ async def db(migrated_url: str) -> AsyncIterator[Database]:
         yield opened
 
 
+async def no_cells() -> CellTable:
+    """An empty table of cells."""
+    return CellTable(cells=())
+
+
 @pytest.fixture
 async def unpublished(
     db: Database, clock: ManualClock, secrets_dir: Path
@@ -280,6 +288,7 @@ async def unpublished(
     ):
         quarantine = Quarantine(db, clock=clock, mint=mint, listening=listening)
         keys = unsigned_book(clock)
+        own_cells = OwnCells(Cells(no_cells), None, is_default=True)
         parts = Parts(
             db=db,
             membership=membership,
@@ -298,8 +307,9 @@ async def unpublished(
             listening=listening,
             quarantine=quarantine,
             keys=keys,
-            signatures=SignatureCheck(keys, quarantine),
+            signatures=SignatureCheck(keys, OwnDrones(quarantine, own_cells)),
             no_shows=NoShows(db, clock),
+            own_cells=own_cells,
         )
         handler = parts.handler
         async with httpx.AsyncClient(

@@ -152,6 +152,9 @@ class FakeComposition:
         key = delivery_id, attempt
         return (self.booked[key], *self.further.get(key, ()))
 
+    async def must_accept(self, pickup: str) -> None:
+        """Every network is open."""
+
     async def check_stations(self, query: StationCheckQuery) -> StationCheck:
         self._answer()
         if not self.has_networks:

@@ -14,6 +14,7 @@ from skyway.contracts.candidate import (
     PayloadLimitQuery,
     ProviderReason,
 )
+from skyway.contracts.cells import CellTable, NetworkCell
 from skyway.contracts.drones import DroneKeyAnswer, DroneKeyQuery, DroneQuota
 from skyway.contracts.forgotten_deliveries import FORGOTTEN_PATH, ForgetDeliveries
 from skyway.contracts.mission import (
@@ -74,6 +75,10 @@ class FakeRegistry:
     queries: list[CandidateQuery] = field(default_factory=list)
     accounts: dict[str, str] = field(default_factory=dict)
     drone_keys: dict[str, str] = field(default_factory=dict)
+    cells: list[NetworkCell] = field(default_factory=list)
+
+    async def cell_table(self) -> CellTable:
+        return CellTable(cells=tuple(self.cells))
 
     async def candidates(self, query: CandidateQuery) -> Candidates:
         self._answer()
@@ -116,6 +121,7 @@ class Forwarded:
     query: str
     headers: dict[str, str]
     body: bytes
+    host: str = ""
 
 
 Act = Callable[[httpx.Request, str], Awaitable[JsonModel | None]]
@@ -123,10 +129,18 @@ Act = Callable[[httpx.Request, str], Awaitable[JsonModel | None]]
 
 @dataclass
 class Peers:
-    """Both services as transports; other calls are noted in `seen` and answered with 200."""
+    """Both services as transports; other calls are noted in `seen` and answered with 200.
+
+    `cells` are further servers of composition, by their hosts.
+    """
 
     registry: FakeRegistry
     composition: FakeComposition
+    cells: dict[str, FakeComposition] = field(default_factory=dict)
+    #: Hosts that do not answer, those that know no id, and the lists of hosts.
+    away: set[str] = field(default_factory=set)
+    unknown_at: set[str] = field(default_factory=set)
+    pages: dict[str, object] = field(default_factory=dict)
     seen: list[Forwarded] = field(default_factory=list)
 
     def transport(self, service: str) -> httpx.MockTransport:
@@ -134,7 +148,10 @@ class Peers:
 
         async def answer(request: httpx.Request) -> httpx.Response:
             await request.aread()
-            for pattern, act in self._acts():
+            if request.url.host in self.away:
+                raise httpx.ConnectError("away")
+            composition = self.cells.get(request.url.host, self.composition)
+            for pattern, act in self._acts(composition):
                 found = re.fullmatch(pattern, f"{service} {request.method} {request.url.path}")
                 if found is not None:
                     return await _answer(act, request, found)
@@ -142,8 +159,8 @@ class Peers:
 
         return httpx.MockTransport(answer)
 
-    def _acts(self) -> list[tuple[str, Act]]:
-        registry, composition = self.registry, self.composition
+    def _acts(self, composition: FakeComposition) -> list[tuple[str, Act]]:
+        registry = self.registry
         account, operator = "/internal/broker-accounts/(.*)", "/internal/operator-accounts/(.*)"
         delivery = "/internal/deliveries/(.*)"
         return [
@@ -169,6 +186,7 @@ class Peers:
                 "registry GET /internal/providers/(.*)/drone-quota",
                 lambda _, provider_id: registry.drone_quota(provider_id),
             ),
+            ("registry GET /internal/cells()", lambda _request, _: registry.cell_table()),
             (f"registry DELETE {account}", lambda _, name: registry.close_account(name)),
             (
                 f"registry PUT {operator}",
@@ -233,12 +251,15 @@ class Peers:
                 request.url.query.decode(),
                 dict(request.headers),
                 request.content,
+                request.url.host,
             )
         )
         if (request.method, request.url.path) == ("POST", "/v1/providers"):
             made = {"provider_id": "prv_new", **json.loads(request.content)}
             return _streamed(201, made)
-        return _streamed(200, {"seen": True})
+        if request.url.host in self.unknown_at:
+            return _streamed(404, {"title": "Not found", "status": 404})
+        return _streamed(200, self.pages.get(request.url.host, {"seen": True}))
 
 
 async def _answer(act: Act, request: httpx.Request, found: re.Match[str]) -> httpx.Response:

@@ -68,6 +68,7 @@ class Gateway:
     registry: FakeRegistry
     composition: FakeComposition
     forwarded: list[Forwarded]
+    peers: Peers
     secrets_dir: Path
     #: Set by a test that breaks an invariant on purpose.
     is_damaged: bool = False
@@ -276,7 +277,14 @@ async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gatew
         http = httpx.AsyncClient(transport=transport, base_url="http://gateway")
         await opened.enter_async_context(http)
         gateway = Gateway(
-            parts, http, clock, around.registry, around.composition, around.seen, secrets_dir
+            parts,
+            http,
+            clock,
+            around.registry,
+            around.composition,
+            around.seen,
+            around,
+            secrets_dir,
         )
         await _make_callers(gateway)
         yield gateway

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import httpx
 import pytest
 from skyway_provider_registry.app import registry_app
+from skyway_provider_registry.cells.store import every
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets.issue_credentials import Issuer
 from skyway_provider_registry.fleets.quota_store import DroneLimit
@@ -17,13 +18,16 @@ from skyway_provider_registry.presence.judge_states import NoQuarantine
 
 from skyway.announced_networks import NetworkLearner
 from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
+from skyway.cells import CellClients, Cells
+from skyway.contracts.cells import CellTable, CellWork
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
 from skyway.contracts.station_check import NetworkStations, StationCheck
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.http.identity import ServiceGate
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.signature_check import SignatureCheck
@@ -50,6 +54,8 @@ class KnownStations:
 
     is_away: bool = False
     asked: list[tuple[StationId, ...]] = field(default_factory=list)
+    #: The stations that are not in the network texas, with their networks.
+    elsewhere: dict[str, str] = field(default_factory=dict)
 
     async def check(self, station_ids: Iterable[StationId]) -> StationCheck:
         asked = tuple(dict.fromkeys(station_ids))
@@ -58,7 +64,7 @@ class KnownStations:
             raise ServiceUnavailable("composition", "it cannot be reached")
         known = {one: STATIONS[one] for one in asked if one in STATIONS}
         return StationCheck(
-            network_ids=dict.fromkeys(known, NetworkId("texas")),
+            network_ids={one: NetworkId(self.elsewhere.get(one, "texas")) for one in known},
             positions=known,
             unknown=tuple(one for one in asked if one not in STATIONS),
         )
@@ -157,6 +163,45 @@ def password_file(db: Database, secrets_dir: Path, tmp_path: Path) -> PasswordFi
     )
 
 
+@dataclass
+class Server:
+    """A server of composition, as the registry asks it before it changes the table of cells."""
+
+    work: CellWork | None = None
+
+    def answer(self, _request: httpx.Request) -> httpx.Response:
+        if self.work is None:
+            raise httpx.ConnectError("no such server")
+        return httpx.Response(200, content=self.work.model_dump_json())
+
+
+@pytest.fixture
+def compositions() -> dict[str, Server]:
+    """The servers of composition, by their hosts; `composition` serves what has no cell."""
+    return {"composition": Server(), "north": Server(), "south": Server()}
+
+
+@pytest.fixture
+async def servers(
+    db: Database, secrets_dir: Path, compositions: dict[str, Server]
+) -> AsyncIterator[CellClients]:
+    async def read() -> CellTable:
+        async with db.read() as connection:
+            return CellTable(cells=await every(connection))
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        return compositions[request.url.host].answer(request)
+
+    default = ServiceClient(
+        "composition",
+        "http://composition",
+        ServiceIdentity("registry", secrets_dir),
+        transport=httpx.MockTransport(answer),
+    )
+    async with CellClients(default, Cells(read)) as opened:
+        yield opened
+
+
 @pytest.fixture
 async def api(
     db: Database,
@@ -165,6 +210,7 @@ async def api(
     stations: KnownStations,
     networks: NetworkLearner,
     password_file: PasswordFile,
+    servers: CellClients,
 ) -> AsyncIterator[Api]:
     parts = Parts(
         db=db,
@@ -184,6 +230,7 @@ async def api(
         cloud_keys=CloudKeyFile(secrets_dir / CLOUD_KEYS),
         signatures=SignatureCheck(unsigned_book(clock), NoQuarantine()),
         drone_limit=DroneLimit(db, 6_000),
+        servers=servers,
     )
 
     async with httpx.AsyncClient(

@@ -14,6 +14,7 @@ OF_COMPOSITION = {
     "/internal/mission-reports/many",
     "/internal/drones-out-of-service",
     "/internal/drone-signatures",
+    "/internal/cells",
 }
 
 

@@ -129,8 +129,16 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         *(f"POST {path}" for path in _CLOSURES),
         *(f"DELETE {path}/{{closure_id}}" for path in _CLOSURES),
     ),
-    "operations:read": ("GET /v1/alarms", "GET /v1/quarantine", "GET /v1/system"),
+    "operations:read": (
+        "GET /v1/alarms",
+        "GET /v1/cells",
+        "GET /v1/quarantine",
+        "GET /v1/system",
+    ),
     "operations:write": (
+        "PUT /v1/cells/{network_id}",
+        "PATCH /v1/cells/{network_id}",
+        "POST /v1/cells/{network_id}/moves",
         "POST /v1/alarms/{alarm_id}/acknowledgements",
         "POST /v1/quarantine/{quarantine_id}/replay",
         "DELETE /v1/quarantine/{quarantine_id}",

@@ -1,7 +1,7 @@
 """GET /v1/system: how the services are; POST /v1/small-world: fleets to begin with."""
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Final
 
 from fastapi import Depends
@@ -38,7 +38,7 @@ _NOT_COUNTED: Final[Mapping[Dialect, tuple[NotCounted, ...]]] = {
 def system_routes(
     *,
     gate: KeyGate,
-    clients: Mapping[str, ServiceClient],
+    clients: Callable[[], Mapping[str, ServiceClient]],
     gauges: Gauges,
     small_world: SmallWorld,
     db: Database,
@@ -57,7 +57,8 @@ def system_routes(
         """
         caller.must_be("operator")
         own = figures_of(await gauges.read())
-        others = await asyncio.gather(*(_health(name, client) for name, client in clients.items()))
+        asked = clients().items()
+        others = await asyncio.gather(*(_health(name, client) for name, client in asked))
         return SystemHealth(
             services=(_answering("gateway", own), *others),
             not_counted=_NOT_COUNTED[db.dialect],

@@ -1,7 +1,7 @@
 """Passes public calls on to the service that answers them, with the caller's identity."""
 
 import json
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Coroutine
 from http import HTTPStatus
 from typing import Annotated, Any, Final, Protocol
 
@@ -23,12 +23,17 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.api_key import NewKey
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.routes import KeyGate, holder_of
-from skyway_gateway.forward.table import FORWARDED, Forwarded
+from skyway_gateway.forward.cell_routes import ForwardToCells
+from skyway_gateway.forward.table import CELLS_PATH, FORWARDED, Forwarded
 
 _PROVIDERS = "/v1/providers"
 
 #: Values of `dry_run` that composition reads as false.
 _FALSE: Final = ("false", "False", "0", "no", "off", "n", "f")
+
+
+#: Passes a call on to the service that answers it.
+PassOn = Callable[[Request, Forwarded, Caller | None], Coroutine[Any, Any, Response]]
 
 
 class Changes(Protocol):
@@ -42,7 +47,8 @@ class Changes(Protocol):
 def forward_routes(
     *,
     gate: KeyGate,
-    clients: Mapping[str, ServiceClient],
+    registry: ServiceClient,
+    to_cells: ForwardToCells,
     changes: Changes,
     meters: Meters,
     planning: FairQueue,
@@ -53,10 +59,20 @@ def forward_routes(
     A closure that is lifted, or a drone that is added, may help requests that wait.
     """
     router = ServiceRouter()
+
+    async def pass_on(request: Request, row: Forwarded, caller: Caller | None) -> Response:
+        if row.service == "composition":
+            return await to_cells(request, row, caller)
+        path = request.scope["path"]
+        answer = await registry.forward(request, path, caller, timeout_s=row.timeout_s)
+        if row.path.startswith(CELLS_PATH) and row.method != "GET":
+            await to_cells.read_table()
+        return answer
+
     for row in FORWARDED:
         router.add_api_route(
             row.path,
-            _handler(row, gate, clients[row.service], changes, meters, planning, reporting),
+            _handler(row, gate, pass_on, changes, meters, planning, reporting),
             methods=[row.method],
             response_class=StreamingResponse,
             # The whole document takes its operation from the service's own.
@@ -68,17 +84,14 @@ def forward_routes(
 def _handler(
     row: Forwarded,
     gate: KeyGate,
-    client: ServiceClient,
+    send: PassOn,
     changes: Changes,
     meters: Meters,
     planning: FairQueue,
     reporting: FairQueue,
 ) -> Callable[..., Awaitable[Response]]:
     async def pass_on(request: Request, caller: Caller | None) -> Response:
-        path = request.scope["path"]
-        answer = await cancel_on_disconnect(
-            request, lambda read: client.forward(read, path, caller, timeout_s=row.timeout_s)
-        )
+        answer = await cancel_on_disconnect(request, lambda read: send(read, row, caller))
         is_change = row.method != "GET" and not _is_dry_run(row, request)
         if is_change and answer.status_code < HTTPStatus.BAD_REQUEST:
             changes.note_change()

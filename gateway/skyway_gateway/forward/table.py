@@ -56,6 +56,8 @@ def _world_rows(path: str) -> tuple[Forwarded, ...]:
     )
 
 
+CELLS_PATH: Final = "/v1/cells"
+
 #: Its route is its own: the gateway adds the provider's key to the answer.
 PROVIDER_CREATION: Final = Forwarded("POST", "/v1/providers", "registry", _OPERATOR)
 
@@ -97,6 +99,10 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     ),
     Forwarded("POST", "/v1/enrolments", "registry", (), limit_bytes=_KEYLESS_BYTES),
     Forwarded("POST", "/v1/enrolments/rotations", "registry", _DRONE),
+    Forwarded("GET", CELLS_PATH, "registry", _OPERATOR),
+    Forwarded("PUT", f"{CELLS_PATH}/{{network_id}}", "registry", _OPERATOR),
+    Forwarded("PATCH", f"{CELLS_PATH}/{{network_id}}", "registry", _OPERATOR),
+    Forwarded("POST", f"{CELLS_PATH}/{{network_id}}/moves", "registry", _OPERATOR),
     Forwarded("GET", "/v1/networks", "composition", _ANY),
     Forwarded(
         "PUT",

@@ -62,7 +62,7 @@ class LiveFigures:
     """Brings the figures of the picture up to date while an operator looks at it."""
 
     feed: LiveFeed
-    clients: Mapping[str, ServiceClient]
+    clients: Callable[[], Mapping[str, ServiceClient]]
     gauges: Gauges
     now: Callable[[], float] = time.monotonic
     _counted: dict[str, _Counted] = field(default_factory=dict)
@@ -77,8 +77,9 @@ class LiveFigures:
             self.feed.figures.clear()
             self._counted.clear()
             return False
-        answers = await asyncio.gather(*map(self._ask, self.clients.values()))
-        said = dict(zip(self.clients, answers, strict=True))
+        clients = self.clients()
+        answers = await asyncio.gather(*map(self._ask, clients.values()))
+        said = dict(zip(clients, answers, strict=True))
         said["gateway"] = figures_of(await self.gauges.read())
         for name, figures in said.items():
             self.feed.figures[name] = self._shown(name, figures.figures)

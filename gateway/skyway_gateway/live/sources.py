@@ -3,10 +3,12 @@
 After an error a source goes on from what it has read before.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+import logging
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
+from skyway.cells import DEFAULT_SERVER, ask_all
 from skyway.contracts.live import (
     LIVE_DRONES,
     LIVE_MISSIONS,
@@ -15,6 +17,7 @@ from skyway.contracts.live import (
     LiveMissionsQuery,
 )
 from skyway.ids import DeliveryId, MissionId, SubjectId
+from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.sql.database import Database
 from skyway_gateway.live import live_store
@@ -25,11 +28,14 @@ from skyway_gateway.live.documents import (
     delivery_item,
     linked_delivery_item,
     mission_item,
+    service_items,
     station_item,
 )
 from skyway_gateway.live.drone_documents import customers_drone, drone_item
 from skyway_gateway.live.merge_patch import JsonObject
 from skyway_gateway.live.picture import Item, Key, Kind, Picture
+
+log = logging.getLogger(__name__)
 
 #: Deliveries that are read together.
 _DELIVERIES_AT_ONCE: Final = 200
@@ -39,6 +45,9 @@ _MOST_CUSTOMERS: Final = 100_000
 
 #: A service that hangs must not hold back what the others say for long, wall seconds.
 _ANSWERS_WITHIN_S: Final = 3.0
+
+#: The name of the default server in the picture while other networks have cells.
+_OTHER_NETWORKS: Final = f"{DEFAULT_SERVER} of other networks"
 
 #: A JSON object of our own services: valid, so that no member is checked again.
 _Json = dict[str, Any]
@@ -97,33 +106,69 @@ class Deliveries:
 
 @dataclass(slots=True)
 class World:
-    """Missions, stations, closures and alarms, from composition."""
+    """Missions, stations, closures and alarms, from all servers of composition.
 
-    client: ServiceClient
+    What a silent server has said last stays in the picture, which names the server.
+    """
+
+    clients: Callable[[], Mapping[str, ServiceClient]]
     db: Database
     name: str = "composition"
+    _worlds: Mapping[str, _Json] = field(default_factory=dict)
     _versions: dict[MissionId, str] = field(default_factory=dict)
     _customers: dict[DeliveryId, SubjectId] = field(default_factory=dict)
 
     async def read(self, picture: Picture) -> None:
         """Read all but missions as a whole, and the missions whose version is new."""
-        world = await self.client.call("GET", LIVE_WORLD, answer=_Json, timeout_s=_ANSWERS_WITHIN_S)
-        _replace(picture, "stations", map(station_item, world["stations"]))
-        _replace(picture, "closures", map(closure_item, world["closures"]))
-        _replace(picture, "alarms", map(alarm_item, world["alarms"]))
-        versions = {each["mission_id"]: each["version"] for each in world["missions"]}
+        clients = self.clients()
+        answers = await ask_all(clients, _world_of)
+        if not answers.given:
+            answers.must_be_whole()
+        known = {**self._worlds, **answers.given}
+        self._worlds = worlds = {name: known[name] for name in clients if name in known}
+        every = list(worlds.values())
+        _replace(
+            picture, "stations", (station_item(each) for of in every for each in of["stations"])
+        )
+        _replace(
+            picture, "closures", (closure_item(each) for of in every for each in of["closures"])
+        )
+        _replace(picture, "alarms", (alarm_item(each) for of in every for each in of["alarms"]))
+        versions = {each["mission_id"]: each["version"] for of in every for each in of["missions"]}
         shown = picture.of_kind("missions")
         picture.remove([key for key in shown if key.item_id not in versions])
-        changed = [each for each in versions if versions[each] != self._versions.get(each)]
         self._versions = {each: v for each, v in self._versions.items() if each in versions}
+        answering = [
+            name
+            for name, world in answers.given.items()
+            if await self._read_changed(picture, clients[name], world)
+        ]
+        if len(clients) > 1:
+            for name in clients:
+                shown_name = _OTHER_NETWORKS if name == DEFAULT_SERVER else name
+                picture.put(service_items(shown_name, {}, is_answering=name in answering))
+        elif not answering:
+            raise ServiceUnavailable(self.name, "it did not answer with its missions")
+
+    async def _read_changed(self, picture: Picture, client: ServiceClient, world: _Json) -> bool:
+        """Read the missions of one server whose version is new; False if it did not answer."""
+        versions = {each["mission_id"]: each["version"] for each in world["missions"]}
+        changed = [each for each in versions if versions[each] != self._versions.get(each)]
         for start in range(0, len(changed), MOST_MISSIONS):
             some = changed[start : start + MOST_MISSIONS]
-            await self._read_missions(picture, some)
+            try:
+                await self._read_missions(picture, client, some)
+            except ServiceUnavailable as error:
+                log.info("missions not read", extra={"part": client.name, "reason": str(error)})
+                return False
             self._versions |= {each: versions[each] for each in some}
+        return True
 
-    async def _read_missions(self, picture: Picture, mission_ids: Sequence[MissionId]) -> None:
+    async def _read_missions(
+        self, picture: Picture, client: ServiceClient, mission_ids: Sequence[MissionId]
+    ) -> None:
         query = LiveMissionsQuery(mission_ids=tuple(mission_ids))
-        answer = await self.client.call(
+        answer = await client.call(
             "POST", LIVE_MISSIONS, body=query, answer=_Json, timeout_s=_ANSWERS_WITHIN_S
         )
         missions = answer["missions"]
@@ -148,6 +193,10 @@ class World:
     def forget(self) -> None:
         """Read all missions again next time."""
         self._versions.clear()
+
+
+async def _world_of(client: ServiceClient) -> _Json:
+    return await client.call("GET", LIVE_WORLD, answer=_Json, timeout_s=_ANSWERS_WITHIN_S)
 
 
 @dataclass(slots=True)

@@ -146,11 +146,13 @@ class RequestChecks:
         RemoteProblem
             NO_NETWORK: no network is published at all.
         ServiceUnavailable
-            Composition does not answer now, and never said whether the stations exist.
+            Composition does not answer now, and never said whether the stations exist; or the
+            network's cell is closed to new requests.
         """
         self._check_times(request)
         _check_destinations(request)
         position = await self._check_stations(request)
+        await self.composition.must_accept(request.pickup.station_id)
         loading_s, dropoff_s = self.networks.service_times_s(request.pickup.station_id)
         check_windows(request, now=self.clock.now(), loading_s=loading_s, dropoff_s=dropoff_s)
         has_provider = await self._check_payload(request)

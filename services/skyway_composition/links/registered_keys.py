@@ -11,6 +11,7 @@ from skyway.contracts.drones import (
 )
 from skyway.ids import DroneId
 from skyway.runtime.http.client import ServiceClient
+from skyway_composition.own_cells import OwnCells
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +19,7 @@ class RegisteredKeys:
     """`KeySource` of the registry; each call raises `ServiceUnavailable` while it is away."""
 
     registry: ServiceClient
+    own: OwnCells
 
     async def of(self, drone_ids: Collection[DroneId]) -> Sequence[DroneSignature]:
         """How each of these drones signs; one that is not registered is left out."""
@@ -31,4 +33,6 @@ class RegisteredKeys:
         answer = await self.registry.call(
             "POST", DRONE_SIGNATURES, body=query, answer=DroneSignatures
         )
+        for each in answer.signatures:
+            self.own.note_home(each.drone_id, each.network_id)
         return answer.signatures

@@ -17,7 +17,10 @@ from skyway.units import moment_to_ms
 from skyway_provider_registry.tables import drone_signing_keys, drones, renewals
 
 _SIGNATURES: Final = select(
-    drones.c.drone_id, drone_signing_keys.c.is_required, drone_signing_keys.c.public_key
+    drones.c.drone_id,
+    drones.c.network_id,
+    drone_signing_keys.c.is_required,
+    drone_signing_keys.c.public_key,
 ).select_from(drones.outerjoin(drone_signing_keys))
 
 # Built once: every batch of messages of unknown drones runs the first one, and every process the
@@ -117,5 +120,8 @@ async def _sign_nothing(tx: Tx, drone_id: DroneId) -> None:
 
 def _signature(row: AnyRow) -> DroneSignature:  # with the columns of `_SIGNATURES`
     return DroneSignature(
-        drone_id=row.drone_id, is_signed=bool(row.is_required), public_key=row.public_key
+        drone_id=row.drone_id,
+        is_signed=bool(row.is_required),
+        public_key=row.public_key,
+        network_id=row.network_id,
     )

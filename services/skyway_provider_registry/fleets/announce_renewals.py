@@ -1,15 +1,20 @@
 """Forgets the numbers of messages that came with earlier credentials, here and in composition."""
 
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final, Protocol
 
+from skyway.cells import CellClients
 from skyway.contracts.drones import RENEWALS, Renewal, Renewals
+from skyway.ids import NetworkId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry import renewal_store
 from skyway_provider_registry.presence import sighting_store
+from skyway_provider_registry.renewal_store import DueRenewal
 
 #: Wall time after a renewal. The broker has disconnected the earlier credentials by then (0.1 s),
 #: and their last messages are read.
@@ -22,25 +27,26 @@ _MOST_AT_ONCE: Final = 200
 class Announce(Protocol):
     """Notifies composition of renewals."""
 
-    async def __call__(self, renewals: Renewals) -> None:
-        """Return when composition knows them."""
+    async def __call__(self, renewals: Renewals, network_id: NetworkId | None) -> None:
+        """Return when composition knows the renewals of drones of this network."""
 
 
 @dataclass(frozen=True, slots=True)
 class CompositionNotice:
     """`Announce` by REST."""
 
-    client: ServiceClient
+    servers: CellClients
 
-    async def __call__(self, renewals: Renewals) -> None:
-        """Post the renewals to composition.
+    async def __call__(self, renewals: Renewals, network_id: NetworkId | None) -> None:
+        """Post the renewals to the network's server, or to all if the network is not known.
 
         Raises
         ------
         ServiceUnavailable
             Composition is away; it will be notified later.
         """
-        await self.client.call("POST", RENEWALS, body=renewals)
+        for client in self.servers.serving(network_id):
+            await client.call("POST", RENEWALS, body=renewals)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +58,13 @@ class RenewalAnnouncer:
     announce: Announce
 
     async def step(self) -> bool:
-        """Step of a loop: announce the next renewals; whether there are more."""
+        """Step of a loop: announce the next renewals; whether there are more.
+
+        Raises
+        ------
+        ServiceUnavailable
+            A server of composition is away; the renewals of its drones wait.
+        """
         until_wall_at = self.clock.wall_now() - _SETTLED_AFTER
         async with self.db.read() as connection:
             due = await renewal_store.due(
@@ -60,9 +72,22 @@ class RenewalAnnouncer:
             )
         if not due:
             return False
+        by_network: dict[NetworkId | None, list[DueRenewal]] = defaultdict(list)
+        for each in due:
+            by_network[each.network_id].append(each)
+        silent: ServiceUnavailable | None = None
+        for network_id, some in by_network.items():
+            try:
+                await self._announce(some, network_id)
+            except ServiceUnavailable as error:
+                silent = error  # another network may have another server
+        if silent is not None:
+            raise silent
+        return len(due) == _MOST_AT_ONCE
+
+    async def _announce(self, due: Sequence[DueRenewal], network_id: NetworkId | None) -> None:
         renewals = tuple(Renewal(drone_id=each.drone_id, at=each.at) for each in due)
-        await self.announce(Renewals(renewals=renewals))
+        await self.announce(Renewals(renewals=renewals), network_id)
         async with self.db.write() as tx:
             await sighting_store.forget_order(tx, [each.drone_id for each in due])
             await renewal_store.mark_announced(tx, due)
-        return len(due) == _MOST_AT_ONCE

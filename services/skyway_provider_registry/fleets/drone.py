@@ -15,7 +15,7 @@ from skyway.contracts.mission_reports import FreeFrom
 from skyway.contracts.signature import CloudKeys
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
-from skyway.ids import DroneId, DroneModelId, MissionId, ProviderId, StationId
+from skyway.ids import DroneId, DroneModelId, MissionId, NetworkId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway_provider_registry.enrolment.signing_key import SigningKey
 from skyway_provider_registry.presence.drone_presence import Activity, Presence, condition_of
@@ -248,6 +248,8 @@ class FleetDrone:
     created_at: datetime
     presence: Presence
     free_from: FreeFrom | None = None
+    #: Of its home; None if an older version has registered it.
+    network_id: NetworkId | None = None
 
     def state(self, wall_now: datetime) -> DroneStateName:
         """Its state at this moment of wall time."""

@@ -1,23 +1,24 @@
-"""Registration: checks new drones, prepares their ids, accounts and answer, and stores them."""
+"""Checks new drones and changes of drones; prepares ids, accounts and answers, and stores them."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Protocol
+from typing import Final, Protocol
 
 from skyway.broker_setup.passwords import PasswordHash
+from skyway.cells import CellClients, check_stations
 from skyway.contracts.signature import CloudKeys
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.drone.model import DroneModel
+from skyway.errors import InvalidInput
 from skyway.ids import DroneId, DroneModelId, ProviderId, StationId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.enrolment import credential_store, signing_store
 from skyway_provider_registry.fleets import store
-from skyway_provider_registry.fleets.drone import FleetDrone, NewDrone, RegisteredDrone
+from skyway_provider_registry.fleets.drone import DroneChange, FleetDrone, NewDrone, RegisteredDrone
 from skyway_provider_registry.fleets.issue_credentials import (
     TOKEN_LIFE,
     new_passwords,
@@ -37,17 +38,39 @@ class StationLookup(Protocol):
 
 
 class CompositionStations:
-    """`StationLookup` that asks composition."""
+    """`StationLookup` that asks composition, at every server that it has."""
 
-    def __init__(self, composition: ServiceClient) -> None:
-        self._composition = composition
+    def __init__(self, servers: CellClients) -> None:
+        self._servers = servers
 
     async def check(self, station_ids: Iterable[StationId]) -> StationCheck:
         """The positions of the existing stations among these, and the unknown station ids."""
         query = StationCheckQuery(station_ids=tuple(dict.fromkeys(station_ids)))
-        return await self._composition.call(
-            "POST", "/internal/station-checks", body=query, answer=StationCheck
-        )
+        return await check_stations(self._servers, query)
+
+
+#: The changes that are columns of the same name and value.
+_PLAIN_FIELDS: Final = frozenset(("name", "registration", "standby"))
+
+
+async def changed_columns(requested: DroneChange, stations: StationLookup) -> dict[str, object]:
+    """The columns to set; a new home station is looked up before the write."""
+    given = requested.model_fields_set
+    values: dict[str, object] = {f: getattr(requested, f) for f in given & _PLAIN_FIELDS}
+    if requested.state is not None:
+        values["is_in_maintenance"] = requested.state == "MAINTENANCE"
+    if requested.home_station_id is not None:
+        check = await stations.check([requested.home_station_id])
+        if check.unknown:
+            raise InvalidInput(
+                "home_station_id", f"no station is called {requested.home_station_id!r}"
+            )
+        position = check.positions[requested.home_station_id]
+        values["home_station_id"] = requested.home_station_id
+        values["network_id"] = check.network_ids[requested.home_station_id]
+        values["home_longitude_deg"] = position.longitude_deg
+        values["home_latitude_deg"] = position.latitude_deg
+    return values
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +112,7 @@ def prepare(
             is_in_maintenance=False,
             created_at=now,
             presence=NEVER_SEEN,
+            network_id=stations.network_ids[new_drone.home_station_id],
         )
         for new_drone in new_drones
     )

@@ -8,8 +8,7 @@ from fastapi import Depends, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from pydantic import Discriminator, Field, Tag
 
-from skyway.errors import InvalidInput
-from skyway.ids import DroneId, ProviderId
+from skyway.ids import DroneId, NetworkId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
@@ -21,6 +20,7 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.signing.cloud_key_file import CloudKeyFile
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
+from skyway_provider_registry.cells import store as cell_store
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets import statistics_store, store
@@ -37,6 +37,7 @@ from skyway_provider_registry.fleets.registration import (
     PreparedDrones,
     RegistrationFault,
     StationLookup,
+    changed_columns,
     faults_of,
     prepare,
     store_drones,
@@ -45,9 +46,6 @@ from skyway_provider_registry.fleets.statistics_store import FleetStatistics, to
 from skyway_provider_registry.fleets.store import every_model
 from skyway_provider_registry.presence.drone_presence import SILENCE
 from skyway_provider_registry.providers import store as providers
-
-#: The changes that are columns of the same name and value.
-_PLAIN_FIELDS: Final = frozenset(("name", "registration", "standby"))
 
 #: Bytes of a list of drones (docs/reference/rest.md); a drone takes about 200.
 REGISTRATION_LIMIT_BYTES: Final = 8 * 1024 * 1024
@@ -97,7 +95,7 @@ def fleet_routes(
             )
         return drone.shown(clock.wall_now())
 
-    @router.patch("/{drone_id}", responses=conflicts("REGISTRATION_TAKEN"))
+    @router.patch("/{drone_id}", responses=conflicts("OTHER_CELL", "REGISTRATION_TAKEN"))
     async def update_drone(
         provider_id: ProviderId,
         drone_id: DroneId,
@@ -106,8 +104,15 @@ def fleet_routes(
     ) -> Drone:
         """Change a drone's own data, or take it out of service and back."""
         caller.must_be("operator", "provider")
-        values = await _columns(requested, stations)
+        values = await changed_columns(requested, stations)
         async with db.write() as tx:
+            if "network_id" in values:
+                before = await store.of_caller(
+                    tx.connection, caller, provider_id=provider_id, drone_id=drone_id
+                )
+                await cell_store.refuse_another_cell(
+                    tx.connection, before.network_id, NetworkId(str(values["network_id"]))
+                )
             await store.change(
                 tx, caller, provider_id=provider_id, drone_id=drone_id, values=values
             )
@@ -134,25 +139,6 @@ def fleet_routes(
         return Response(status_code=204)
 
     return router
-
-
-async def _columns(requested: DroneChange, stations: StationLookup) -> dict[str, object]:
-    """The columns to set; a new home station is looked up before the write."""
-    given = requested.model_fields_set
-    values: dict[str, object] = {f: getattr(requested, f) for f in given & _PLAIN_FIELDS}
-    if requested.state is not None:
-        values["is_in_maintenance"] = requested.state == "MAINTENANCE"
-    if requested.home_station_id is not None:
-        check = await stations.check([requested.home_station_id])
-        if check.unknown:
-            raise InvalidInput(
-                "home_station_id", f"no station is called {requested.home_station_id!r}"
-            )
-        position = check.positions[requested.home_station_id]
-        values["home_station_id"] = requested.home_station_id
-        values["home_longitude_deg"] = position.longitude_deg
-        values["home_latitude_deg"] = position.latitude_deg
-    return values
 
 
 def fleet_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:

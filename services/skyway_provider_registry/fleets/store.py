@@ -61,6 +61,7 @@ async def add(tx: Tx, new_drones: Sequence[FleetDrone]) -> None:
             "home_station_id": drone.home_station_id,
             "home_longitude_deg": drone.home_position.longitude_deg,
             "home_latitude_deg": drone.home_position.latitude_deg,
+            "network_id": drone.network_id,
             "name": drone.name,
             "registration": drone.registration,
             "standby": drone.standby,
@@ -217,6 +218,7 @@ def _drone(row: AnyRow, models: Mapping[DroneModelId, DroneModel]) -> FleetDrone
         created_at=ms_to_moment(row.created_ms),
         presence=presence_of(row),
         free_from=free_from_of(row),
+        network_id=row.network_id,
     )
 
 

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from typing import Final
 
+from skyway.cells import CellClients
 from skyway.contracts.drones import DRONE_ALARMS
-from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.presence import jump_store
 
@@ -17,7 +18,7 @@ class AlarmAnnouncer:
     """Posts each waiting alarm; an alarm that is posted twice is raised once."""
 
     db: Database
-    composition: ServiceClient
+    servers: CellClients
 
     async def step(self) -> bool:
         """Step of a loop: post the next alarms; whether there may be more.
@@ -25,12 +26,20 @@ class AlarmAnnouncer:
         Raises
         ------
         ServiceUnavailable
-            Composition is away; the alarms wait.
+            A server of composition is away; the alarms about its drones wait.
         """
         async with self.db.read() as connection:
-            alarms = await jump_store.waiting(connection, limit=_MOST_AT_ONCE)
-        for alarm in alarms:
-            await self.composition.call("POST", DRONE_ALARMS, body=alarm)
+            waiting = await jump_store.waiting(connection, limit=_MOST_AT_ONCE)
+        silent: ServiceUnavailable | None = None
+        for alarm, network_id in waiting:
+            try:
+                # Without a network any server shows the alarm.
+                await self.servers.of(network_id).call("POST", DRONE_ALARMS, body=alarm)
+            except ServiceUnavailable as error:
+                silent = error  # another network may have another server
+                continue
             async with self.db.write() as tx:
                 await jump_store.remove_waiting(tx, alarm)
-        return len(alarms) == _MOST_AT_ONCE
+        if silent is not None:
+            raise silent
+        return len(waiting) == _MOST_AT_ONCE

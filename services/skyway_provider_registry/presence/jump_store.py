@@ -10,7 +10,7 @@ from skyway.contracts.drones import DroneAlarm
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DRONE_MODELS
 from skyway.geo import Position
-from skyway.ids import DroneId, DroneModelId
+from skyway.ids import DroneId, DroneModelId, NetworkId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway.units import ms_to_moment
@@ -98,10 +98,18 @@ async def put_in_maintenance(tx: Tx, alarms: Sequence[DroneAlarm]) -> None:
         )
 
 
-async def waiting(connection: AsyncConnection, *, limit: int) -> list[DroneAlarm]:
-    """The alarms that composition does not have yet."""
-    query = select(waiting_alarms.c.alarm).order_by(waiting_alarms.c.drone_id).limit(limit)
-    return [DroneAlarm.read(text) for text in (await connection.execute(query)).scalars()]
+async def waiting(
+    connection: AsyncConnection, *, limit: int
+) -> list[tuple[DroneAlarm, NetworkId | None]]:
+    """The alarms that composition does not have yet, each with the network of its drone."""
+    query = (
+        select(waiting_alarms.c.alarm, drones.c.network_id)
+        .join(drones, drones.c.drone_id == waiting_alarms.c.drone_id)
+        .order_by(waiting_alarms.c.drone_id)
+        .limit(limit)
+    )
+    found = await connection.execute(query)
+    return [(DroneAlarm.read(row.alarm), row.network_id) for row in found]
 
 
 async def remove_waiting(tx: Tx, alarm: DroneAlarm) -> None:

@@ -1,5 +1,6 @@
 """How one service calls another: typed calls, and whole requests that are passed on."""
 
+import copy
 import logging
 from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import contextmanager
@@ -95,9 +96,20 @@ class ServiceClient:
     ) -> None:
         self.name = name
         self._identity = identity
-        self._base_url = base_url.rstrip("/")
+        self.url = base_url.rstrip("/")
         self._transport = transport
         self._opened: httpx.AsyncBaseTransport | None = None
+        self._added: Mapping[str, str] = {}
+
+    def at(self, url: str) -> "ServiceClient":
+        """A client of the same service at another address, with connections of its own."""
+        return ServiceClient(self.name, url, self._identity, transport=self._transport)
+
+    def adding(self, name: str, headers: Mapping[str, str]) -> Self:
+        """The same connections under another name; these headers are added to each request."""
+        copied = copy.copy(self)
+        copied.name, copied._added = name, headers
+        return copied
 
     async def __aenter__(self) -> Self:
         """Open the pool; nothing is connected yet."""
@@ -133,7 +145,7 @@ class ServiceClient:
         RemoteProblem
             It answered 4xx, with a problem document.
         ServiceUnavailable
-            It cannot be reached, answered 5xx or 401, or not in time. A later call may succeed.
+            It cannot be reached, answered 5xx, 401 or 421, or not in time.
         """
         body = options.get("body")
         headers = {**self._headers(options.get("caller")), **options.get("headers", {})}
@@ -142,7 +154,7 @@ class ServiceClient:
         query = options.get("query")
         request = httpx.Request(
             method,
-            self._base_url + path + (f"?{urlencode(query)}" if query else ""),
+            self.url + path + (f"?{urlencode(query)}" if query else ""),
             headers=headers,
             content=body.model_dump_json().encode() if isinstance(body, JsonModel) else body,
             extensions={"timeout": _timeout(options.get("timeout_s", _ANSWER_S))},
@@ -172,7 +184,7 @@ class ServiceClient:
             raise NotFound("path", path)
         has_body = {"content-length", "transfer-encoding"} & set(request.headers)
         passed = {n: request.headers[n] for n in _FORWARDED_HEADERS if n in request.headers}
-        url = self._base_url + quote(path, safe=_PATH_SAFE)
+        url = self.url + quote(path, safe=_PATH_SAFE)
         outgoing = httpx.Request(
             request.method,
             httpx.URL(url, query=request.url.query.encode() or None),
@@ -186,9 +198,9 @@ class ServiceClient:
         )
         with self._connections() as connections:
             response = await connections.handle_async_request(outgoing)
-        if response.status_code == HTTPStatus.UNAUTHORIZED:
+        if response.status_code in (HTTPStatus.UNAUTHORIZED, HTTPStatus.MISDIRECTED_REQUEST):
             await response.aclose()
-            raise self._secret_refused()
+            self._refuse_failure(response)
         return StreamingResponse(
             _stream(response),
             status_code=response.status_code,
@@ -198,7 +210,7 @@ class ServiceClient:
     def _headers(self, caller: Caller | None) -> dict[str, str]:
         traceparent = current_traceparent()
         trace = {} if traceparent is None else {"traceparent": traceparent}
-        return {**self._identity.headers(caller), **trace}
+        return {**self._identity.headers(caller), **trace, **self._added}
 
     @contextmanager
     def _connections(self) -> Iterator[httpx.AsyncBaseTransport]:
@@ -223,10 +235,12 @@ class ServiceClient:
         RemoteProblem
             The service refuses: the same request would be refused again.
         ServiceUnavailable
-            It failed, or refuses our secret: the same request may succeed later.
+            It failed, refuses our secret, or does not serve this: a later call may succeed.
         """
         if response.status_code == HTTPStatus.UNAUTHORIZED:
             raise self._secret_refused()
+        if response.status_code == HTTPStatus.MISDIRECTED_REQUEST:
+            raise ServiceUnavailable(self.name, "another server serves this now")
         if response.is_server_error:
             raise ServiceUnavailable(self.name, f"it answered {response.status_code}")
         if not response.is_success:

@@ -87,7 +87,7 @@ async def looked(scope: Scope, composition: Composition, *, readings: int = 1) -
     viewing = feed.viewing(scope, lambda _cost: None)
     feed._is_complete.set()
     async with composition.client() as client, viewing:
-        figures = LiveFigures(feed, {"composition": client}, Gauges(), now=Seconds())
+        figures = LiveFigures(feed, lambda: {"composition": client}, Gauges(), now=Seconds())
         for _ in range(readings):
             await figures.step()
             composition.requests += 20
@@ -148,6 +148,6 @@ async def test_the_gateways_own_gauges_are_shown() -> None:
     feed._is_complete.set()
 
     async with feed.viewing(OPERATOR):
-        await LiveFigures(feed, {}, gauges).step()
+        await LiveFigures(feed, dict, gauges).step()
 
     assert feed.figures["gateway"]["queue_depth"] == {"waiting": 4.0}

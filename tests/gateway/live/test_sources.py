@@ -125,7 +125,7 @@ async def read(fleet: Fleet, gateway: Gateway, picture: Picture) -> None:
     async with fleet.client("composition") as composition, fleet.client("registry") as registry:
         for source in (
             Deliveries(gateway.parts.db),
-            World(composition, gateway.parts.db),
+            World(lambda: {"composition": composition}, gateway.parts.db),
             Drones(registry),
         ):
             await source.read(picture)
@@ -179,7 +179,7 @@ async def test_a_provider_sees_the_promise_of_its_own_packages_also_on_the_way_h
     assert p2["promised_at"]
     picture, key = Picture(), Key("missions", "msn_1")
     async with fleet.client("composition") as composition:
-        world = World(composition, gateway.parts.db)
+        world = World(lambda: {"composition": composition}, gateway.parts.db)
         await Deliveries(gateway.parts.db).read(picture)
         await world.read(picture)
 
@@ -229,7 +229,7 @@ async def test_only_missions_with_a_new_version_are_read_again(
 ) -> None:
     picture = Picture()
     async with fleet.client("composition") as composition:
-        world = World(composition, gateway.parts.db)
+        world = World(lambda: {"composition": composition}, gateway.parts.db)
         for version in ("1", "1", "2"):
             fleet.missions = [{"mission_id": "msn_1", "version": version}]
             await world.read(picture)

@@ -12,6 +12,7 @@ from skyway_provider_registry.verify import RULES
 
 from skyway.contracts.drones import Renewals
 from skyway.contracts.topics import CONNECTION, STATE
+from skyway.ids import NetworkId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.mqtt.client import Received
@@ -29,9 +30,10 @@ class Composition:
     is_away: bool = False
     notified: list[str] = field(default_factory=list)
 
-    async def __call__(self, renewals: Renewals) -> None:
+    async def __call__(self, renewals: Renewals, network_id: NetworkId | None) -> None:
         if self.is_away:
             raise ServiceUnavailable("composition", "away")
+        assert network_id == "texas"
         self.notified += [each.drone_id for each in renewals.renewals]
 
 

@@ -58,7 +58,7 @@ class WatchedDrone:
 
     async def details(self) -> list[str]:
         async with self.db.read() as connection:
-            return [each.detail for each in await jump_store.waiting(connection, limit=10)]
+            return [each.detail for each, _ in await jump_store.waiting(connection, limit=10)]
 
 
 @pytest.fixture
@@ -264,6 +264,10 @@ class FakeComposition:
 
     is_away: bool = False
     posted: list[tuple[str, str, str]] = field(default_factory=list)
+
+    def of(self, network_id: str | None) -> "FakeComposition":
+        assert network_id == "texas"
+        return self
 
     async def call(self, method: str, path: str, *, body: Any) -> None:
         if self.is_away:

@@ -1,0 +1,166 @@
+"""Passes calls on to the servers of composition: to one, to each in turn, or to all.
+
+A path with a network or a station goes to the server of that network. A path with another id, such
+as a mission's, goes to each server until one knows the id. A list is made of the lists of all
+servers; the header `Skyway-Silent-Cells` names the servers whose part is missing.
+"""
+
+import contextlib
+import json
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Any, Final
+
+from fastapi import Request, Response
+from fastapi.responses import StreamingResponse
+
+from skyway.cells import CellClients, ask_all
+from skyway.errors import InvalidInput
+from skyway.ids import NetworkId, StationId
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.identity import Caller
+from skyway_gateway.forward.merged_lists import COUNTED, MERGED, merged_counts, merged_page
+from skyway_gateway.forward.table import Forwarded
+from skyway_gateway.routed_composition import NetworkFinder
+
+#: Names the servers that gave no answer to a list.
+SILENT_HEADER: Final = "Skyway-Silent-Cells"
+
+#: The calls whose body names a network.
+_NAMED_IN_BODY: Final = ("/v1/zones", "/v1/ground-stops")
+_PROBLEMS: Final = "/v1/compositions"
+
+#: A problem with a larger body has a network of its own, which any server can plan on.
+_LARGEST_REFERENCE_BYTES: Final = 1024 * 1024
+
+_DEFAULT_LIMIT: Final = 50
+
+
+@dataclass(frozen=True, slots=True)
+class ForwardToCells:
+    """Finds the servers of a call, and passes the call on."""
+
+    servers: CellClients
+    find: NetworkFinder
+
+    async def __call__(self, request: Request, row: Forwarded, caller: Caller | None) -> Response:
+        """The answer of the server, or the merged answer of all servers.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The server that would know does not answer; the error names its cell.
+        """
+        client: ServiceClient | None = None
+        if not self.servers.has_cells:
+            client = self.servers.default
+        elif row.method == "GET" and (row.path in MERGED or row.path in COUNTED):
+            return await self._merge(request, row, caller)
+        elif row.path in (*_NAMED_IN_BODY, _PROBLEMS):
+            client = await self._named_in_body(request, row)
+        else:
+            client = await self._named_in_path(request)
+        if client is None:
+            return await self._first_that_knows(request, row, caller)
+        return await client.forward(request, request.scope["path"], caller, timeout_s=row.timeout_s)
+
+    async def read_table(self) -> None:
+        """Read the table of cells now, because a call may have changed it."""
+        with contextlib.suppress(ServiceUnavailable):
+            await self.servers.refresh()
+
+    async def _named_in_path(self, request: Request) -> ServiceClient | None:
+        """The server of the network or station in the path; None if the path names neither."""
+        names = request.path_params
+        if "network_id" in names:
+            return self.servers.of(NetworkId(names["network_id"]))
+        station_id = names.get("station_id") or names.get("from_id")
+        if station_id is None:
+            return None
+        return self.servers.of(await self.find.of_station(StationId(station_id)))
+
+    async def _named_in_body(self, request: Request, row: Forwarded) -> ServiceClient:
+        """The server of the network that the body names; a problem may have its own network.
+
+        Raises
+        ------
+        InvalidInput
+            A ground stop names no network: the servers could not all begin it together.
+        """
+        if int(request.headers.get("content-length", 0)) > _LARGEST_REFERENCE_BYTES:
+            return self.servers.default
+        named = _network_named(await request.body(), row)
+        if named is None and row.path == "/v1/ground-stops":
+            known = ", ".join(cell.network_id for cell in self.servers.cells)
+            raise InvalidInput(
+                "network_id",
+                f"is missing: some networks have cells of their own ({known}), so stop each "
+                "network by itself",
+            )
+        return self.servers.of(named)
+
+    async def _first_that_knows(
+        self, request: Request, row: Forwarded, caller: Caller | None
+    ) -> Response:
+        """The first answer that is not 404; the id is in one cell alone."""
+        await request.body()  # kept by the request, so that each server gets it
+        silent: ServiceUnavailable | None = None
+        unknown: Response | None = None
+        for client in self.servers.every().values():
+            try:
+                answer = await client.forward(
+                    request, request.scope["path"], caller, timeout_s=row.timeout_s
+                )
+            except ServiceUnavailable as error:
+                silent = error
+                continue
+            if answer.status_code != HTTPStatus.NOT_FOUND:
+                return answer
+            await _close(unknown)
+            unknown = answer
+        if silent is not None or unknown is None:
+            await _close(unknown)
+            raise silent or ServiceUnavailable("composition", "it has no server")
+        return unknown
+
+    async def _merge(self, request: Request, row: Forwarded, caller: Caller | None) -> Response:
+        path = request.scope["path"]
+        if query := request.url.query:
+            path = f"{path}?{query}"
+
+        async def ask(client: ServiceClient) -> dict[str, Any]:
+            return await client.call(
+                "GET", path, answer=dict[str, Any], caller=caller, timeout_s=row.timeout_s
+            )
+
+        answers = await ask_all(self.servers.every(), ask)
+        pages = list(answers.given.values())
+        if not pages:
+            answers.must_be_whole()
+        if row.path in COUNTED:
+            merged = merged_counts(pages)
+        else:
+            limit = int(request.query_params.get("limit", _DEFAULT_LIMIT))
+            merged = merged_page(pages, MERGED[row.path], limit=limit)
+        silent = {SILENT_HEADER: "; ".join(answers.silent)} if answers.silent else {}
+        body = json.dumps(merged, ensure_ascii=False).encode()
+        return Response(body, media_type="application/json", headers=silent)
+
+
+def _network_named(body: bytes, row: Forwarded) -> NetworkId | None:
+    """The network that a body names; None if it names none, or is not what its server expects."""
+    try:
+        document = json.loads(body)
+        if row.path == _PROBLEMS:
+            document = document["network"]
+        network_id = document["network_id"]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+    return NetworkId(network_id) if isinstance(network_id, str) else None
+
+
+async def _close(answer: Response | None) -> None:
+    """End an answer that nobody gets."""
+    if isinstance(answer, StreamingResponse) and hasattr(answer.body_iterator, "aclose"):
+        await answer.body_iterator.aclose()

@@ -1,0 +1,73 @@
+"""Copies a database of composition into another one: the data of a cell that moves.
+
+The same database may be SQLite here and PostgreSQL there. Everything is copied in one transaction.
+"""
+
+from collections.abc import AsyncIterator, Sequence
+from typing import Any, Final
+
+from sqlalchemy import Table, delete, func, select, tuple_
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.errors import SkywayError
+from skyway.runtime.sql.database import Database
+from skyway_composition.cell_store import network_ids, open_missions, unsent_messages
+from skyway_composition.tables import metadata
+
+#: Rows that are read and written together.
+_TOGETHER: Final = 500
+
+
+async def copy_database(source: Database, target: Database) -> dict[str, int]:
+    """Copy all rows of one database into another; how many, by table.
+
+    What an earlier copy has left in the target is replaced.
+
+    Raises
+    ------
+    SkywayError
+        The source has not finished its work, or the target has data of its own.
+    """
+    copied: dict[str, int] = {}
+    async with source.survey() as reading:
+        await _must_be_idle(reading)
+        async with target.write() as tx:
+            await _must_be_replaceable(tx.connection, await network_ids(reading))
+            for table in reversed(metadata.sorted_tables):
+                await tx.execute(delete(table))
+            for table in metadata.sorted_tables:
+                copied[table.name] = 0
+                async for rows in _rows_of(reading, table):
+                    await tx.execute(table.insert(), rows)
+                    copied[table.name] += len(rows)
+                found = await tx.execute(select(func.count()).select_from(table))
+                if found.scalar_one() != copied[table.name]:
+                    raise SkywayError(f"{table.name} could not be copied as a whole")
+    return copied
+
+
+async def _must_be_idle(source: AsyncConnection) -> None:
+    missions, messages = await open_missions(source), await unsent_messages(source)
+    if missions or messages:
+        raise SkywayError(
+            f"{missions} missions are not over and {messages} messages are unsent: close the cells "
+            "of this server (skyway cell close), and copy when its work is done"
+        )
+
+
+async def _must_be_replaceable(target: AsyncConnection, copied: Sequence[str]) -> None:
+    own = set(await network_ids(target)) - set(copied)
+    if own or await open_missions(target):
+        names = ", ".join(sorted(own)) or "missions that are not over"
+        raise SkywayError(f"the other database has data of its own ({names}): name an empty one")
+
+
+async def _rows_of(source: AsyncConnection, table: Table) -> AsyncIterator[list[dict[str, Any]]]:
+    """All rows of a table, some at a time, in the order of its key. Any: of every type."""
+    key = tuple_(*table.primary_key.columns)
+    query = select(table).order_by(*table.primary_key.columns).limit(_TOGETHER)
+    part = query
+    while rows := [row._asdict() for row in await source.execute(part)]:
+        yield rows
+        last = [rows[-1][column.name] for column in table.primary_key.columns]
+        part = query.where(key > tuple_(*last))

@@ -1,0 +1,114 @@
+"""Which networks this server serves, by the table of cells.
+
+A request that follows a row of the table names its network and the row's generation. The server
+refuses it when another server serves the network, or when its own table is too old to know.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from skyway.cells import Cells
+from skyway.contracts.cells import NamedCell
+from skyway.contracts.topics import Topic
+from skyway.ids import DroneId, NetworkId
+from skyway.runtime.errors import Misdirected, ServiceUnavailable
+from skyway.runtime.mqtt.inbox import Arrival
+from skyway.runtime.mqtt.signature_check import Reception
+
+#: A cell that has not read the table for so long books nothing: meanwhile it may have moved. Wall
+#: seconds. Bookings need the registry anyway, for their candidates.
+BOOKS_WITHIN_S: Final = 10.0
+
+#: The most drones whose networks are remembered, about 200 bytes each.
+_MOST_HOMES: Final = 200_000
+
+
+@dataclass(slots=True)
+class OwnCells:
+    """What this server knows of the table; `url` is its own address there.
+
+    `is_default`: whether it serves the networks that have no cell.
+    """
+
+    cells: Cells
+    url: str | None
+    is_default: bool
+    _homes: dict[str, NetworkId] = field(default_factory=dict)
+
+    def serves(self, network_id: NetworkId) -> bool:
+        """Whether the network is this server's own; True before the table was read."""
+        cell = self.cells.of(network_id)
+        if cell is None:
+            return self.is_default or self.cells.age_s is None
+        return cell.url == self.url
+
+    def note_home(self, drone_id: DroneId, network_id: NetworkId | None) -> None:
+        """Note in which network a drone is at home; None if the registry does not know."""
+        if len(self._homes) >= _MOST_HOMES:
+            self._homes.clear()
+        if network_id is not None:
+            self._homes[drone_id] = network_id
+
+    def is_foreign(self, drone_id: str) -> bool:
+        """Whether the messages of this drone are another server's concern."""
+        network_id = self._homes.get(drone_id)
+        return network_id is not None and not self.serves(network_id)
+
+    async def refuse_misdirected(self, named: NamedCell, *, begins: bool) -> None:
+        """Go on only if this server serves the network of a request.
+
+        `begins`: whether the request begins something new.
+
+        Raises
+        ------
+        Misdirected
+            Another server serves the network, or the sender has read an older row.
+        ServiceUnavailable
+            The cell is closed to new requests, or has not read the table for too long.
+        """
+        if named.generation > self.cells.newest:
+            await self.cells.refresh()
+        cell = self.cells.of(named.network_id)
+        if cell is None or cell.url != self.url:
+            other = "no server" if cell is None else cell.url
+            raise Misdirected(
+                f"{named.network_id} is served by {other}, not by this server: its "
+                f"SKYWAY_CELL_URL is {self.url}"
+            )
+        if named.generation < cell.generation:
+            raise Misdirected(f"the cell {cell.network_id} has changed: read the table again")
+        if not begins:
+            return
+        name = f"the cell {cell.network_id}"
+        if cell.state == "CLOSED":
+            raise ServiceUnavailable(name, "it is closed to new requests")
+        if self.cells.age_s is None or self.cells.age_s > BOOKS_WITHIN_S:
+            raise ServiceUnavailable(name, "the registry does not say whether it has moved")
+
+
+@dataclass(frozen=True, slots=True)
+class OwnDrones:
+    """`Reception` of the messages of this server's own drones; the others are dropped unread."""
+
+    reception: Reception
+    own: OwnCells
+
+    def is_shut_out(self, ids: tuple[str, ...]) -> bool:
+        """Whether to drop the messages of this sender, unread."""
+        return self.own.is_foreign(ids[1]) or self.reception.is_shut_out(ids)
+
+    def unreadable(
+        self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, error: ValidationError
+    ) -> None:
+        """Handle a message of this sender that cannot be read. Any: the topics' own types."""
+        self.reception.unreadable(topic, ids, payload, error)
+
+    def forged(self, arrival: Arrival) -> None:
+        """Handle a message that is not from the drone that its topic names."""
+        self.reception.forged(arrival)
+
+    def postponed(self, ids: tuple[str, ...]) -> None:
+        """Note that a message of this drone is not read now, and perhaps never."""
+        self.reception.postponed(ids)

@@ -1,0 +1,165 @@
+"""Adds, closes, opens and moves cells, after the servers of composition have been asked.
+
+A move loses nothing: it needs an old server that has finished its work, and a new server whose
+database holds the same rows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from skyway.contracts.cells import CELL_WORK, CellState, CellWork, NetworkCell
+from skyway.ids import NetworkId
+from skyway.runtime.errors import Conflict, NotFound, RowRefused
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.sql.database import Database
+from skyway_provider_registry.cells import store
+
+
+@dataclass(frozen=True, slots=True)
+class CellChanges:
+    """Changes the table; every refusal says what to do."""
+
+    db: Database
+    default: ServiceClient
+
+    async def add(self, network_id: NetworkId, *, url: str) -> NetworkCell:
+        """The cell of a network at this server; a repeated call changes nothing.
+
+        Raises
+        ------
+        Conflict
+            CELL_EXISTS, NETWORK_ELSEWHERE: the network has another server. WRONG_SERVER: the
+            server does not know this address as its own.
+        ServiceUnavailable
+            The server, or the one that serves the network now, does not answer.
+        """
+        async with self.db.read() as connection:
+            cell = await store.of(connection, network_id)
+        if cell is not None:
+            _refuse_another(cell, url)
+            return cell
+        await self._own_work(url)
+        if (
+            url != self.default.url
+            and network_id in (await self._work(self.default.url)).network_ids
+        ):
+            raise Conflict(
+                "NETWORK_ELSEWHERE",
+                f"{network_id} is published at {self.default.url}: add its cell there (skyway cell "
+                f"add {network_id} --url {self.default.url}), and move it",
+            )
+        try:
+            async with self.db.write() as tx:
+                await store.add(tx, network_id, url=url)
+        except RowRefused:  # another call has changed the table in between
+            return await self.add(network_id, url=url)
+        return await self._cell(network_id)
+
+    async def set_state(self, network_id: NetworkId, state: CellState) -> NetworkCell:
+        """Close a cell to new requests, or open it again; a repeated call changes nothing.
+
+        Raises
+        ------
+        NotFound
+            The network has no cell.
+        """
+        while (cell := await self._cell(network_id)).state != state:
+            async with self.db.write() as tx:
+                await store.change(tx, [cell], state=state)
+        return cell
+
+    async def move(self, network_id: NetworkId, *, url: str) -> NetworkCell:
+        """The cell of a network, which is open at another server from now on.
+
+        All cells of the old server move together, because they share its database.
+
+        Raises
+        ------
+        NotFound
+            The network has no cell.
+        Conflict
+            CELL_OPEN, CELL_BUSY, CELL_NOT_ALONE: the old server may still work. CELL_NOT_COPIED,
+            WRONG_SERVER: the new server cannot take over. CELL_CHANGED: the table has changed.
+        ServiceUnavailable
+            The old or the new server does not answer.
+        """
+        cell = await self._cell(network_id)
+        if cell.url == url:
+            return cell
+        async with self.db.read() as connection:
+            moving = [each for each in await store.every(connection) if each.url == cell.url]
+        _refuse_open(moving)
+        old = await self._work(cell.url)
+        _refuse_busy(cell, moving, old)
+        _refuse_incomplete(cell, old, url=url, new=await self._own_work(url))
+        async with self.db.write() as tx:
+            if not await store.change(tx, moving, state="OPEN", url=url):
+                raise Conflict("CELL_CHANGED", "another call has changed the cell: try again")
+        return await self._cell(network_id)
+
+    async def _cell(self, network_id: NetworkId) -> NetworkCell:
+        async with self.db.read() as connection:
+            cell = await store.of(connection, network_id)
+        if cell is None:
+            raise NotFound("cell", network_id)
+        return cell
+
+    async def _own_work(self, url: str) -> CellWork:
+        work = await self._work(url)
+        if work.cell_url != url:
+            raise Conflict(
+                "WRONG_SERVER",
+                f"the server at {url} has the SKYWAY_CELL_URL {work.cell_url}: set it to {url}, so "
+                "that the server knows which networks are its own",
+            )
+        return work
+
+    async def _work(self, url: str) -> CellWork:
+        async with self.default.at(url).adding(f"composition at {url}", {}) as client:
+            return await client.call("GET", CELL_WORK, answer=CellWork)
+
+
+def _refuse_another(cell: NetworkCell, url: str) -> None:
+    if cell.url != url:
+        raise Conflict(
+            "CELL_EXISTS",
+            f"{cell.network_id} has a cell at {cell.url}: move it (skyway cell move "
+            f"{cell.network_id} --to {url})",
+        )
+
+
+def _refuse_open(moving: Sequence[NetworkCell]) -> None:
+    names = [each.network_id for each in moving if each.state == "OPEN"]
+    if names:
+        raise Conflict(
+            "CELL_OPEN",
+            f"{', '.join(names)} may accept new requests: close each cell of this server (skyway "
+            f"cell close {names[0]}), and move them when their missions are over",
+        )
+
+
+def _refuse_busy(cell: NetworkCell, moving: Sequence[NetworkCell], work: CellWork) -> None:
+    others = set(work.network_ids) - {each.network_id for each in moving}
+    if others:
+        raise Conflict(
+            "CELL_NOT_ALONE",
+            f"the server at {cell.url} also serves {', '.join(sorted(others))}, and a server moves "
+            "as a whole: add and close their cells too",
+        )
+    if work.open_missions or work.held_offers or work.unsent:
+        raise Conflict(
+            "CELL_BUSY",
+            f"{work.open_missions} missions are not over, {work.held_offers} offers are held and "
+            f"{work.unsent} messages are unsent at {cell.url}: wait, and try again",
+        )
+
+
+def _refuse_incomplete(cell: NetworkCell, old: CellWork, *, url: str, new: CellWork) -> None:
+    for table, rows in old.rows.items():
+        found = new.rows.get(table)
+        if found != rows:
+            raise Conflict(
+                "CELL_NOT_COPIED",
+                f"{table} has {rows} rows at {cell.url} and {found} at {url}: copy the database "
+                "(skyway cell copy), and try again",
+            )

@@ -1,0 +1,280 @@
+"""The table of cells, cached in this process, and the clients of composition's servers.
+
+Without rows everything goes to one server. The row of a network names another server, or closes the
+network to new requests. Each request that follows a row carries the row's network and generation,
+so that a server refuses what it does not serve any more.
+"""
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from typing import Final, Generic, Self, TypeVar
+
+from skyway.contracts.cells import CELL_HEADER, CELLS, CellTable, NetworkCell
+from skyway.contracts.station_check import StationCheck, StationCheckQuery
+from skyway.ids import NetworkId
+from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
+from skyway.runtime.http.client import ServiceClient
+
+AnswerT = TypeVar("AnswerT")
+
+#: Seconds of wall time between two reads of the table.
+READ_EVERY_S: Final = 1.0
+
+#: The server of all networks that have no row.
+DEFAULT_SERVER: Final = "composition"
+
+#: How long a server may take when all servers are asked, wall seconds.
+_ANSWERS_WITHIN_S: Final = 3.0
+
+#: Reads the table where it is kept; `ServiceUnavailable` if there is no answer.
+ReadTable = Callable[[], Awaitable[CellTable]]
+
+
+def table_from(registry: ServiceClient) -> ReadTable:
+    """`ReadTable` that asks the registry."""
+
+    async def read() -> CellTable:
+        return await registry.call("GET", CELLS, answer=CellTable)
+
+    return read
+
+
+class Cells:
+    """The table as this process has read it last; empty before the first read."""
+
+    def __init__(self, read: ReadTable, *, now: Callable[[], float] = time.monotonic) -> None:
+        self._read = read
+        self._now = now
+        self._cells: Mapping[NetworkId, NetworkCell] = {}
+        self._read_s: float | None = None
+
+    def __iter__(self) -> Iterator[NetworkCell]:
+        return iter(self._cells.values())
+
+    def of(self, network_id: NetworkId) -> NetworkCell | None:
+        """The row of a network; None if the network has none."""
+        return self._cells.get(network_id)
+
+    @property
+    def age_s(self) -> float | None:
+        """Wall seconds since the table was read; None before the first read."""
+        return None if self._read_s is None else self._now() - self._read_s
+
+    @property
+    def newest(self) -> int:
+        """The generation of the newest row; 0 without rows."""
+        return max((each.generation for each in self._cells.values()), default=0)
+
+    async def refresh(self) -> bool:
+        """Step of a loop: read the table; always False.
+
+        Raises
+        ------
+        ServiceUnavailable
+            There is no answer; the cached table stays.
+        """
+        began_s = self._now()
+        table = await self._read()
+        self._cells = {each.network_id: each for each in table.cells}
+        self._read_s = began_s
+        return False
+
+
+class CellClients:
+    """The clients of all servers of composition. They are open as long as the block lasts."""
+
+    def __init__(self, default: ServiceClient, cells: Cells) -> None:
+        self.cells = cells
+        self._default = default
+        self._opened = AsyncExitStack()
+        self._by_url: dict[str, ServiceClient] = {default.url: default}
+
+    async def __aenter__(self) -> Self:
+        """Open the client of the default server; the others are opened when they are known."""
+        await self._opened.__aenter__()
+        await self._opened.enter_async_context(self._default)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """Close all clients."""
+        await self._opened.aclose()
+
+    @property
+    def has_cells(self) -> bool:
+        """Whether any network has a cell; without one everything goes to the default server."""
+        return any(True for _ in self.cells)
+
+    @property
+    def default(self) -> ServiceClient:
+        """The server of all networks without a cell."""
+        return self._default
+
+    async def refresh(self) -> bool:
+        """Step of a loop: read the table, and open clients of new servers; always False.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The table cannot be read; the cached table stays.
+        """
+        await self.cells.refresh()
+        for cell in self.cells:
+            if cell.url not in self._by_url:
+                client = self._default.at(cell.url)
+                self._by_url[cell.url] = await self._opened.enter_async_context(client)
+        return False
+
+    def of(self, network_id: NetworkId | None) -> ServiceClient:
+        """The server of a network; the default server if the network is not known.
+
+        Its requests name the network and the generation of the network's row.
+        """
+        cell = None if network_id is None else self.cells.of(network_id)
+        if cell is None:
+            return self._default
+        client = self._by_url.get(cell.url, self._default)
+        return client.adding(_label(cell.network_id), {CELL_HEADER: cell.header})
+
+    def open_for(self, network_id: NetworkId | None) -> ServiceClient:
+        """The server of a network, for a new request.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The cell is closed to new requests.
+        """
+        self.must_be_open(network_id)
+        return self.of(network_id)
+
+    def must_be_open(self, network_id: NetworkId | None) -> None:
+        """Go on only if the network accepts new requests.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The cell is closed to new requests.
+        """
+        cell = None if network_id is None else self.cells.of(network_id)
+        if cell is not None and cell.state == "CLOSED":
+            detail = "it is closed to new requests; an operator will open it again"
+            raise ServiceUnavailable(_label(cell.network_id), detail)
+
+    def serving(self, network_id: NetworkId | None) -> Sequence[ServiceClient]:
+        """The server of a network; all servers if the network is not known."""
+        return list(self.every().values()) if network_id is None else [self.of(network_id)]
+
+    def every(self) -> Mapping[str, ServiceClient]:
+        """Each server once, by a name that says which networks it serves."""
+        networks: dict[str, list[NetworkId]] = {}
+        for cell in self.cells:
+            networks.setdefault(cell.url, []).append(cell.network_id)
+        networks.pop(self._default.url, None)
+        others = {
+            _label(*served): self._by_url[url].adding(_label(*served), {})
+            for url, served in networks.items()
+            if url in self._by_url
+        }
+        return {DEFAULT_SERVER: self._default, **others}
+
+
+def _label(*network_ids: NetworkId) -> str:
+    return f"the cell {', '.join(network_ids)}"
+
+
+@dataclass(frozen=True, slots=True)
+class Answers(Generic[AnswerT]):
+    """What servers have answered, by their names, and which of them gave no answer."""
+
+    given: Mapping[str, AnswerT]
+    silent: Mapping[str, ServiceUnavailable]
+
+    def must_be_whole(self) -> None:
+        """Go on only if every server has answered.
+
+        Raises
+        ------
+        ServiceUnavailable
+            Names a server that has not.
+        """
+        for error in self.silent.values():
+            raise error
+
+
+async def ask_all(
+    clients: Mapping[str, ServiceClient], ask: Callable[[ServiceClient], Awaitable[AnswerT]]
+) -> Answers[AnswerT]:
+    """The answers of all servers, asked in parallel; none waits for another.
+
+    Raises
+    ------
+    RemoteProblem
+        A server refuses the question.
+    """
+
+    async def one(client: ServiceClient) -> AnswerT | ServiceUnavailable:
+        try:
+            async with asyncio.timeout(_ANSWERS_WITHIN_S):
+                return await ask(client)
+        except TimeoutError:
+            return ServiceUnavailable(client.name, "it did not answer in time")
+        except ServiceUnavailable as error:
+            return error
+
+    answers = dict(zip(clients, await asyncio.gather(*map(one, clients.values())), strict=True))
+    return Answers(
+        {name: each for name, each in answers.items() if not isinstance(each, ServiceUnavailable)},
+        {name: each for name, each in answers.items() if isinstance(each, ServiceUnavailable)},
+    )
+
+
+async def check_stations(servers: CellClients, query: StationCheckQuery) -> StationCheck:
+    """What all servers together know of these stations.
+
+    Raises
+    ------
+    RemoteProblem
+        NO_NETWORK: no network is published at any server.
+    ServiceUnavailable
+        A server does not answer, and may have a station that no other server has.
+    """
+
+    async def ask(client: ServiceClient) -> StationCheck | RemoteProblem:
+        try:
+            return await client.call(
+                "POST", "/internal/station-checks", body=query, answer=StationCheck
+            )
+        except RemoteProblem as problem:
+            if problem.problem.get("code") != "NO_NETWORK":
+                raise
+            return problem
+
+    answers = await ask_all(servers.every(), ask)
+    checks = [each for each in answers.given.values() if isinstance(each, StationCheck)]
+    found = _together(query, checks)
+    if found.unknown:
+        answers.must_be_whole()
+    for problem in answers.given.values():
+        if not checks and isinstance(problem, RemoteProblem):
+            raise problem
+    return found
+
+
+def _together(query: StationCheckQuery, checks: list[StationCheck]) -> StationCheck:
+    """The answers as one: a server knows the stations of its own networks alone."""
+    asked = dict.fromkeys(query.station_ids)
+    network_ids = {name: each for check in checks for name, each in check.network_ids.items()}
+    reached = {
+        station_id
+        for check in checks
+        for station_id in check.network_ids
+        if station_id not in check.unreachable
+    }
+    return StationCheck(
+        network_ids=network_ids,
+        positions={name: each for check in checks for name, each in check.positions.items()},
+        unknown=tuple(each for each in asked if each not in network_ids),
+        unreachable=tuple(each for each in asked if each in network_ids and each not in reached),
+    )

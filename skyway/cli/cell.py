@@ -1,0 +1,109 @@
+"""`skyway cell`: which server of composition serves which network."""
+
+import os
+import subprocess
+import sys
+from typing import Annotated, Any, Final
+from urllib.parse import quote
+
+import typer
+
+from skyway.cli.data_folder import DataFolder, DataOption, data_folder
+from skyway.cli.gateway import call_gateway, fail
+from skyway.cli.system.children import PACKAGES
+from skyway.contracts.cells import CellState
+from skyway.json_model import JsonModel
+
+cell_app = typer.Typer(help="Show, add, close and move the cells of networks.")
+
+_OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
+
+_NetworkArgument = Annotated[str, typer.Argument(metavar="NETWORK", help="Id of the network.")]
+
+
+class _ServerPlace(JsonModel):
+    url: str
+
+
+class _StateChange(JsonModel):
+    state: CellState
+
+
+@cell_app.command("list")
+def list_command(data: DataOption = None) -> None:
+    """List the networks that have a server of composition of their own."""
+    cells = _call(data_folder(data), "GET", "")["items"]
+    for each in cells:
+        _show(each)
+    if not cells:
+        typer.echo("one composition serves all networks")
+
+
+@cell_app.command("add")
+def add_command(
+    network: _NetworkArgument,
+    url: Annotated[str, typer.Option(help="The SKYWAY_CELL_URL of its server.")],
+    data: DataOption = None,
+) -> None:
+    """Let a server of its own serve a network; publish the network after that."""
+    _show(_call(data_folder(data), "PUT", network, _ServerPlace(url=url)))
+
+
+@cell_app.command("close")
+def close_command(network: _NetworkArgument, data: DataOption = None) -> None:
+    """Accept no new requests for a network; its missions are flown to their end."""
+    _show(_call(data_folder(data), "PATCH", network, _StateChange(state="CLOSED")))
+
+
+@cell_app.command("open")
+def open_command(network: _NetworkArgument, data: DataOption = None) -> None:
+    """Accept new requests for a network again."""
+    _show(_call(data_folder(data), "PATCH", network, _StateChange(state="OPEN")))
+
+
+@cell_app.command("copy")
+def copy_command(
+    source: Annotated[
+        str, typer.Option("--from", help="URL of the database of the server that is left.")
+    ],
+    target: Annotated[str, typer.Option("--to", help="URL of the new server's database.")],
+) -> None:
+    """Copy the database of an idle server of composition, on a machine that reaches both."""
+    done = subprocess.run(
+        [sys.executable, "-m", PACKAGES["composition"], "copy", target],
+        env={**os.environ, "SKYWAY_DATABASE_URL": source},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode != 0:
+        fail(f"nothing was copied: {done.stderr.strip()}")
+    typer.echo(done.stdout.rstrip())
+
+
+@cell_app.command("move")
+def move_command(
+    network: _NetworkArgument,
+    url: Annotated[str, typer.Option("--to", help="The SKYWAY_CELL_URL of the new server.")],
+    data: DataOption = None,
+) -> None:
+    """Let another server serve a closed network, after its database was copied; then it is open."""
+    _show(_call(data_folder(data), "POST", f"{network}/moves", _ServerPlace(url=url)))
+    typer.echo("stop the old server now: its database is out of date")
+
+
+def _show(cell: dict[str, Any]) -> None:  # a cell as the gateway answers
+    typer.echo(f"{cell['network_id']}  {cell['state']}  {cell['url']}")
+
+
+def _call(  # Any: JSON, as the route says
+    folder: DataFolder, method: str, path: str, body: JsonModel | None = None
+) -> Any:
+    below = f"/{quote(path)}" if path else ""
+    return call_gateway(
+        method,
+        f"/v1/cells{below}",
+        key_name=_OPERATOR_KEY,
+        folder=folder,
+        body=None if body is None else body.model_dump_json().encode(),
+    )

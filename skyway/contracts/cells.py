@@ -1,0 +1,102 @@
+"""Cells: which server of composition serves which network.
+
+The registry keeps the table of cells. Gateway and composition read it every second. A network that
+is not in the table is served by the composition of `SKYWAY_COMPOSITION_URL`.
+"""
+
+import re
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import Field
+
+from skyway.errors import InvalidInput
+from skyway.ids import NetworkId
+from skyway.json_model import JsonModel, WireModel
+
+#: Where the registry answers with the table.
+CELLS: Final = "/internal/cells"
+
+#: Where a server of composition answers what it holds and what it does.
+CELL_WORK: Final = "/internal/cell-work"
+
+#: Names the network of a request, and the generation of its row that the sender has read.
+CELL_HEADER: Final = "Skyway-Cell"
+
+#: A closed cell accepts no new requests. Its drones finish what they have begun.
+CellState = Literal["OPEN", "CLOSED"]
+
+CellUrl = Annotated[
+    str,
+    Field(
+        max_length=500,
+        pattern=r"^https?://[^\s?#/]+(/[^\s?#/]+)*$",
+        description="Address of the composition that serves the network, without a slash at the "
+        "end.",
+        examples=["http://composition-texas:8002"],
+    ),
+]
+
+
+class NetworkCell(JsonModel):
+    """A network with a server of composition of its own."""
+
+    network_id: Annotated[NetworkId, Field(description="Network that the cell serves.")]
+    url: CellUrl
+    state: Annotated[
+        CellState, Field(description="Whether the cell accepts new requests, or finishes its work.")
+    ]
+    generation: Annotated[
+        int, Field(ge=1, description="Grows with each change of the table of cells.")
+    ]
+
+    @property
+    def header(self) -> str:
+        """The value of `CELL_HEADER` in requests that follow this row."""
+        return f"{self.network_id};{self.generation}"
+
+
+class CellTable(WireModel):
+    """All cells, in order of their networks."""
+
+    cells: tuple[NetworkCell, ...]
+
+
+_HEADER: Final = re.compile(r"([A-Za-z0-9_-]{1,64});([0-9]{1,18})")
+
+
+@dataclass(frozen=True, slots=True)
+class NamedCell:
+    """What a request says in `CELL_HEADER`."""
+
+    network_id: NetworkId
+    generation: int
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """The network and the generation in the header.
+
+        Raises
+        ------
+        InvalidInput
+            The text is not ``network;generation``.
+        """
+        found = _HEADER.fullmatch(text)
+        if found is None:
+            raise InvalidInput(CELL_HEADER, "must be network;generation")
+        return cls(NetworkId(found[1]), int(found[2]))
+
+
+class CellWork(WireModel):
+    """What a server of composition holds and does, for the move of its cells to another server."""
+
+    cell_url: Annotated[str | None, Field(description="Its SKYWAY_CELL_URL.")]
+    network_ids: Annotated[
+        tuple[NetworkId, ...], Field(description="The networks in its database.")
+    ]
+    open_missions: Annotated[int, Field(description="Missions that are not over.")]
+    held_offers: Annotated[int, Field(description="Quotes and offers that hold drones or pads.")]
+    unsent: Annotated[int, Field(description="Messages that wait to be sent.")]
+    rows: Annotated[
+        dict[str, int], Field(description="Number of rows of each table that a move copies.")
+    ]

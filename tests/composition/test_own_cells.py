@@ -1,0 +1,215 @@
+"""A server of composition serves its own networks, and hands its database over when it is idle."""
+
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+from skyway_composition.cell_store import rows
+from skyway_composition.copy_store import copy_database
+from skyway_composition.own_cells import OwnCells, OwnDrones
+from skyway_composition.tables import outbox
+from sqlalchemy import text
+
+from skyway.cells import Cells
+from skyway.contracts.cells import CELL_HEADER, CELL_WORK, CellTable, CellWork, NetworkCell
+from skyway.errors import SkywayError
+from skyway.ids import DroneId, NetworkId
+from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.migrations import migrate
+
+OPERATOR = "operator:op"
+OURS, OTHERS = "http://ours", "http://others"
+ROW = NetworkId("row")
+
+Serve = Callable[..., Awaitable[OwnCells]]
+
+
+def cell(url: str = OURS, *, generation: int = 2, is_open: bool = True) -> NetworkCell:
+    state = "OPEN" if is_open else "CLOSED"
+    return NetworkCell.model_validate(
+        {"network_id": ROW, "url": url, "state": state, "generation": generation}
+    )
+
+
+@pytest.fixture
+def wall() -> dict[str, float]:
+    """Seconds of the clock by which the table becomes old."""
+    return {"s": 0.0}
+
+
+@pytest.fixture
+def serve(composition: Any, wall: dict[str, float]) -> Serve:
+    """Gives the server a table of cells, as it would read it from the registry."""
+
+    async def given(*cells: NetworkCell, is_default: bool = False) -> OwnCells:
+        async def read() -> CellTable:
+            return CellTable(cells=cells)
+
+        own: OwnCells = composition.parts.own_cells
+        own.cells = Cells(read, now=lambda: wall["s"])
+        own.url, own.is_default = OURS, is_default
+        await own.cells.refresh()
+        return own
+
+    return given
+
+
+async def read_network(composition: Any, header: str) -> Any:
+    return await composition(OPERATOR, "GET", "/v1/networks/row", **{CELL_HEADER: header})
+
+
+async def quote(composition: Any, header: str) -> Any:
+    headers = {CELL_HEADER: header}
+    return await composition("service:gateway", "POST", "/internal/quotes", {}, **headers)
+
+
+async def test_a_request_for_an_own_network_is_answered(composition: Any, serve: Serve) -> None:
+    await serve(cell())
+
+    assert (await read_network(composition, "row;2")).status_code == 200
+    # The body is no query, so only the entrance has let it in.
+    assert (await quote(composition, "row;2")).status_code == 422
+
+
+@pytest.mark.parametrize(
+    ("cells", "header", "reason"),
+    [
+        ((cell(OTHERS),), "row;2", "served by http://others"),
+        ((), "row;2", "served by no server"),
+        ((cell(generation=5),), "row;2", "read the table again"),
+    ],
+)
+async def test_a_request_by_another_table_is_misdirected(
+    composition: Any, serve: Serve, cells: tuple[NetworkCell, ...], header: str, reason: str
+) -> None:
+    await serve(*cells)
+
+    refused = await read_network(composition, header)
+
+    assert refused.status_code == 421
+    assert reason in refused.json()["detail"]
+
+
+async def test_a_server_reads_the_table_when_a_request_knows_a_newer_one(
+    composition: Any, serve: Serve
+) -> None:
+    tables = [CellTable(cells=()), CellTable(cells=(cell(generation=4),))]
+    own = await serve()
+
+    async def read() -> CellTable:
+        return tables.pop(0)
+
+    own.cells = Cells(read)
+    await own.cells.refresh()
+
+    assert (await read_network(composition, "row;4")).status_code == 200
+
+
+async def test_a_header_of_another_form_is_refused(composition: Any, serve: Serve) -> None:
+    await serve(cell())
+
+    for header in ("row", "row;", "row;x", ";2", "a b;2"):
+        assert (await read_network(composition, header)).status_code == 422, header
+
+
+async def test_a_closed_cell_begins_nothing_and_still_answers(
+    composition: Any, serve: Serve
+) -> None:
+    await serve(cell(is_open=False))
+
+    refused = await quote(composition, "row;2")
+
+    assert refused.status_code == 503
+    assert "the cell row is unavailable: it is closed" in refused.json()["detail"]
+    assert (await read_network(composition, "row;2")).status_code == 200
+
+
+async def test_a_cell_that_cannot_read_the_table_begins_nothing(
+    composition: Any, serve: Serve, wall: dict[str, float]
+) -> None:
+    await serve(cell())
+    wall["s"] += 11.0
+
+    assert (await quote(composition, "row;2")).status_code == 503
+    assert (await read_network(composition, "row;2")).status_code == 200
+
+
+class Everything:
+    """A `Reception` that shuts nobody out."""
+
+    def is_shut_out(self, ids: tuple[str, ...]) -> bool:
+        return False
+
+    def unreadable(self, *_: object) -> None: ...
+    def forged(self, *_: object) -> None: ...
+    def postponed(self, *_: object) -> None: ...
+
+
+async def test_messages_of_drones_of_other_cells_are_dropped(serve: Serve) -> None:
+    own = await serve(cell(OTHERS), is_default=True)
+    drones = OwnDrones(Everything(), own)
+    for drone_id, network_id in (("drn_1", "row"), ("drn_2", "south"), ("drn_3", None)):
+        own.note_home(DroneId(drone_id), NetworkId(network_id) if network_id else None)
+
+    assert [drones.is_shut_out(("prv_1", f"drn_{n}")) for n in range(1, 5)] == [
+        True,
+        False,
+        False,
+        False,
+    ]
+    await serve(cell(OURS))
+    assert not drones.is_shut_out(("prv_1", "drn_1"))
+    assert drones.is_shut_out(("prv_1", "drn_2"))
+
+
+async def work(composition: Any) -> CellWork:
+    registry = {"Authorization": "Bearer secret of registry"}
+    answer = await composition(None, "GET", CELL_WORK, **registry)
+    assert answer.status_code == 200, answer.text
+    return CellWork.read(answer.content)
+
+
+async def test_the_work_of_a_server_names_missions_messages_and_rows(composition: Any) -> None:
+    idle = await work(composition)
+    await composition.book()
+    busy = await work(composition)
+
+    assert (idle.network_ids, idle.open_missions, idle.unsent) == (("row",), 0, 0)
+    assert (busy.open_missions, busy.rows["missions"]) == (1, 1)
+    assert busy.unsent > 0
+
+
+async def test_a_copy_holds_every_row_and_may_be_made_again(
+    composition: Any, sqlite_url: str, package: str
+) -> None:
+    target_url = f"{sqlite_url}.copy"
+    await migrate(target_url, package)
+    async with Database(target_url, outbox=outbox) as target:
+        for _ in range(2):
+            await copy_database(composition.db, target)
+
+            async with composition.db.read() as source, target.read() as copied:
+                assert await rows(copied) == await rows(source)
+            body = {"until": None, "reason": "roof"}
+            await composition(OPERATOR, "POST", "/v1/stations/b/closures", body)
+
+
+async def test_a_busy_server_is_not_copied_and_other_data_is_not_replaced(
+    composition: Any, sqlite_url: str, package: str
+) -> None:
+    target_url = f"{sqlite_url}.copy"
+    await migrate(target_url, package)
+    async with Database(target_url, outbox=outbox) as target:
+        async with target.write() as tx:
+            await tx.execute(
+                text(
+                    "INSERT INTO networks (network_id, version, sha256, published_ms) "
+                    "VALUES ('mine', 1, '', 0)"
+                )
+            )
+        with pytest.raises(SkywayError, match="mine"):
+            await copy_database(composition.db, target)
+    await composition.book()
+    async with Database(f"{sqlite_url}.other", outbox=outbox) as target:
+        with pytest.raises(SkywayError, match="1 missions are not over"):
+            await copy_database(composition.db, target)

@@ -1,0 +1,148 @@
+"""A network with a server of composition of its own: a cell."""
+
+import os
+import subprocess
+from collections.abc import Iterator
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from skyway.cli.data_folder import DataFolder
+from tests.end_to_end.cell_server import CellServer, cell_server
+from tests.end_to_end.conftest import free_port
+from tests.end_to_end.local_system import SKYWAY, LocalSystem
+
+pytestmark = pytest.mark.end_to_end
+
+
+@pytest.fixture
+def system(tmp_path: Path) -> Iterator[LocalSystem]:
+    """A running system of its own, because a table of cells holds for all its networks."""
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("SKYWAY_")}
+    local = LocalSystem(DataFolder(tmp_path / "data"), environment)
+    local.folder.make()
+    try:
+        local.start()
+        yield local
+    finally:
+        local.stop()
+
+
+def quote(system: LocalSystem, network: str, *, to: str | None = None) -> httpx.Response:
+    destination = {"station_id": f"{to or network}-s3"}
+    package = {"package_id": "p1", "mass_kg": 0.5, "destination": destination}
+    body = {"pickup": {"station_id": f"{network}-s1"}, "packages": [package]}
+    return system.call("POST", "/v1/quotes", key=system.keys["SKYWAY_CUSTOMER_KEY"], body=body)
+
+
+def refusal(system: LocalSystem, *arguments: str) -> str:
+    """Why `skyway cell` refuses."""
+    done = system.command("cell", *arguments)
+    assert done.returncode == 1, done.stdout
+    return done.stderr
+
+
+def accept(system: LocalSystem, *arguments: str) -> str:
+    done = system.command("cell", *arguments)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def copy(source: CellServer, target: CellServer) -> bool:
+    """Copy a database; False while its server has work to do."""
+    urls = ("--from", source.database_url, "--to", target.database_url)
+    done = subprocess.run(
+        [*SKYWAY, "cell", "copy", *urls], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0 or "missions are not over" in done.stderr, done.stderr
+    return done.returncode == 0
+
+
+def missions(system: LocalSystem) -> tuple[set[str], str | None]:
+    """The deliveries of all listed missions, and the servers that gave no answer."""
+    answer = system.call("GET", "/v1/missions", key=system.keys["SKYWAY_OPERATOR_KEY"])
+    assert answer.status_code == 200, answer.text
+    found = {each["delivery_id"] for each in answer.json()["items"]}
+    return found, answer.headers.get("Skyway-Silent-Cells")
+
+
+def fly(system: LocalSystem, network: str) -> str:
+    """The id of a delivery in this network that is completed."""
+    delivery_id = system.request_delivery([f"{network}-s2"], pickup=f"{network}-s1")
+    delivery: dict[str, Any] = system.until_ended(delivery_id)
+    assert delivery["state"] == "COMPLETED", delivery
+    return delivery_id
+
+
+def request_for_later(system: LocalSystem, network: str) -> str:
+    """The id of a delivery whose pickup is so late that its mission waits through the test."""
+    now = datetime.fromisoformat(system.operate("GET", "/v1/clock")["now"])
+    package = {"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": f"{network}-s2"}}
+    body = {
+        "pickup": {"station_id": f"{network}-s1"},
+        "packages": [package],
+        "earliest_pickup_at": (now + timedelta(hours=20)).isoformat(),
+    }
+    key = system.keys["SKYWAY_CUSTOMER_KEY"]
+    return str(system.call("POST", "/v1/deliveries", key=key, body=body).json()["delivery_id"])
+
+
+def test_a_cell_works_alone_and_moves_when_it_is_idle(system: LocalSystem) -> None:
+    with (
+        cell_server("first", system, port=free_port()) as first,
+        cell_server("second", system, port=free_port()) as second,
+    ):
+        assert "cannot be reached" in refusal(system, "add", "north", "--url", "http://127.0.0.1:1")
+        accept(system, "add", "north", "--url", first.url)
+        assert "skyway cell move" in refusal(system, "add", "north", "--url", second.url)
+        system.publish_corridor("north")
+        system.publish_corridor("south")
+        for network in ("north", "south"):
+            system.start_fleet([f"{network}-s1"], name=f"{network} Air")
+
+        flown = {fly(system, "north"), fly(system, "south")}
+
+        assert missions(system) == (flown, None)
+        between = quote(system, "north", to="south")
+        assert between.status_code == 422
+        assert "'south', the pickup 'north-s1' in 'north'" in between.text
+
+        first.stop()
+
+        stopped = quote(system, "north")
+        assert (stopped.status_code, stopped.headers["Retry-After"]) == (503, "1")
+        assert "the cell north" in stopped.json()["detail"]
+        assert quote(system, "south").json()["offers"]
+        south = fly(system, "south")
+        listed, silent = missions(system)
+        assert south in listed
+        assert silent == "the cell north"
+
+        first.start()
+        booked = request_for_later(system, "north")
+        system.until_state(booked, "PLANNED", "DISPATCHED")
+        assert "skyway cell close north" in refusal(system, "move", "north", "--to", second.url)
+        accept(system, "close", "north")
+        assert "1 missions are not over" in refusal(system, "move", "north", "--to", second.url)
+        closed = quote(system, "north")
+        assert (closed.status_code, closed.headers["Retry-After"]) == (503, "1")
+        assert "the cell north is unavailable: it is closed" in closed.json()["detail"]
+        # A closed cell finishes its work, and a cancellation is part of it.
+        key = system.keys["SKYWAY_CUSTOMER_KEY"]
+        cancelled = system.call("POST", f"/v1/deliveries/{booked}/cancel", key=key, body={})
+        assert cancelled.json()["state"] == "CANCELLED", cancelled.text
+        system.eventually(lambda: copy(first, second), "a copy after the end of all missions")
+        accept(system, "move", "north", "--to", second.url)
+        first.stop()
+
+        moved = fly(system, "north")
+
+        listed, silent = missions(system)
+        assert {*flown, south, booked, moved} <= listed
+        assert silent is None
+        verified = system.command("verify", "--cell", second.database_url)
+        assert verified.returncode == 0, verified.stdout + verified.stderr
+        assert "0 violations in 4 databases" in verified.stdout

@@ -1,0 +1,169 @@
+"""With cells, the calls of deliveries go to the servers of their networks."""
+
+import pytest
+from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery
+
+from skyway.contracts.cells import CELL_HEADER, NetworkCell
+from skyway.contracts.station_check import NetworkStations
+from skyway.geo import Position
+from skyway.ids import NetworkId, StationId
+from tests.gateway.fake_composition import STATIONS, FakeComposition
+from tests.gateway.whole_gateway import Gateway, make_request
+
+CORRIDOR, CELL_HOST = NetworkId("corridor"), "corridor-cell"
+
+
+@pytest.fixture
+async def cell(gateway: Gateway) -> FakeComposition:
+    """The server of the network corridor, beside the server of all others."""
+    gateway.peers.cells[CELL_HOST] = FakeComposition(gateway.clock)
+    await set_cell(gateway)
+    return gateway.peers.cells[CELL_HOST]
+
+
+async def set_cell(gateway: Gateway, *, is_open: bool = True, generation: int = 1) -> None:
+    gateway.registry.cells = [
+        NetworkCell(
+            network_id=CORRIDOR,
+            url=f"http://{CELL_HOST}",
+            state="OPEN" if is_open else "CLOSED",
+            generation=generation,
+        )
+    ]
+    await gateway.parts.servers.refresh()
+    # As composition announces it.
+    gateway.parts.networks.cached.put(
+        NetworkStations(
+            network_id=CORRIDOR,
+            version=1,
+            station_ids=tuple(map(StationId, STATIONS[:4])),
+            positions=tuple(Position(-98.0, 29.0 + number) for number in range(4)),
+            parts=(0,) * 4,
+        )
+    )
+
+
+async def test_a_delivery_lives_at_the_server_of_its_network(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    delivery_id = await gateway.planned()
+    track = await gateway.http.get(f"/v1/deliveries/{delivery_id}/track", headers=gateway.customer)
+    cancelled = await gateway.http.post(
+        f"/v1/deliveries/{delivery_id}/cancel", json={}, headers=gateway.customer
+    )
+
+    assert track.status_code == cancelled.status_code == 200
+    assert list(cell.booked) == [(delivery_id, 1)]
+    assert len(cell.cancellations) == 1
+    assert (gateway.composition.booked, gateway.composition.cancellations) == ({}, [])
+
+
+async def test_quotes_of_a_cell_are_made_and_kept_there(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    made = await gateway.http.post(
+        "/v1/quotes", json={**make_request(), "hold": True}, headers=gateway.customer
+    )
+    quote = made.json()
+    chosen = {"quote_id": quote["quote_id"], "offer_id": quote["offers"][0]["offer_id"]}
+    accepted = await gateway.post(chosen)
+
+    assert (made.status_code, accepted.status_code) == (201, 202)
+    assert (len(cell.quote_queries), len(cell.kept)) == (1, 1)
+    assert gateway.composition.quote_queries == []
+
+
+async def test_a_silent_cell_is_named(gateway: Gateway, cell: FakeComposition) -> None:
+    cell.is_away = True
+
+    answer = await gateway.http.post("/v1/quotes", json=make_request(), headers=gateway.customer)
+
+    assert (answer.status_code, answer.headers["retry-after"]) == (503, "1")
+    assert "the cell corridor" in answer.json()["detail"]
+
+
+async def test_a_closed_cell_gets_no_new_requests_and_those_that_wait_are_booked_later(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    waiting = await gateway.accepted()
+    await set_cell(gateway, is_open=False, generation=2)
+
+    refused = await gateway.post(make_request())
+    await gateway.book_next()
+    state = (await gateway.get(waiting))["state"]
+    await set_cell(gateway, generation=3)
+    await gateway.parts.booker.book_or_retry(*await _due(gateway))
+
+    assert (refused.status_code, refused.headers["retry-after"]) == (503, "1")
+    assert "the cell corridor is unavailable: it is closed" in refused.json()["detail"]
+    assert (state, (await gateway.get(waiting))["state"]) == ("REQUESTED", "PLANNED")
+
+
+async def _due(gateway: Gateway) -> list[QueuedDelivery]:
+    await gateway.execute("UPDATE deliveries SET next_try_wall_ms = 0")
+    return [*await gateway.parts.booker.claim(limit=1)]
+
+
+async def test_a_call_goes_to_the_server_of_the_network_or_station_in_its_path(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    for path in ("/v1/networks/corridor", "/v1/stations/bulverde/pads", "/v1/networks/north"):
+        await gateway.http.get(path, headers=gateway.operator)
+
+    seen = [(each.host, each.headers.get(CELL_HEADER.lower())) for each in gateway.forwarded]
+    assert seen == [
+        (CELL_HOST, "corridor;1"),
+        (CELL_HOST, "corridor;1"),
+        ("composition", None),
+    ]
+
+
+async def test_an_id_without_a_network_is_asked_of_each_server_in_turn(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    gateway.peers.unknown_at = {"composition"}
+    body = {"command": "HOLD"}
+
+    found = await gateway.http.post(
+        "/v1/missions/msn_1/commands", json=body, headers=gateway.operator
+    )
+    gateway.peers.unknown_at = {"composition", CELL_HOST}
+    unknown = await gateway.http.get("/v1/missions/msn_2", headers=gateway.operator)
+    gateway.peers.away = {CELL_HOST}
+    perhaps = await gateway.http.get("/v1/missions/msn_2", headers=gateway.operator)
+
+    assert (found.status_code, unknown.status_code, perhaps.status_code) == (200, 404, 503)
+    asked = [(each.host, each.body) for each in gateway.forwarded if each.method == "POST"]
+    assert asked == [(host, b'{"command":"HOLD"}') for host in ("composition", CELL_HOST)]
+
+
+async def test_a_list_names_the_cells_whose_part_is_missing(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    gateway.peers.pages = {
+        "composition": {"items": [{"alarm_id": "alm_1"}, {"alarm_id": "alm_3"}]},
+        CELL_HOST: {"items": [{"alarm_id": "alm_2"}]},
+    }
+    whole = await gateway.http.get("/v1/alarms", headers=gateway.operator)
+    gateway.peers.away = {CELL_HOST}
+    part = await gateway.http.get("/v1/alarms", headers=gateway.operator)
+
+    ids = [[each["alarm_id"] for each in answer.json()["items"]] for answer in (whole, part)]
+    assert ids == [["alm_3", "alm_2", "alm_1"], ["alm_3", "alm_1"]]
+    assert "skyway-silent-cells" not in whole.headers
+    assert part.headers["skyway-silent-cells"] == "the cell corridor"
+
+
+async def test_a_ground_stop_names_its_network(gateway: Gateway, cell: FakeComposition) -> None:
+    refused = await gateway.http.post(
+        "/v1/ground-stops", json={"reason": "storm"}, headers=gateway.operator
+    )
+    accepted = await gateway.http.post(
+        "/v1/ground-stops",
+        json={"reason": "storm", "network_id": "corridor"},
+        headers=gateway.operator,
+    )
+
+    assert (refused.status_code, accepted.status_code) == (422, 200)
+    assert "corridor" in refused.json()["detail"]
+    assert [each.host for each in gateway.forwarded] == [CELL_HOST]

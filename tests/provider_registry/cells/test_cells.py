@@ -1,0 +1,209 @@
+"""The table of cells: what operators may change, and what each refusal says to do."""
+
+from typing import Any
+
+import pytest
+from skyway_provider_registry.verify import RULES
+
+from skyway.contracts.cells import CellWork
+from skyway.runtime.sql.database import Database
+from tests.broken_rules import broken_rules
+from tests.provider_registry.conftest import Server
+
+OPERATOR = "operator:op"
+NORTH, SOUTH = "http://north", "http://south"
+
+#: A server with a network whose missions are over.
+IDLE = CellWork(
+    cell_url=NORTH,
+    network_ids=("texas",),
+    open_missions=0,
+    held_offers=0,
+    unsent=0,
+    rows={"missions": 2, "custody": 4},
+)
+
+
+def work(**changes: Any) -> CellWork:
+    return IDLE.model_copy(update=changes)
+
+
+EMPTY = work(network_ids=(), rows={"missions": 0, "custody": 0})
+
+
+@pytest.fixture(autouse=True)
+def north(compositions: dict[str, Server]) -> Server:
+    """The server of a new cell; the default server has no network."""
+    compositions["composition"].work = work(cell_url=None, network_ids=())
+    compositions["north"].work = EMPTY
+    return compositions["north"]
+
+
+@pytest.fixture
+def south(compositions: dict[str, Server]) -> Server:
+    """Another server, with a copy of the database of `north`."""
+    compositions["south"].work = work(cell_url=SOUTH)
+    return compositions["south"]
+
+
+async def add(api: Any, network_id: str = "texas", *, url: str = NORTH) -> Any:
+    return await api(OPERATOR, "PUT", f"/v1/cells/{network_id}", {"url": url})
+
+
+async def close(api: Any, network_id: str = "texas") -> Any:
+    return await api(OPERATOR, "PATCH", f"/v1/cells/{network_id}", {"state": "CLOSED"})
+
+
+async def move(api: Any, *, url: str = SOUTH) -> Any:
+    return await api(OPERATOR, "POST", "/v1/cells/texas/moves", {"url": url})
+
+
+async def table(api: Any) -> Any:
+    answer = await api(None, "GET", "/internal/cells")
+    return [(each["network_id"], each["url"], each["state"]) for each in answer.json()["cells"]]
+
+
+async def test_a_new_cell_is_open_and_added_once(api: Any) -> None:
+    first, again = await add(api), await add(api)
+
+    assert first.status_code == again.status_code == 200
+    assert first.json() == again.json()
+    assert await table(api) == [("texas", NORTH, "OPEN")]
+    listed = await api(OPERATOR, "GET", "/v1/cells")
+    assert listed.json()["items"] == [first.json()]
+
+
+async def test_only_operators_change_the_table(api: Any) -> None:
+    refused = await api("provider:prv_1", "PUT", "/v1/cells/texas", {"url": NORTH})
+
+    assert refused.status_code == 403
+    assert (await api("customer:alice", "GET", "/v1/cells")).status_code == 403
+
+
+@pytest.mark.parametrize("url", ["north:8002", "http://north/", "http://nor th", "ftp://north"])
+async def test_an_address_that_is_none_is_refused(api: Any, url: str) -> None:
+    assert (await add(api, url=url)).status_code == 422
+
+
+async def test_an_unknown_cell_cannot_be_closed_or_moved(api: Any) -> None:
+    assert (await close(api)).status_code == 404
+    assert (await move(api)).status_code == 404
+
+
+async def test_a_server_that_does_not_answer_is_refused(api: Any, north: Server) -> None:
+    north.work = None
+
+    refused = await add(api)
+
+    assert refused.status_code == 503
+    assert NORTH in refused.json()["detail"]
+
+
+async def test_a_server_must_know_its_own_address(api: Any, north: Server) -> None:
+    north.work = work(cell_url=None)
+
+    refused = await add(api)
+
+    assert (refused.status_code, refused.json()["code"]) == (409, "WRONG_SERVER")
+    assert "SKYWAY_CELL_URL" in refused.json()["detail"]
+
+
+async def test_a_published_network_is_not_taken_from_its_server(
+    api: Any, compositions: dict[str, Server]
+) -> None:
+    compositions["composition"].work = work(cell_url="http://composition")
+
+    refused = await add(api)
+    accepted = await add(api, url="http://composition")
+
+    assert (refused.status_code, refused.json()["code"]) == (409, "NETWORK_ELSEWHERE")
+    assert accepted.status_code == 200
+
+
+async def test_another_address_is_refused_with_the_command_that_moves(api: Any) -> None:
+    await add(api)
+
+    refused = await add(api, url=SOUTH)
+
+    assert (refused.status_code, refused.json()["code"]) == (409, "CELL_EXISTS")
+    assert "skyway cell move texas --to http://south" in refused.json()["detail"]
+
+
+async def test_an_idle_closed_cell_moves_and_is_open(
+    api: Any, north: Server, south: Server, db: Database
+) -> None:
+    before = (await add(api)).json()
+    north.work = IDLE
+    await close(api)
+
+    moved = await move(api)
+
+    assert moved.status_code == 200, moved.text
+    assert moved.json()["generation"] > before["generation"]
+    assert await table(api) == [("texas", SOUTH, "OPEN")]
+    assert (await move(api)).json() == moved.json()
+    assert await broken_rules(db, RULES) == []
+
+
+async def test_an_open_cell_does_not_move(api: Any, north: Server, south: Server) -> None:
+    await add(api)
+    north.work = IDLE
+
+    refused = await move(api)
+
+    assert (refused.status_code, refused.json()["code"]) == (409, "CELL_OPEN")
+    assert "skyway cell close texas" in refused.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"open_missions": 2}, "CELL_BUSY"),
+        ({"held_offers": 1}, "CELL_BUSY"),
+        ({"unsent": 1}, "CELL_BUSY"),
+        ({"network_ids": ("texas", "ohio")}, "CELL_NOT_ALONE"),
+        ({"rows": {"missions": 3, "custody": 4}}, "CELL_NOT_COPIED"),
+    ],
+)
+async def test_a_cell_with_work_or_without_a_copy_does_not_move(
+    api: Any, north: Server, south: Server, changes: dict[str, Any], code: str
+) -> None:
+    await add(api)
+    north.work = work(**changes)
+    await close(api)
+
+    refused = await move(api)
+
+    assert (refused.status_code, refused.json()["code"]) == (409, code)
+    assert await table(api) == [("texas", NORTH, "CLOSED")]
+
+
+async def test_the_networks_of_one_server_move_together(
+    api: Any, north: Server, south: Server
+) -> None:
+    await add(api)
+    await add(api, "ohio")
+    north.work = work(network_ids=("ohio", "texas"))
+    await close(api)
+
+    refused = await move(api)
+    await close(api, "ohio")
+    moved = await move(api)
+
+    assert refused.json()["code"] == "CELL_OPEN"
+    assert moved.status_code == 200
+    assert await table(api) == [("ohio", SOUTH, "OPEN"), ("texas", SOUTH, "OPEN")]
+
+
+async def test_a_drone_does_not_change_its_cell(api: Any, db: Database, stations: Any) -> None:
+    drone = await api.drone(await api.provider())
+    stations.elsewhere = {"mcqueeney": "ohio"}
+    path = f"/v1/providers/{drone['provider_id']}/drones/{drone['drone_id']}"
+    await add(api, "ohio")
+
+    refused = await api(OPERATOR, "PATCH", path, {"home_station_id": "mcqueeney"})
+
+    assert (refused.status_code, refused.json()["code"]) == (409, "OTHER_CELL")
+    stations.elsewhere = {}
+    accepted = await api(OPERATOR, "PATCH", path, {"home_station_id": "mcqueeney"})
+    assert accepted.status_code == 200
