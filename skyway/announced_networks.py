@@ -1,9 +1,9 @@
-"""The stations of announced networks, cached in this process.
+"""The stations of networks: announced ones, cached in this process, and questions about others.
 
 Composition announces each new version of a network on MQTT. A process that listens can then answer
 questions about stations without asking composition. The cache lacks the stations of networks that
 are too large to be sent or cached. It may still hold a version that was replaced a moment ago. When
-an error would matter, ask composition.
+an error would matter, ask composition: `check_stations` asks all its servers.
 """
 
 import asyncio
@@ -11,12 +11,13 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mappin
 from dataclasses import dataclass
 from typing import Final
 
-from skyway.contracts.station_check import NetworkStations
+from skyway.cells import CellClients, ask_all
+from skyway.contracts.station_check import NetworkStations, StationCheck, StationCheckQuery
 from skyway.contracts.topics import NETWORK_VERSION
 from skyway.contracts.world import NetworkVersion
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
-from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.mqtt.client import MqttClient, Received
@@ -231,3 +232,53 @@ class NetworkLearner:
             await mqtt.wait_connected()
             await mqtt.wait_lost()
             self.forget()
+
+
+async def check_stations(servers: CellClients, query: StationCheckQuery) -> StationCheck:
+    """What all servers together know of these stations.
+
+    Raises
+    ------
+    RemoteProblem
+        NO_NETWORK: no network is published at any server.
+    ServiceUnavailable
+        A server does not answer, and may have a station that no other server has.
+    """
+
+    async def ask(client: ServiceClient) -> StationCheck | RemoteProblem:
+        try:
+            return await client.call(
+                "POST", "/internal/station-checks", body=query, answer=StationCheck
+            )
+        except RemoteProblem as problem:
+            if problem.problem.get("code") != "NO_NETWORK":
+                raise
+            return problem
+
+    answers = await ask_all(servers.every(), ask)
+    checks = [each for each in answers.given.values() if isinstance(each, StationCheck)]
+    found = _together(query, checks)
+    if found.unknown:
+        answers.must_be_whole()
+    for problem in answers.given.values():
+        if not checks and isinstance(problem, RemoteProblem):
+            raise problem
+    return found
+
+
+def _together(query: StationCheckQuery, checks: list[StationCheck]) -> StationCheck:
+    """The answers as one: a server knows the stations of its own networks alone."""
+    asked = dict.fromkeys(query.station_ids)
+    network_ids = {name: each for check in checks for name, each in check.network_ids.items()}
+    reached = {
+        station_id
+        for check in checks
+        for station_id in check.network_ids
+        if station_id not in check.unreachable
+    }
+    return StationCheck(
+        network_ids=network_ids,
+        positions={name: each for check in checks for name, each in check.positions.items()},
+        unknown=tuple(each for each in asked if each not in network_ids),
+        unreachable=tuple(each for each in asked if each in network_ids and each not in reached),
+    )

@@ -6,6 +6,7 @@ so that a server refuses what it does not serve any more.
 """
 
 import asyncio
+import contextlib
 import time
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import AsyncExitStack
@@ -13,7 +14,6 @@ from dataclasses import dataclass
 from typing import Final, Generic, Self, TypeVar
 
 from skyway.contracts.cells import CELL_HEADER, CELLS, CellTable, NetworkCell
-from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.ids import NetworkId
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.http.client import ServiceClient
@@ -27,26 +27,43 @@ READ_EVERY_S: Final = 1.0
 DEFAULT_SERVER: Final = "composition"
 
 #: How long a server may take when all servers are asked, wall seconds.
-_ANSWERS_WITHIN_S: Final = 3.0
+ANSWERS_WITHIN_S: Final = 3.0
 
 #: Reads the table where it is kept; `ServiceUnavailable` if there is no answer.
 ReadTable = Callable[[], Awaitable[CellTable]]
+#: Stores a table that was read.
+KeepTable = Callable[[CellTable], Awaitable[None]]
 
 
 def table_from(registry: ServiceClient) -> ReadTable:
     """`ReadTable` that asks the registry."""
 
     async def read() -> CellTable:
-        return await registry.call("GET", CELLS, answer=CellTable)
+        try:
+            return await registry.call("GET", CELLS, answer=CellTable)
+        except RemoteProblem as problem:
+            raise ServiceUnavailable(
+                "registry", f"it has no table of cells: {problem}"
+            ) from problem
 
     return read
 
 
 class Cells:
-    """The table as this process has read it last; empty before the first read."""
+    """The table as this process has read it last; empty before the first read.
 
-    def __init__(self, read: ReadTable, *, now: Callable[[], float] = time.monotonic) -> None:
+    `keep` gets each table that differs from the one before, for the next start.
+    """
+
+    def __init__(
+        self,
+        read: ReadTable,
+        *,
+        keep: KeepTable | None = None,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._read = read
+        self._keep = keep
         self._now = now
         self._cells: Mapping[NetworkId, NetworkCell] = {}
         self._read_s: float | None = None
@@ -78,9 +95,16 @@ class Cells:
         """
         began_s = self._now()
         table = await self._read()
-        self._cells = {each.network_id: each for each in table.cells}
+        before = self._cells
+        self.put(table)
         self._read_s = began_s
+        if self._keep is not None and self._cells != before:
+            await self._keep(table)
         return False
+
+    def put(self, table: CellTable) -> None:
+        """Use a table that was kept, until the first read."""
+        self._cells = {each.network_id: each for each in table.cells}
 
 
 class CellClients:
@@ -121,11 +145,24 @@ class CellClients:
             The table cannot be read; the cached table stays.
         """
         await self.cells.refresh()
+        await self._open_new()
+        return False
+
+    async def begin_with(self, table: CellTable) -> None:
+        """Use a table that was kept by an earlier process, and the present one if it can be read.
+
+        Without it, the first requests after a start would go to a server that does not serve them.
+        """
+        self.cells.put(table)
+        with contextlib.suppress(ServiceUnavailable):
+            await self.cells.refresh()
+        await self._open_new()
+
+    async def _open_new(self) -> None:
         for cell in self.cells:
             if cell.url not in self._by_url:
                 client = self._default.at(cell.url)
                 self._by_url[cell.url] = await self._opened.enter_async_context(client)
-        return False
 
     def of(self, network_id: NetworkId | None) -> ServiceClient:
         """The server of a network; the default server if the network is not known.
@@ -204,7 +241,10 @@ class Answers(Generic[AnswerT]):
 
 
 async def ask_all(
-    clients: Mapping[str, ServiceClient], ask: Callable[[ServiceClient], Awaitable[AnswerT]]
+    clients: Mapping[str, ServiceClient],
+    ask: Callable[[ServiceClient], Awaitable[AnswerT]],
+    *,
+    within_s: float = ANSWERS_WITHIN_S,
 ) -> Answers[AnswerT]:
     """The answers of all servers, asked in parallel; none waits for another.
 
@@ -216,7 +256,7 @@ async def ask_all(
 
     async def one(client: ServiceClient) -> AnswerT | ServiceUnavailable:
         try:
-            async with asyncio.timeout(_ANSWERS_WITHIN_S):
+            async with asyncio.timeout(within_s):
                 return await ask(client)
         except TimeoutError:
             return ServiceUnavailable(client.name, "it did not answer in time")
@@ -227,54 +267,4 @@ async def ask_all(
     return Answers(
         {name: each for name, each in answers.items() if not isinstance(each, ServiceUnavailable)},
         {name: each for name, each in answers.items() if isinstance(each, ServiceUnavailable)},
-    )
-
-
-async def check_stations(servers: CellClients, query: StationCheckQuery) -> StationCheck:
-    """What all servers together know of these stations.
-
-    Raises
-    ------
-    RemoteProblem
-        NO_NETWORK: no network is published at any server.
-    ServiceUnavailable
-        A server does not answer, and may have a station that no other server has.
-    """
-
-    async def ask(client: ServiceClient) -> StationCheck | RemoteProblem:
-        try:
-            return await client.call(
-                "POST", "/internal/station-checks", body=query, answer=StationCheck
-            )
-        except RemoteProblem as problem:
-            if problem.problem.get("code") != "NO_NETWORK":
-                raise
-            return problem
-
-    answers = await ask_all(servers.every(), ask)
-    checks = [each for each in answers.given.values() if isinstance(each, StationCheck)]
-    found = _together(query, checks)
-    if found.unknown:
-        answers.must_be_whole()
-    for problem in answers.given.values():
-        if not checks and isinstance(problem, RemoteProblem):
-            raise problem
-    return found
-
-
-def _together(query: StationCheckQuery, checks: list[StationCheck]) -> StationCheck:
-    """The answers as one: a server knows the stations of its own networks alone."""
-    asked = dict.fromkeys(query.station_ids)
-    network_ids = {name: each for check in checks for name, each in check.network_ids.items()}
-    reached = {
-        station_id
-        for check in checks
-        for station_id in check.network_ids
-        if station_id not in check.unreachable
-    }
-    return StationCheck(
-        network_ids=network_ids,
-        positions={name: each for check in checks for name, each in check.positions.items()},
-        unknown=tuple(each for each in asked if each not in network_ids),
-        unreachable=tuple(each for each in asked if each in network_ids and each not in reached),
     )

@@ -51,6 +51,7 @@ from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.gauges import GatewayGauges
 from skyway_gateway.live.figures import LiveFigures
 from skyway_gateway.live.routes import live_routes
+from skyway_gateway.network_store import read_cells
 from skyway_gateway.notifications.delivery_events import EventStream
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
 from skyway_gateway.notifications.routes import (
@@ -207,6 +208,7 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             await take_over(parts)
             await opened.enter_async_context(parts.clients["registry"])
             await opened.enter_async_context(parts.servers)
+            await parts.servers.begin_with(await read_cells(parts.db))
             await opened.enter_async_context(parts.post)
             await opened.enter_async_context(mqtt)
             loops = await opened.enter_async_context(Loops())

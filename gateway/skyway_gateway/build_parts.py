@@ -36,6 +36,7 @@ from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, Deliv
 from skyway_gateway.forward.table import open_calls, own_body_limits, tenants_body_limits
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.sources import Deliveries, Drones, World
+from skyway_gateway.network_store import keep_cells
 from skyway_gateway.notifications.delivery_events import EventListeners, EventRecorder
 from skyway_gateway.notifications.fair_slots import FairSlots, SlotLimits
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
@@ -74,7 +75,8 @@ def build_parts(
     """The parts with these clients and this clock; nothing is opened."""
     db = Database(settings.database_url, outbox=outbox)
     registry = RestRegistry(clients["registry"])
-    servers = CellClients(clients["composition"], Cells(table_from(clients["registry"])))
+    cells = Cells(table_from(clients["registry"]), keep=partial(keep_cells, db))
+    servers = CellClients(clients["composition"], cells)
     networks = NetworkLearner(stations_from(servers.of), keep=partial(keep_network, db))
     find = NetworkFinder(servers, networks.cached, db)
     composition = RoutedComposition(servers, find)

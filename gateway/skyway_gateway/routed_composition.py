@@ -3,8 +3,8 @@
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from skyway.announced_networks import CachedNetworks
-from skyway.cells import CellClients, ask_all, check_stations
+from skyway.announced_networks import CachedNetworks, check_stations
+from skyway.cells import CellClients, ask_all
 from skyway.contracts.forgotten_deliveries import ForgetDeliveries, KeptDeliveries
 from skyway.contracts.mission import (
     Booking,

@@ -11,6 +11,7 @@ from typing import Final
 from fastapi import FastAPI
 
 from skyway.cells import READ_EVERY_S
+from skyway.contracts.cells import CellTable
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -145,6 +146,7 @@ def build_app(settings: RegistrySettings) -> FastAPI:
         parts.cloud_keys.read()  # without them no drone could be registered
         await migrate(settings.database_url, PACKAGE)
         async with parts.db, servers, mqtt, Loops() as loops:
+            await servers.begin_with(CellTable(cells=()))
             # First of all: without its accounts the broker refuses everybody, this service too.
             await parts.password_file.refresh()
             follower = PresenceFollower(

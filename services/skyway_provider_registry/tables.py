@@ -60,6 +60,7 @@ cells = Table(
     Column("url", Text, nullable=False),
     Column("state", Text, nullable=False),
     Column("generation", BigInteger, nullable=False, unique=True),
+    Column("closed_wall_ms", BigInteger),  # null while it is open
     CheckConstraint("state IN ('OPEN', 'CLOSED')", name="cell_state"),
 )
 

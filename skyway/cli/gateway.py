@@ -19,6 +19,9 @@ _URL = "SKYWAY_GATEWAY_URL"
 #: Seconds; the gateway needs a while to check and store a network of many thousand stations.
 _TIMEOUT_S = 120.0
 
+#: Names the cells whose part of a list is missing (docs/reference/rest.md).
+_SILENT_CELLS = "Skyway-Silent-Cells"
+
 #: Exit code when the gateway cannot be reached or refuses the call.
 EXIT_REFUSED = 1
 
@@ -55,6 +58,8 @@ def call_gateway(
     if not answer.is_success:
         problem = _with_options(_problem(answer), options)
         fail(f"{method} {path} was answered {answer.status_code}: {problem}")
+    if silent := answer.headers.get(_SILENT_CELLS):
+        typer.echo(f"without {silent}, which gave no answer", err=True)
     return answer.json() if answer.content else None
 
 

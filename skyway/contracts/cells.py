@@ -6,6 +6,7 @@ is not in the table is served by the composition of `SKYWAY_COMPOSITION_URL`.
 
 import re
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field
@@ -49,6 +50,10 @@ class NetworkCell(JsonModel):
     generation: Annotated[
         int, Field(ge=1, description="Grows with each change of the table of cells.")
     ]
+    closed_at: Annotated[
+        datetime | None,
+        Field(description="Since when it accepts no new requests, wall time; null while it does."),
+    ] = None
 
     @property
     def header(self) -> str:

@@ -2,6 +2,7 @@
 
 import pytest
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery
+from skyway_gateway.network_store import read_cells
 
 from skyway.contracts.cells import CELL_HEADER, NetworkCell
 from skyway.contracts.station_check import NetworkStations
@@ -97,6 +98,12 @@ async def test_a_closed_cell_gets_no_new_requests_and_those_that_wait_are_booked
     assert (refused.status_code, refused.headers["retry-after"]) == (503, "1")
     assert "the cell corridor is unavailable: it is closed" in refused.json()["detail"]
     assert (state, (await gateway.get(waiting))["state"]) == ("REQUESTED", "PLANNED")
+
+
+async def test_the_table_of_cells_is_kept_for_the_next_start(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    assert (await read_cells(gateway.parts.db)).cells == tuple(gateway.registry.cells)
 
 
 async def _due(gateway: Gateway) -> list[QueuedDelivery]:

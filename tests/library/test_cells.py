@@ -7,7 +7,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from skyway.cells import CellClients, Cells, ask_all, check_stations
+from skyway.announced_networks import check_stations
+from skyway.cells import CellClients, Cells, ask_all
 from skyway.contracts.cells import CELL_HEADER, CellTable, NetworkCell
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.geo import Position
@@ -35,8 +36,15 @@ class Servers:
     away: set[str] = field(default_factory=set)
     misdirected: set[str] = field(default_factory=set)
     empty: set[str] = field(default_factory=set)
+    is_unreadable: bool = False
+    kept: list[CellTable] = field(default_factory=list)
+
+    async def keep(self, table: CellTable) -> None:
+        self.kept.append(table)
 
     async def table(self) -> CellTable:
+        if self.is_unreadable:
+            raise ServiceUnavailable("registry", "away")
         return CellTable(cells=tuple(self.cells))
 
     def answer(self, request: httpx.Request) -> httpx.Response:
@@ -89,7 +97,7 @@ async def clients(around: Servers, tmp_path: Path) -> AsyncIterator[CellClients]
         ServiceIdentity("gateway", tmp_path),
         transport=httpx.MockTransport(around.answer),
     )
-    async with CellClients(default, Cells(around.table)) as opened:
+    async with CellClients(default, Cells(around.table, keep=around.keep)) as opened:
         yield opened
 
 
@@ -116,6 +124,22 @@ async def test_a_request_goes_to_the_cell_of_its_network_and_names_its_generatio
     assert await who(clients.of(NORTH)) == ("north", "north;3")
     assert await who(clients.of(SOUTH)) == ("composition", None)
     assert list(clients.every()) == ["composition", "the cell north"]
+
+
+async def test_a_kept_table_is_used_until_the_table_can_be_read(
+    clients: CellClients, around: Servers
+) -> None:
+    kept = CellTable(cells=(cell(NORTH, "north"),))
+    around.is_unreadable = True
+    await clients.begin_with(kept)
+    first = await who(clients.of(NORTH))
+    around.is_unreadable = False
+    around.cells = [cell(NORTH, "elsewhere", generation=2)]
+    await clients.refresh()
+
+    assert first == ("north", "north;1")
+    assert await who(clients.of(NORTH)) == ("elsewhere", "north;2")
+    assert around.kept == [CellTable(cells=tuple(around.cells))]
 
 
 async def test_networks_of_one_server_are_asked_once(clients: CellClients, around: Servers) -> None:

@@ -14,7 +14,7 @@ from typing import Any, Final
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
-from skyway.cells import CellClients, ask_all
+from skyway.cells import ANSWERS_WITHIN_S, CellClients, ask_all
 from skyway.errors import InvalidInput
 from skyway.ids import NetworkId, StationId
 from skyway.runtime.errors import ServiceUnavailable
@@ -134,7 +134,8 @@ class ForwardToCells:
                 "GET", path, answer=dict[str, Any], caller=caller, timeout_s=row.timeout_s
             )
 
-        answers = await ask_all(self.servers.every(), ask)
+        within_s = row.timeout_s if row.is_report else ANSWERS_WITHIN_S
+        answers = await ask_all(self.servers.every(), ask, within_s=within_s)
         pages = list(answers.given.values())
         if not pages:
             answers.must_be_whole()

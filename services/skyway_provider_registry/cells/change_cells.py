@@ -6,13 +6,19 @@ database holds the same rows.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import timedelta
+from typing import Final
 
 from skyway.contracts.cells import CELL_WORK, CellState, CellWork, NetworkCell
 from skyway.ids import NetworkId
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound, RowRefused
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.cells import store
+
+#: A server may not know for ten seconds that a cell is closed, and a booking takes twenty at most.
+_BOOKINGS_END_WITHIN: Final = timedelta(seconds=30)
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +27,7 @@ class CellChanges:
 
     db: Database
     default: ServiceClient
+    clock: FleetClock
 
     async def add(self, network_id: NetworkId, *, url: str) -> NetworkCell:
         """The cell of a network at this server; a repeated call changes nothing.
@@ -65,7 +72,10 @@ class CellChanges:
         """
         while (cell := await self._cell(network_id)).state != state:
             async with self.db.write() as tx:
-                await store.change(tx, [cell], state=state)
+                if state == "CLOSED":
+                    await store.close(tx, cell, wall_at=self.clock.wall_now())
+                else:
+                    await store.open_at(tx, [cell], url=cell.url)
         return cell
 
     async def move(self, network_id: NetworkId, *, url: str) -> NetworkCell:
@@ -89,13 +99,23 @@ class CellChanges:
         async with self.db.read() as connection:
             moving = [each for each in await store.every(connection) if each.url == cell.url]
         _refuse_open(moving)
+        self._refuse_just_closed(moving)
         old = await self._work(cell.url)
         _refuse_busy(cell, moving, old)
         _refuse_incomplete(cell, old, url=url, new=await self._own_work(url))
         async with self.db.write() as tx:
-            if not await store.change(tx, moving, state="OPEN", url=url):
+            if not await store.open_at(tx, moving, url=url):
                 raise Conflict("CELL_CHANGED", "another call has changed the cell: try again")
         return await self._cell(network_id)
+
+    def _refuse_just_closed(self, moving: Sequence[NetworkCell]) -> None:
+        closed_at = max(each.closed_at for each in moving if each.closed_at is not None)
+        if self.clock.wall_now() < closed_at + _BOOKINGS_END_WITHIN:
+            raise Conflict(
+                "CELL_BUSY",
+                f"a booking that began before the cell was closed at {closed_at} may take "
+                f"{_BOOKINGS_END_WITHIN.total_seconds():g} s: wait, and try again",
+            )
 
     async def _cell(self, network_id: NetworkId) -> NetworkCell:
         async with self.db.read() as connection:

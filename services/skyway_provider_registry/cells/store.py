@@ -1,28 +1,31 @@
 """All SQL of the table of cells."""
 
 from collections.abc import Collection
+from datetime import datetime
 
 from sqlalchemy import func, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.cells import CellState, NetworkCell
+from skyway.contracts.cells import NetworkCell
 from skyway.ids import NetworkId
 from skyway.runtime.errors import Conflict
+from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
+from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.tables import cells
 
 
 async def every(connection: AsyncConnection) -> tuple[NetworkCell, ...]:
     """All cells, in order of their networks."""
     found = await connection.execute(select(cells).order_by(cells.c.network_id))
-    return tuple(NetworkCell.model_validate(row._asdict()) for row in found)
+    return tuple(_cell(row) for row in found)
 
 
 async def of(connection: AsyncConnection, network_id: NetworkId) -> NetworkCell | None:
     """The cell of a network."""
     found = await connection.execute(select(cells).where(cells.c.network_id == network_id))
     row = found.one_or_none()
-    return None if row is None else NetworkCell.model_validate(row._asdict())
+    return None if row is None else _cell(row)
 
 
 async def refuse_another_cell(
@@ -51,22 +54,40 @@ async def add(tx: Tx, network_id: NetworkId, *, url: str) -> None:
     await tx.execute(cells.insert().values(row))
 
 
-async def change(
-    tx: Tx, seen: Collection[NetworkCell], *, state: CellState, url: str | None = None
-) -> bool:
-    """Change these cells, unless one of them has changed since it was seen: then False.
+async def close(tx: Tx, cell: NetworkCell, *, wall_at: datetime) -> bool:
+    """Close a cell; False if it has changed since it was seen."""
+    return await _change(tx, cell, state="CLOSED", closed_wall_ms=moment_to_ms(wall_at))
+
+
+async def open_at(tx: Tx, seen: Collection[NetworkCell], *, url: str) -> bool:
+    """Open these cells at a server; False if one of them has changed since it was seen.
 
     The caller leaves the block without a commit after False.
     """
-    for cell in sorted(seen, key=lambda each: each.network_id):
-        values = {"state": state, "generation": await _next_generation(tx), "url": url or cell.url}
-        as_seen = (cells.c.network_id == cell.network_id, cells.c.generation == cell.generation)
-        changed = await tx.execute(update(cells).where(*as_seen).values(values))
-        if changed.rowcount != 1:
-            return False
-    return True
+    in_order = sorted(seen, key=lambda each: each.network_id)
+    done = [
+        await _change(tx, cell, state="OPEN", url=url, closed_wall_ms=None) for cell in in_order
+    ]
+    return all(done)
+
+
+async def _change(tx: Tx, cell: NetworkCell, **values: str | int | None) -> bool:
+    row = {"generation": await _next_generation(tx), **values}
+    as_seen = (cells.c.network_id == cell.network_id, cells.c.generation == cell.generation)
+    return (await tx.execute(update(cells).where(*as_seen).values(row))).rowcount == 1
 
 
 async def _next_generation(tx: Tx) -> int:
     newest = (await tx.execute(select(func.max(cells.c.generation)))).scalar_one_or_none()
     return int(newest or 0) + 1
+
+
+def _cell(row: AnyRow) -> NetworkCell:
+    closed_ms = row.closed_wall_ms
+    return NetworkCell(
+        network_id=row.network_id,
+        url=row.url,
+        state=row.state,
+        generation=row.generation,
+        closed_at=None if closed_ms is None else ms_to_moment(closed_ms),
+    )

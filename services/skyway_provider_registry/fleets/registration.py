@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final, Protocol
 
+from skyway.announced_networks import check_stations
 from skyway.broker_setup.passwords import PasswordHash
-from skyway.cells import CellClients, check_stations
+from skyway.cells import CellClients
 from skyway.contracts.signature import CloudKeys
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.drone.model import DroneModel

@@ -1,11 +1,13 @@
 """The table of cells: what operators may change, and what each refusal says to do."""
 
+from datetime import timedelta
 from typing import Any
 
 import pytest
 from skyway_provider_registry.verify import RULES
 
 from skyway.contracts.cells import CellWork
+from skyway.runtime.clock import ManualClock
 from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
 from tests.provider_registry.conftest import Server
@@ -50,8 +52,17 @@ async def add(api: Any, network_id: str = "texas", *, url: str = NORTH) -> Any:
     return await api(OPERATOR, "PUT", f"/v1/cells/{network_id}", {"url": url})
 
 
-async def close(api: Any, network_id: str = "texas") -> Any:
-    return await api(OPERATOR, "PATCH", f"/v1/cells/{network_id}", {"state": "CLOSED"})
+@pytest.fixture
+def close(api: Any, clock: ManualClock) -> Any:
+    """Closes a cell, and waits until no booking can be under way."""
+
+    async def closed(network_id: str = "texas") -> None:
+        path = f"/v1/cells/{network_id}"
+        answer = await api(OPERATOR, "PATCH", path, {"state": "CLOSED"})
+        assert answer.status_code == 200, answer.text
+        clock.advance(timedelta(seconds=30))
+
+    return closed
 
 
 async def move(api: Any, *, url: str = SOUTH) -> Any:
@@ -86,7 +97,8 @@ async def test_an_address_that_is_none_is_refused(api: Any, url: str) -> None:
 
 
 async def test_an_unknown_cell_cannot_be_closed_or_moved(api: Any) -> None:
-    assert (await close(api)).status_code == 404
+    closed = await api(OPERATOR, "PATCH", "/v1/cells/texas", {"state": "CLOSED"})
+    assert closed.status_code == 404
     assert (await move(api)).status_code == 404
 
 
@@ -130,11 +142,11 @@ async def test_another_address_is_refused_with_the_command_that_moves(api: Any) 
 
 
 async def test_an_idle_closed_cell_moves_and_is_open(
-    api: Any, north: Server, south: Server, db: Database
+    api: Any, close: Any, north: Server, south: Server, db: Database
 ) -> None:
     before = (await add(api)).json()
     north.work = IDLE
-    await close(api)
+    await close()
 
     moved = await move(api)
 
@@ -166,11 +178,11 @@ async def test_an_open_cell_does_not_move(api: Any, north: Server, south: Server
     ],
 )
 async def test_a_cell_with_work_or_without_a_copy_does_not_move(
-    api: Any, north: Server, south: Server, changes: dict[str, Any], code: str
+    api: Any, close: Any, north: Server, south: Server, changes: dict[str, Any], code: str
 ) -> None:
     await add(api)
     north.work = work(**changes)
-    await close(api)
+    await close()
 
     refused = await move(api)
 
@@ -178,16 +190,32 @@ async def test_a_cell_with_work_or_without_a_copy_does_not_move(
     assert await table(api) == [("texas", NORTH, "CLOSED")]
 
 
+async def test_a_cell_moves_no_sooner_than_its_last_booking_has_ended(
+    api: Any, clock: ManualClock, north: Server, south: Server
+) -> None:
+    await add(api)
+    north.work = IDLE
+    await api(OPERATOR, "PATCH", "/v1/cells/texas", {"state": "CLOSED"})
+    clock.advance(timedelta(seconds=29))
+
+    refused = await move(api)
+    opened = await api(OPERATOR, "PATCH", "/v1/cells/texas", {"state": "OPEN"})
+
+    assert (refused.status_code, refused.json()["code"]) == (409, "CELL_BUSY")
+    assert "30 s" in refused.json()["detail"]
+    assert (opened.json()["state"], opened.json()["closed_at"]) == ("OPEN", None)
+
+
 async def test_the_networks_of_one_server_move_together(
-    api: Any, north: Server, south: Server
+    api: Any, close: Any, north: Server, south: Server
 ) -> None:
     await add(api)
     await add(api, "ohio")
     north.work = work(network_ids=("ohio", "texas"))
-    await close(api)
+    await close()
 
     refused = await move(api)
-    await close(api, "ohio")
+    await close("ohio")
     moved = await move(api)
 
     assert refused.json()["code"] == "CELL_OPEN"

@@ -16,6 +16,7 @@ def upgrade() -> None:
         sa.Column("url", sa.Text(), nullable=False),
         sa.Column("state", sa.Text(), nullable=False),
         sa.Column("generation", sa.BigInteger(), nullable=False),
+        sa.Column("closed_wall_ms", sa.BigInteger()),
         sa.CheckConstraint("state IN ('OPEN', 'CLOSED')", name="cell_state"),
         sa.PrimaryKeyConstraint("network_id"),
         sa.UniqueConstraint("generation"),
