@@ -74,7 +74,7 @@ class Parts:
     @property
     def cell_changes(self) -> CellChanges:
         """Changes the table of cells."""
-        return CellChanges(self.db, self.servers.default, self.clock)
+        return CellChanges(self.db, self.servers, self.clock)
 
 
 def composition_client(settings: RegistrySettings) -> ServiceClient:

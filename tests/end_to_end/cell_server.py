@@ -49,6 +49,8 @@ class CellServer:
                 stdout=log,
                 stderr=log,
             )
+
+    def until_ready(self) -> None:
         eventually(self._is_ready, f"{self.name} ready")
 
     def _is_ready(self) -> bool:
@@ -67,9 +69,8 @@ class CellServer:
 
 @contextmanager
 def cell_server(name: str, system: LocalSystem, *, port: int) -> Iterator[CellServer]:
-    """A server that runs until the block ends."""
+    """A server that a test starts, and that ends with the block."""
     server = CellServer(name, system, port)
-    server.start()
     try:
         yield server
     finally:

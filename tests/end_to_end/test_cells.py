@@ -1,19 +1,19 @@
 """A network with a server of composition of its own: a cell."""
 
 import os
-import subprocess
 from collections.abc import Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import httpx
 import pytest
+from typer.testing import CliRunner, Result
 
 from skyway.cli.data_folder import DataFolder
+from skyway.cli.main import make_app
 from tests.end_to_end.cell_server import CellServer, cell_server
 from tests.end_to_end.conftest import free_port
-from tests.end_to_end.local_system import SKYWAY, LocalSystem
+from tests.end_to_end.local_system import LocalSystem
 
 pytestmark = pytest.mark.end_to_end
 
@@ -38,27 +38,30 @@ def quote(system: LocalSystem, network: str, *, to: str | None = None) -> httpx.
     return system.call("POST", "/v1/quotes", key=system.keys["SKYWAY_CUSTOMER_KEY"], body=body)
 
 
+def run(system: LocalSystem, *arguments: str) -> Result:
+    """`skyway cell` in this process, because a process of its own takes seconds to start."""
+    command = ["cell", *arguments, "--data", str(system.folder.path)]
+    return CliRunner().invoke(make_app(["cell"]), command)
+
+
 def refusal(system: LocalSystem, *arguments: str) -> str:
     """Why `skyway cell` refuses."""
-    done = system.command("cell", *arguments)
-    assert done.returncode == 1, done.stdout
-    return done.stderr
+    done = run(system, *arguments)
+    assert done.exit_code == 1, done.output
+    return done.output
 
 
-def accept(system: LocalSystem, *arguments: str) -> str:
-    done = system.command("cell", *arguments)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+def accept(system: LocalSystem, *arguments: str) -> None:
+    done = run(system, *arguments)
+    assert done.exit_code == 0, done.output
 
 
 def copy(source: CellServer, target: CellServer) -> bool:
     """Copy a database; False while its server has work to do."""
-    urls = ("--from", source.database_url, "--to", target.database_url)
-    done = subprocess.run(
-        [*SKYWAY, "cell", "copy", *urls], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0 or "missions are not over" in done.stderr, done.stderr
-    return done.returncode == 0
+    urls = ["--from", source.database_url, "--to", target.database_url]
+    done = CliRunner().invoke(make_app(["cell"]), ["cell", "copy", *urls])
+    assert done.exit_code == 0 or "missions are not over" in done.output, done.output
+    return done.exit_code == 0
 
 
 def missions(system: LocalSystem) -> tuple[set[str], str | None]:
@@ -67,14 +70,6 @@ def missions(system: LocalSystem) -> tuple[set[str], str | None]:
     assert answer.status_code == 200, answer.text
     found = {each["delivery_id"] for each in answer.json()["items"]}
     return found, answer.headers.get("Skyway-Silent-Cells")
-
-
-def fly(system: LocalSystem, network: str) -> str:
-    """The id of a delivery in this network that is completed."""
-    delivery_id = system.request_delivery([f"{network}-s2"], pickup=f"{network}-s1")
-    delivery: dict[str, Any] = system.until_ended(delivery_id)
-    assert delivery["state"] == "COMPLETED", delivery
-    return delivery_id
 
 
 def request_for_later(system: LocalSystem, network: str) -> str:
@@ -95,15 +90,21 @@ def test_a_cell_works_alone_and_moves_when_it_is_idle(system: LocalSystem) -> No
         cell_server("first", system, port=free_port()) as first,
         cell_server("second", system, port=free_port()) as second,
     ):
+        first.start()
         assert "cannot be reached" in refusal(system, "add", "north", "--url", "http://127.0.0.1:1")
+        system.publish_corridor("south")
+        system.start_fleet(["south-s1"] * 2, name="South Air")
+        first.until_ready()
         accept(system, "add", "north", "--url", first.url)
         assert "skyway cell move" in refusal(system, "add", "north", "--url", second.url)
         system.publish_corridor("north")
-        system.publish_corridor("south")
-        for network in ("north", "south"):
-            system.start_fleet([f"{network}-s1"], name=f"{network} Air")
+        system.start_fleet(["north-s1"], name="North Air")
 
-        flown = {fly(system, "north"), fly(system, "south")}
+        requested = [
+            system.request_delivery([f"{each}-s2"], pickup=f"{each}-s1")
+            for each in ("north", "south")
+        ]
+        flown = {system.until_state(each, "COMPLETED")["delivery_id"] for each in requested}
 
         assert missions(system) == (flown, None)
         between = quote(system, "north", to="south")
@@ -115,15 +116,15 @@ def test_a_cell_works_alone_and_moves_when_it_is_idle(system: LocalSystem) -> No
         stopped = quote(system, "north")
         assert (stopped.status_code, stopped.headers["Retry-After"]) == (503, "1")
         assert "the cell north" in stopped.json()["detail"]
-        assert quote(system, "south").json()["offers"]
-        south = fly(system, "south")
+        south = system.request_delivery(["south-s2"], pickup="south-s1")
+        waiting = request_for_later(system, "north")
+        system.until_state(south, "PLANNED", "DISPATCHED", "LOADING", "IN_PROGRESS", "COMPLETED")
         listed, silent = missions(system)
         assert south in listed
         assert silent == "the cell north"
 
         first.start()
-        booked = request_for_later(system, "north")
-        system.until_state(booked, "PLANNED", "DISPATCHED")
+        system.until_state(waiting, "PLANNED", "DISPATCHED")
         assert "skyway cell close north" in refusal(system, "move", "north", "--to", second.url)
         accept(system, "close", "north")
         assert "wait" in refusal(system, "move", "north", "--to", second.url)
@@ -133,20 +134,21 @@ def test_a_cell_works_alone_and_moves_when_it_is_idle(system: LocalSystem) -> No
         assert "the cell north is unavailable: it is closed" in closed.json()["detail"]
         # A closed cell finishes its work, and a cancellation is part of it.
         key = system.keys["SKYWAY_CUSTOMER_KEY"]
-        cancelled = system.call("POST", f"/v1/deliveries/{booked}/cancel", key=key, body={})
+        cancelled = system.call("POST", f"/v1/deliveries/{waiting}/cancel", key=key, body={})
         assert cancelled.json()["state"] == "CANCELLED", cancelled.text
         system.eventually(lambda: copy(first, second), "a copy after the end of all missions")
+        second.start()
         # A booking that began before the cell was closed may take half a minute.
         system.eventually(
-            lambda: system.command("cell", "move", "north", "--to", second.url).returncode == 0,
-            "the move",
+            lambda: run(system, "move", "north", "--to", second.url).exit_code == 0, "the move"
         )
         first.stop()
 
-        moved = fly(system, "north")
+        moved = system.request_delivery(["north-s2"], pickup="north-s1")
+        system.until_state(moved, "COMPLETED")
 
         listed, silent = missions(system)
-        assert {*flown, south, booked, moved} <= listed
+        assert {*flown, south, waiting, moved} <= listed
         assert silent is None
         verified = system.command("verify", "--cell", second.database_url)
         assert verified.returncode == 0, verified.stdout + verified.stderr

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final
 
+from skyway.cells import CellClients
 from skyway.contracts.cells import CELL_WORK, CellState, CellWork, NetworkCell
 from skyway.ids import NetworkId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound, RowRefused
-from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.cells import store
 
@@ -26,7 +26,7 @@ class CellChanges:
     """Changes the table; every refusal says what to do."""
 
     db: Database
-    default: ServiceClient
+    servers: CellClients
     clock: FleetClock
 
     async def add(self, network_id: NetworkId, *, url: str) -> NetworkCell:
@@ -46,21 +46,19 @@ class CellChanges:
             _refuse_another(cell, url)
             return cell
         await self._own_work(url)
-        if (
-            url != self.default.url
-            and network_id in (await self._work(self.default.url)).network_ids
-        ):
+        present = self.servers.default.url
+        if url != present and network_id in (await self._work(present)).network_ids:
             raise Conflict(
                 "NETWORK_ELSEWHERE",
-                f"{network_id} is published at {self.default.url}: add its cell there (skyway cell "
-                f"add {network_id} --url {self.default.url}), and move it",
+                f"{network_id} is published at {present}: add its cell there (skyway cell add "
+                f"{network_id} --url {present}), and move it",
             )
         try:
             async with self.db.write() as tx:
                 await store.add(tx, network_id, url=url)
         except RowRefused:  # another call has changed the table in between
             return await self.add(network_id, url=url)
-        return await self._cell(network_id)
+        return await self._changed(network_id)
 
     async def set_state(self, network_id: NetworkId, state: CellState) -> NetworkCell:
         """Close a cell to new requests, or open it again; a repeated call changes nothing.
@@ -76,7 +74,7 @@ class CellChanges:
                     await store.close(tx, cell, wall_at=self.clock.wall_now())
                 else:
                     await store.open_at(tx, [cell], url=cell.url)
-        return cell
+        return await self._changed(network_id)
 
     async def move(self, network_id: NetworkId, *, url: str) -> NetworkCell:
         """The cell of a network, which is open at another server from now on.
@@ -106,7 +104,7 @@ class CellChanges:
         async with self.db.write() as tx:
             if not await store.open_at(tx, moving, url=url):
                 raise Conflict("CELL_CHANGED", "another call has changed the cell: try again")
-        return await self._cell(network_id)
+        return await self._changed(network_id)
 
     def _refuse_just_closed(self, moving: Sequence[NetworkCell]) -> None:
         closed_at = max(each.closed_at for each in moving if each.closed_at is not None)
@@ -116,6 +114,11 @@ class CellChanges:
                 f"a booking that began before the cell was closed at {closed_at} may take "
                 f"{_BOOKINGS_END_WITHIN.total_seconds():g} s: wait, and try again",
             )
+
+    async def _changed(self, network_id: NetworkId) -> NetworkCell:
+        """The cell after a change; this process knows the change when the caller does."""
+        await self.servers.refresh()
+        return await self._cell(network_id)
 
     async def _cell(self, network_id: NetworkId) -> NetworkCell:
         async with self.db.read() as connection:
@@ -135,7 +138,7 @@ class CellChanges:
         return work
 
     async def _work(self, url: str) -> CellWork:
-        async with self.default.at(url).adding(f"composition at {url}", {}) as client:
+        async with self.servers.default.at(url).adding(f"composition at {url}", {}) as client:
             return await client.call("GET", CELL_WORK, answer=CellWork)
 
 

@@ -6,7 +6,9 @@ from typing import Any
 import pytest
 from skyway_provider_registry.verify import RULES
 
+from skyway.cells import CellClients
 from skyway.contracts.cells import CellWork
+from skyway.ids import NetworkId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
@@ -74,8 +76,11 @@ async def table(api: Any) -> Any:
     return [(each["network_id"], each["url"], each["state"]) for each in answer.json()["cells"]]
 
 
-async def test_a_new_cell_is_open_and_added_once(api: Any) -> None:
+async def test_a_new_cell_is_open_and_added_once(api: Any, servers: CellClients) -> None:
     first, again = await add(api), await add(api)
+
+    # The registry itself asks the new server from now on.
+    assert servers.of(NetworkId("texas")).url == NORTH
 
     assert first.status_code == again.status_code == 200
     assert first.json() == again.json()
