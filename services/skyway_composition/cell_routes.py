@@ -1,5 +1,6 @@
 """The entrance for requests of cells, and what the registry asks before it moves a cell."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Final
@@ -7,6 +8,7 @@ from typing import Annotated, Final
 from fastapi import Depends, Request
 
 from skyway.contracts.cells import CELL_HEADER, CELL_WORK, CellWork, NamedCell
+from skyway.ids import NetworkId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.entrance import ServiceEntrance
 from skyway.runtime.http.identity import Caller, ServiceGate
@@ -22,6 +24,9 @@ _BEGINNINGS: Final = (
     ("POST", "/internal/offers", ""),
     ("PUT", "/internal/deliveries/", "/missions"),
 )
+
+
+_NETWORK: Final = re.compile(r"/v1/networks/([^/]+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +46,9 @@ class CellEntrance:
                 for method, first, last in _BEGINNINGS
             )
             await self.own.refuse_misdirected(NamedCell.parse(text), begins=begins)
+        elif request.method == "PUT" and (published := _NETWORK.fullmatch(request.scope["path"])):
+            # The sender may not know yet that the network has a cell.
+            self.own.refuse_foreign(NetworkId(published[1]))
         return headers
 
 

@@ -56,6 +56,19 @@ class OwnCells:
         network_id = self._homes.get(drone_id)
         return network_id is not None and not self.serves(network_id)
 
+    def refuse_foreign(self, network_id: NetworkId) -> None:
+        """Go on only if this server serves a network that a request does not name as a cell.
+
+        Raises
+        ------
+        Misdirected
+            Another server serves the network.
+        """
+        if not self.serves(network_id):
+            cell = self.cells.of(network_id)
+            other = "no cell" if cell is None else cell.url
+            raise Misdirected(f"{network_id} is served by {other}, not by this server ({self.url})")
+
     async def refuse_misdirected(self, named: NamedCell, *, begins: bool) -> None:
         """Go on only if this server serves the network of a request.
 

@@ -1,6 +1,6 @@
 """The parts of the registry; nothing is opened here."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -64,6 +64,7 @@ class Parts:
     signatures: SignatureCheck
     drone_limit: DroneLimit
     servers: CellClients
+    cell_hosts: Collection[str]
     gauges: Gauges = field(default_factory=Gauges)
 
     @property
@@ -74,7 +75,7 @@ class Parts:
     @property
     def cell_changes(self) -> CellChanges:
         """Changes the table of cells."""
-        return CellChanges(self.db, self.servers, self.clock)
+        return CellChanges(self.db, self.servers, self.clock, self.cell_hosts)
 
 
 def composition_client(settings: RegistrySettings) -> ServiceClient:
@@ -123,4 +124,5 @@ def parts_in_life(settings: RegistrySettings) -> Parts:
         signatures=SignatureCheck(KeyBook(StoredKeys(db, clock), clock), NoQuarantine()),
         drone_limit=DroneLimit(db, settings.drones_per_provider),
         servers=servers,
+        cell_hosts=settings.cell_hosts,
     )

@@ -45,6 +45,15 @@ class RegistrySettings(ServiceSettings):
         description="`mqtts://HOST:PORT`: the broker's listener for drones, which each drone gets "
         "at its enrolment. Several, parted by commas, for the nodes of a cluster.",
     )
+    cell_hosts: Annotated[
+        tuple[str, ...],
+        NoDecode,
+        Field(
+            description="Hosts of the servers that operators may name as cells, separated by "
+            "commas, such as `composition-*`. The services show these servers their secrets. "
+            "Without any only the composition of `SKYWAY_COMPOSITION_URL` can be named."
+        ),
+    ] = ()
     drones_per_provider: int = Field(
         default=20_000, ge=1, le=1_000_000, description="Drones of one provider."
     )
@@ -57,14 +66,20 @@ class RegistrySettings(ServiceSettings):
         Field(gt=0, le=3_650, description="Days of wall time for which minutes are kept."),
     ] = 30.0
 
-    @field_validator("mqtt_drone_url", mode="before")
+    @field_validator("cell_hosts", "mqtt_drone_url", mode="before")
     @classmethod
-    def _part(cls, urls: str | tuple[str, ...]) -> tuple[str, ...]:
-        """The URLs of a broker's nodes."""
-        parted = tuple(url.strip() for url in urls.split(",")) if isinstance(urls, str) else urls
-        for url in parted:
+    def _part(cls, value: object) -> object:
+        """The members of a text with commas."""
+        if isinstance(value, str):
+            return tuple(part.strip() for part in value.split(",") if part.strip())
+        return value
+
+    @field_validator("mqtt_drone_url")
+    @classmethod
+    def _are_addresses(cls, urls: tuple[str, ...]) -> tuple[str, ...]:
+        for url in urls:
             try:
                 BrokerAddress.parse(url)
             except InvalidInput as error:
                 raise ValueError("must look like mqtts://host:port,mqtts://other:port") from error
-        return parted
+        return urls

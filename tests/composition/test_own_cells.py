@@ -112,6 +112,18 @@ async def test_a_header_of_another_form_is_refused(composition: Any, serve: Serv
         assert (await read_network(composition, header)).status_code == 422, header
 
 
+async def test_a_network_is_published_only_at_its_own_server(
+    composition: Any, serve: Serve, make: Any
+) -> None:
+    await serve(cell(OTHERS), is_default=True)
+    elsewhere = await composition(OPERATOR, "PUT", "/v1/networks/row", make.network())
+    without = await composition(OPERATOR, "PUT", "/v1/networks/new", make.network(stations="xyz"))
+    await serve(cell(OTHERS))
+    of_default = await composition(OPERATOR, "PUT", "/v1/networks/new", make.network())
+
+    assert (elsewhere.status_code, without.status_code, of_default.status_code) == (421, 201, 421)
+
+
 async def test_a_closed_cell_begins_nothing_and_still_answers(
     composition: Any, serve: Serve
 ) -> None:

@@ -22,6 +22,7 @@ pytestmark = pytest.mark.end_to_end
 def system(tmp_path: Path) -> Iterator[LocalSystem]:
     """A running system of its own, because a table of cells holds for all its networks."""
     environment = {k: v for k, v in os.environ.items() if not k.startswith("SKYWAY_")}
+    environment["SKYWAY_CELL_HOSTS"] = "127.0.0.1"
     local = LocalSystem(DataFolder(tmp_path / "data"), environment)
     local.folder.make()
     try:

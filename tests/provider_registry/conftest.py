@@ -168,8 +168,10 @@ class Server:
     """A server of composition, as the registry asks it before it changes the table of cells."""
 
     work: CellWork | None = None
+    asked: int = 0
 
     def answer(self, _request: httpx.Request) -> httpx.Response:
+        self.asked += 1
         if self.work is None:
             raise httpx.ConnectError("no such server")
         return httpx.Response(200, content=self.work.model_dump_json())
@@ -231,6 +233,7 @@ async def api(
         signatures=SignatureCheck(unsigned_book(clock), NoQuarantine()),
         drone_limit=DroneLimit(db, 6_000),
         servers=servers,
+        cell_hosts=("north", "so*"),
     )
 
     async with httpx.AsyncClient(

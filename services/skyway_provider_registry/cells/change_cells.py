@@ -4,13 +4,16 @@ A move loses nothing: it needs an old server that has finished its work, and a n
 database holds the same rows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
+from fnmatch import fnmatch
 from typing import Final
+from urllib.parse import urlsplit
 
 from skyway.cells import CellClients
 from skyway.contracts.cells import CELL_WORK, CellState, CellWork, NetworkCell
+from skyway.errors import InvalidInput
 from skyway.ids import NetworkId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound, RowRefused
@@ -28,12 +31,16 @@ class CellChanges:
     db: Database
     servers: CellClients
     clock: FleetClock
+    #: Patterns of the hosts that may be named.
+    hosts: Collection[str]
 
     async def add(self, network_id: NetworkId, *, url: str) -> NetworkCell:
         """The cell of a network at this server; a repeated call changes nothing.
 
         Raises
         ------
+        InvalidInput
+            The deployment does not allow this host.
         Conflict
             CELL_EXISTS, NETWORK_ELSEWHERE: the network has another server. WRONG_SERVER: the
             server does not know this address as its own.
@@ -85,6 +92,8 @@ class CellChanges:
         ------
         NotFound
             The network has no cell.
+        InvalidInput
+            The deployment does not allow this host.
         Conflict
             CELL_OPEN, CELL_BUSY, CELL_NOT_ALONE: the old server may still work. CELL_NOT_COPIED,
             WRONG_SERVER: the new server cannot take over. CELL_CHANGED: the table has changed.
@@ -127,7 +136,15 @@ class CellChanges:
             raise NotFound("cell", network_id)
         return cell
 
+    def _refuse_unknown_host(self, url: str) -> None:
+        """Go on only if the services may show their secrets to the server at this address."""
+        host = urlsplit(url).hostname or ""
+        if url != self.servers.default.url and not any(fnmatch(host, each) for each in self.hosts):
+            detail = f"the host {host} is not in SKYWAY_CELL_HOSTS of the registry"
+            raise InvalidInput("url", detail)
+
     async def _own_work(self, url: str) -> CellWork:
+        self._refuse_unknown_host(url)
         work = await self._work(url)
         if work.cell_url != url:
             raise Conflict(

@@ -101,6 +101,19 @@ async def test_an_address_that_is_none_is_refused(api: Any, url: str) -> None:
     assert (await add(api, url=url)).status_code == 422
 
 
+@pytest.mark.parametrize("url", ["http://evil", "http://north.evil", "http://north:80@evil"])
+async def test_a_host_that_the_deployment_does_not_name_never_gets_a_secret(
+    api: Any, compositions: dict[str, Server], url: str
+) -> None:
+    compositions["evil"] = compositions["north.evil"] = Server(work(cell_url=url))
+
+    refused = await add(api, url=url)
+
+    assert refused.status_code == 422
+    assert "SKYWAY_CELL_HOSTS" in refused.json()["detail"]
+    assert compositions["evil"].asked == compositions["north.evil"].asked == 0
+
+
 async def test_an_unknown_cell_cannot_be_closed_or_moved(api: Any) -> None:
     closed = await api(OPERATOR, "PATCH", "/v1/cells/texas", {"state": "CLOSED"})
     assert closed.status_code == 404
