@@ -108,9 +108,13 @@ class OwnDrones:
     reception: Reception
     own: OwnCells
 
+    def is_ours(self, ids: tuple[str, ...]) -> bool:
+        """Whether this process reads the messages of this sender."""
+        return not self.own.is_foreign(ids[1]) and self.reception.is_ours(ids)
+
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         """Whether to drop the messages of this sender, unread."""
-        return self.own.is_foreign(ids[1]) or self.reception.is_shut_out(ids)
+        return self.reception.is_shut_out(ids)
 
     def unreadable(
         self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, error: ValidationError
