@@ -144,7 +144,7 @@ def _plan_of(situation: Situation, findings: Findings, stop: Stop) -> Plan:
     """The plan found; without a plan, the proof that there is none, if the proof is cheap."""
     if findings.itinerary is not None:
         status = PlanStatus.OPTIMAL if findings.is_proven_best else PlanStatus.FEASIBLE
-        return _flyable(findings.itinerary, status, findings.lower_bound_s)
+        return flyable(findings.itinerary, status, findings.lower_bound_s)
     proof = findings.infeasibility
     if proof is None and findings.lower_bound_s is None:
         proof = proof_of_infeasibility(situation, stop)
@@ -157,7 +157,8 @@ def _infeasible(infeasibility: Infeasibility) -> Plan:
     return Plan(status=PlanStatus.INFEASIBLE, infeasibility=infeasibility)
 
 
-def _flyable(itinerary: Itinerary, status: PlanStatus, lower_bound_s: float | None) -> Plan:
+def flyable(itinerary: Itinerary, status: PlanStatus, lower_bound_s: float | None) -> Plan:
+    """The plan of this itinerary."""
     steps = itinerary.steps
     return Plan(
         status=status,

@@ -20,6 +20,9 @@ from skyway.planner.kernels.memory import (
 from skyway.planner.kernels.places import refill_table
 from skyway.planner.kernels.states import refill_state_table
 
+#: The destinations of a search and its source.
+MOST_TREES: Final = 13
+
 #: Labels that may be in the queue once more, because they were put back.
 _PUT_BACK = 8
 
@@ -55,10 +58,15 @@ def new_memory(trees: int, ranks: int = 0, *, room: Room = AMPLE) -> Memory:
     return memory
 
 
-def enlarged(memory: Memory) -> Memory:
-    """The same memory with twice the room in each array that is half full."""
+def enlarged(memory: Memory, *, trees: int | None = None) -> Memory:
+    """The same memory with twice the room in each array that is half full.
+
+    `trees` is the new number of trees; None leaves it and makes something else larger.
+    """
     count = memory.counts
-    larger = _sized(memory.radius.size, 0, _larger_room(memory))
+    before = memory.radius.size
+    room = _larger_room(memory, must_grow=trees is None)
+    larger = _sized(before if trees is None else trees, 0, room)
     used = {
         "row": PLACES, "arc_first": PLACES, "arc_count": PLACES, "window_first": PLACES,
         "window_count": PLACES, "is_searched": PLACES,
@@ -68,12 +76,17 @@ def enlarged(memory: Memory) -> Memory:
     }  # fmt: skip
     for name, row in used.items():
         getattr(larger, name)[: count[row]] = getattr(memory, name)[: count[row]]
-    for name in ("counts", "best_s", "radius", "reach", "tree_size"):
+    for name in ("counts", "best_s", "tree_of"):
         getattr(larger, name)[:] = getattr(memory, name)
+    for name in ("radius", "reach", "tree_size"):
+        getattr(larger, name)[:before] = getattr(memory, name)
     for name in ("distance", "tree_key", "tree_heap", "tree_slot"):
-        getattr(larger, name)[:, : count[PLACES]] = getattr(memory, name)[:, : count[PLACES]]
+        getattr(larger, name)[:before, : count[PLACES]] = getattr(memory, name)[:, : count[PLACES]]
     larger = larger._replace(
-        rank_distance=memory.rank_distance, rank_known=memory.rank_known, climb=memory.climb
+        rank_distance=memory.rank_distance,
+        rank_known=memory.rank_known,
+        climb=memory.climb,
+        tree_of_row=memory.tree_of_row,
     )
     larger.counts[FULL] = 0
     notes = handle_of(larger)
@@ -82,12 +95,12 @@ def enlarged(memory: Memory) -> Memory:
     return larger
 
 
-def _larger_room(memory: Memory) -> Room:
+def _larger_room(memory: Memory, *, must_grow: bool) -> Room:
     sized = (memory.row, memory.arc_place, memory.window_s, memory.state, memory.label)
     sizes = np.array([len(each) for each in sized])
     used = memory.counts[[PLACES, ARCS, WINDOWS, STATES, LABELS]]
     grows = 2 * used >= sizes
-    if not grows.any():
+    if must_grow and not grows.any():
         # One station needed more arcs or windows than were left.
         grows[:] = True
     return Room(*np.where(grows, 2 * sizes, sizes).tolist())
@@ -97,7 +110,7 @@ def _sized(trees: int, ranks: int, room: Room) -> Memory:
     """Arrays of these sizes; only counts and tables are filled, with zeros."""
     places, arcs, states, labels = room.places, room.arcs, room.states, room.labels
     return Memory(
-        counts=np.zeros(9, np.int64),
+        counts=np.zeros(11, np.int64),
         best_s=np.empty(1),
         row=np.empty(places, np.int64),
         table=np.zeros(2 * places, np.int64),
@@ -106,6 +119,8 @@ def _sized(trees: int, ranks: int, room: Room) -> Memory:
         window_first=np.empty(places, np.int64),
         window_count=np.empty(places, np.int64),
         is_searched=np.empty(places, np.int64),
+        tree_of=np.arange(MOST_TREES, dtype=np.int64),
+        tree_of_row=np.empty(0, np.int64),
         distance=np.empty((trees, places)),
         rank_distance=np.empty((ranks, trees)),
         rank_known=np.zeros(ranks, np.int64),

@@ -162,6 +162,7 @@ def task_of(
         finish_j_at_source=0.0 if situation.destinations else situation.finish_j(problem.source),
         curve_s=curve_s,
         curve_j=curve_j,
+        begin_s=0.0,
         start_j=problem.drone.soc * model.battery_j,
         reserve_j=model.reserve_soc * model.battery_j,
         rounding_j=rounding_j(model),

@@ -89,6 +89,27 @@ class PadBook:
         """The same book with this moment of its scale as time 0."""
         return replace(self, zero_ms=moment_ms)
 
+    def without(self, sessions: npt.NDArray[np.int64]) -> Self:
+        """The same book without these sessions ``(k, 4)``, in milliseconds from its zero moment."""
+        held = {(row, pad, start, end) for row, pad, start, end in sessions.tolist()}
+        keeps = [
+            (row, pad, start - self.zero_ms, end - self.zero_ms) not in held
+            for row, pad, start, end in zip(
+                self.station.tolist(),
+                self.pad.tolist(),
+                self.start_ms.tolist(),
+                self.end_ms.tolist(),
+                strict=True,
+            )
+        ]
+        return replace(
+            self,
+            station=self.station[keeps],
+            pad=self.pad[keeps],
+            start_ms=self.start_ms[keeps],
+            end_ms=self.end_ms[keeps],
+        )
+
     def at(
         self, station_row: int, *, from_ms: float = -math.inf, until_ms: float = math.inf
     ) -> list[tuple[int, float, float]]:
@@ -96,7 +117,7 @@ class PadBook:
 
         Milliseconds, by pad and start; an open end is infinite.
         """
-        found = self._of(station_row)
+        found = self.rows_at(station_row)
         starts_ms, ends_ms = self.start_ms[found], self.end_ms[found]
         meets = (starts_ms < until_ms + self.zero_ms) & (ends_ms > from_ms + self.zero_ms)
         return [
@@ -109,7 +130,8 @@ class PadBook:
             )
         ]
 
-    def _of(self, station_row: int) -> slice:
+    def rows_at(self, station_row: int) -> slice:
+        """The rows of this station."""
         # With another type than the column's, numpy would convert the whole column.
         rows = np.array((station_row, station_row + 1), np.int32)
         first, end = np.searchsorted(self.station, rows).tolist()

@@ -13,11 +13,14 @@ from skyway.geo import Position
 from skyway.ids import DroneModelId, StationId
 from skyway.network.network import Network, Segment, Station
 from skyway.planner.compose import compose
+from skyway.planner.compose_many import compose_many
 from skyway.planner.exact_memory import enlarged, new_memory
 from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.kernels.ways import lengths_from
 from skyway.planner.pad_book import PadBook
+from skyway.planner.pad_ledger import PadLedger
 from skyway.planner.problem import PadReservation, Problem
+from skyway.planner.trips import Trips, TripTerms
 
 #: Three stations in a row, 6 km apart, and a drone that flies 10 km on a full battery.
 _STATIONS = tuple(StationId(name) for name in "abc")
@@ -45,10 +48,27 @@ def warm() -> None:
         compose(problem, booked=booked)
         compose(problem, booked=booked, hierarchy=hierarchy)
     enlarged(new_memory(trees=1))
+    _compose_many(network, booked)
     away = network.outgoing
     lengths_from(
         away.offsets, away.station, away.length_m, 0, np.array([2], np.int64), len(_STATIONS)
     )
+
+
+def _compose_many(network: Network, booked: PadBook) -> None:
+    ledger = PadLedger(TripTerms.of(network, [_MODEL]), booked)
+    trips = Trips.of(
+        start_row=0,
+        start_s=0.0,
+        soc=0.7,
+        source_row=0,
+        package_offsets=[0, 1],
+        destination_row=2,
+        mass_kg=0.4,
+    )
+    sessions = compose_many(trips, ledger).sessions(0)
+    ledger.reserve(sessions)
+    ledger.release(sessions)
 
 
 def _problems() -> Iterator[dict[str, Any]]:

@@ -79,7 +79,8 @@ def note_bounds(search: Search, state: int, place: int, mask: int) -> bool:
         for onward in range(count):
             if task.flight_after[mask, onward] == np.inf:
                 continue
-            length_m = min(memory.distance[onward, place], memory.radius[onward])
+            tree = memory.tree_of[onward]
+            length_m = min(memory.distance[tree, place], memory.radius[tree])
             if length_m == np.inf:
                 continue
             total = length_m * task.flight_s_per_m[mask] + task.flight_after[mask, onward]
@@ -88,13 +89,14 @@ def note_bounds(search: Search, state: int, place: int, mask: int) -> bool:
             total = length_m * task.need_per_m[mask] + task.need_after[mask, onward]
             if total < need:
                 need, cheapest = total, onward
-        tree = nearest
-        if tree < 0 or not _can_grow(memory, tree, place):
-            tree = cheapest
-        if tree < 0 or not _can_grow(memory, tree, place):
+        onward = nearest
+        if onward < 0 or not _can_grow(memory, memory.tree_of[onward], place):
+            onward = cheapest
+        if onward < 0 or not _can_grow(memory, memory.tree_of[onward], place):
             memory.state_bound[state, 0] = flight_s
             memory.state_bound[state, 1] = need
             return True
+        tree = memory.tree_of[onward]
         if not grow(skyway, closed, memory, tree, place, memory.reach[tree]):
             return False
 
@@ -103,8 +105,9 @@ def note_bounds(search: Search, state: int, place: int, mask: int) -> bool:
 def _note_approach(search: Search, state: int, place: int) -> bool:
     """Note both bounds of a state on the approach, from the source's tree; False when full."""
     task, memory = search.task, search.memory
-    tree = int64(task.destinations.size)
-    mask = 1 << tree
+    count = int64(task.destinations.size)
+    mask = 1 << count
+    tree = memory.tree_of[count]
     if _can_grow(memory, tree, place) and not grow(
         search.skyway, search.closed, memory, tree, place, memory.reach[tree]
     ):
@@ -164,7 +167,8 @@ def note_last_arrival(search: Search, state: int, place: int, mask: int) -> None
     for act in range(count + 1):
         is_due = is_approach if act == count else not is_approach and not mask >> act & 1
         if is_due and task.last_start_s[act] < np.inf:
-            length_m = min(memory.distance[act, place], memory.radius[act])
+            tree = memory.tree_of[act]
+            length_m = min(memory.distance[tree, place], memory.radius[tree])
             last_s = task.last_start_s[act] - length_m * task.least_s_per_m[mask]
             latest_s = min(latest_s, last_s)
     memory.state_bound[state, 2] = latest_s

@@ -14,9 +14,17 @@ from numba.experimental import structref
 
 from skyway.planner.kernels.compiler import entrance
 from skyway.planner.kernels.memory import Memory
-from skyway.planner.kernels.records import Book, Closed, Skyway, Task
+from skyway.planner.kernels.records import (
+    Book,
+    Closed,
+    Found,
+    Skyway,
+    Task,
+    Terms,
+    TripRows,
+)
 
-_Record = TypeVar("_Record", Skyway, Closed, Book, Task, Memory)
+_Record = TypeVar("_Record", Skyway, Closed, Book, Task, Memory, Terms, TripRows, Found)
 
 
 class _HandleType(types.StructRef):  # type: ignore[misc]  # numba has no types
@@ -50,6 +58,21 @@ class MemoryType(_HandleType):
     """The compiled type of a memory's handle."""
 
 
+@structref.register
+class TermsType(_HandleType):
+    """The compiled type of the terms' handle."""
+
+
+@structref.register
+class TripRowsType(_HandleType):
+    """The compiled type of the handle of trips."""
+
+
+@structref.register
+class FoundType(_HandleType):
+    """The compiled type of the handle of what is found for trips."""
+
+
 class SkywayHandle(structref.StructRefProxy):  # type: ignore[misc]  # numba has no types
     """A skyway behind a pointer."""
 
@@ -70,11 +93,26 @@ class MemoryHandle(structref.StructRefProxy):  # type: ignore[misc]
     """A memory behind a pointer."""
 
 
+class TermsHandle(structref.StructRefProxy):  # type: ignore[misc]
+    """Terms behind a pointer."""
+
+
+class TripRowsHandle(structref.StructRefProxy):  # type: ignore[misc]
+    """Trips behind a pointer."""
+
+
+class FoundHandle(structref.StructRefProxy):  # type: ignore[misc]
+    """What is found for trips, behind a pointer."""
+
+
 structref.define_proxy(SkywayHandle, SkywayType, list(Skyway._fields))
 structref.define_proxy(ClosedHandle, ClosedType, list(Closed._fields))
 structref.define_proxy(BookHandle, BookType, list(Book._fields))
 structref.define_proxy(TaskHandle, TaskType, list(Task._fields))
 structref.define_proxy(MemoryHandle, MemoryType, list(Memory._fields))
+structref.define_proxy(TermsHandle, TermsType, list(Terms._fields))
+structref.define_proxy(TripRowsHandle, TripRowsType, list(TripRows._fields))
+structref.define_proxy(FoundHandle, FoundType, list(Found._fields))
 
 
 @entrance
@@ -93,7 +131,8 @@ def _book_handle(record: Book) -> Any:
 
 
 @entrance
-def _task_handle(record: Task) -> Any:
+def task_handle(record: Task) -> Any:
+    """A task behind its handle, for kernels that make tasks."""
     return TaskHandle(*record)
 
 
@@ -102,12 +141,30 @@ def _memory_handle(record: Memory) -> Any:
     return MemoryHandle(*record)
 
 
+@entrance
+def _terms_handle(record: Terms) -> Any:
+    return TermsHandle(*record)
+
+
+@entrance
+def _trip_rows_handle(record: TripRows) -> Any:
+    return TripRowsHandle(*record)
+
+
+@entrance
+def _found_handle(record: Found) -> Any:
+    return FoundHandle(*record)
+
+
 _MAKERS: Final[dict[Any, Callable[[Any], Any]]] = {
     Skyway: _skyway_handle,
     Closed: _closed_handle,
     Book: _book_handle,
-    Task: _task_handle,
+    Task: task_handle,
     Memory: _memory_handle,
+    Terms: _terms_handle,
+    TripRows: _trip_rows_handle,
+    Found: _found_handle,
 }
 
 

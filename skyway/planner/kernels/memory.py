@@ -15,6 +15,7 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]
 Longs = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 #: The int type of the kernels. A plain 0, or an element of `Ints`, has another type for numba,
 #: which would compile the kernel again.
@@ -27,7 +28,8 @@ NONE: Final = int64(-1)
 INWARD: Final = int64(0)
 OUTWARD: Final = int64(1)
 
-# Rows of `Memory.counts`: how much of each array is in use, and which one is full.
+# Rows of `Memory.counts`: how much of each array is in use, and whether one is full. `STALE` counts
+# windows of stations whose reservations have changed since.
 PLACES: Final = 0
 ARCS: Final = 1
 WINDOWS: Final = 2
@@ -37,6 +39,8 @@ QUEUE: Final = 5
 FULL: Final = 6
 SEARCHED: Final = 7
 BEST: Final = 8
+TREES: Final = 9
+STALE: Final = 10
 
 # How a label was made.
 START: Final = int64(0)
@@ -79,6 +83,8 @@ class Memory(NamedTuple):
 
     - By place: `row` of the station, `arc_first` and `arc_count` ``(places, 2)``, `window_first`
       and `window_count`, `is_searched`. `table` finds the place of a row, plus 1; 0 is empty.
+    - `tree_of` ``(13,)``: the tree of each destination and at last of the source. Where trees are
+      kept for later searches, `tree_of_row` holds the tree of each station row, or -1.
     - By tree and place, ``(trees, places)``: `distance` in metres to the tree's root, and the heap
       of places to settle next (`tree_key`, `tree_heap`, `tree_slot`); by tree its `tree_size`, the
       `radius` up to which distances are final and the `reach` up to which it may grow, metres.
@@ -106,6 +112,8 @@ class Memory(NamedTuple):
     window_first: Longs
     window_count: Longs
     is_searched: Longs
+    tree_of: Longs
+    tree_of_row: Longs
     distance: Floats
     rank_distance: Floats
     rank_known: Longs

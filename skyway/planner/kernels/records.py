@@ -1,8 +1,8 @@
-"""The input of the kernels: the skyway, the task, closures and pad books; and a search of them."""
+"""The input of the kernels: the skyway, the task, closures, pad books; and columns of trips."""
 
 from typing import NamedTuple
 
-from skyway.planner.kernels.memory import Floats, Ints, Longs, Memory
+from skyway.planner.kernels.memory import Flags, Floats, Ints, Longs, Memory
 
 
 class Skyway(NamedTuple):
@@ -65,6 +65,8 @@ class Task(NamedTuple):
     `approach_flight_after` and `approach_need_after` the time after the source is reached.
     `s_per_j` is the least time to charge a joule.
 
+    `begin_s` is the moment at which the drone stands at the start.
+
     `finish_j` is the energy that must remain above the reserve after the last delivery. The charge
     curve leads through `curve_s`, `curve_j`. `levels` are the levels tried on each pad, 0 if
     charging is decided as late as possible. Only with `prunes` are dominated labels left out.
@@ -91,6 +93,7 @@ class Task(NamedTuple):
     finish_j_at_source: float
     curve_s: Floats
     curve_j: Floats
+    begin_s: float
     start_j: float
     reserve_j: float
     rounding_j: float
@@ -126,3 +129,90 @@ class Search(NamedTuple):
     given: Book
     known: Book
     memory: Memory
+
+
+class Terms(NamedTuple):
+    """What many trips have in common; seconds count from the calendar's zero.
+
+    By drone model, ``(n_models,)``: masses, the battery and its reserve, `rounding_j` within which
+    charges are equal, speeds, the power of an empty drone, `stop_s` and `stop_j` of a landing, and
+    `s_per_j`, the least time to charge a joule. The charge curves lie one after another, by
+    `curve_offsets`.
+
+    By station row: `to_pad_m` the least metres to a station with a pad, 0 where plans may end
+    anywhere. The opening hours of a row are those from ``hours_offsets[row]`` to the next offset;
+    `has_hours` says whether a row has any.
+    """
+
+    empty_kg: Floats
+    payload_kg: Floats
+    battery_j: Floats
+    reserve_j: Floats
+    rounding_j: Floats
+    speed_empty_mps: Floats
+    speed_full_mps: Floats
+    power_w: Floats
+    stop_s: Floats
+    stop_j: Floats
+    s_per_j: Floats
+    curve_offsets: Longs
+    curve_s: Floats
+    curve_j: Floats
+    to_pad_m: Floats
+    has_hours: Flags
+    hours_offsets: Longs
+    open_from_s: Floats
+    open_until_s: Floats
+    loading_s: float
+    dropoff_s: float
+    recharges_fully: bool
+
+
+class TripRows(NamedTuple):
+    """Trips as columns, see `skyway.planner.trips.Trips`.
+
+    `destination` and the fields after it are by package. The packages of a trip are those from
+    ``package_offsets[trip]`` to the next offset.
+    """
+
+    start: Ints
+    start_s: Floats
+    soc: Floats
+    model: Ints
+    source: Ints
+    on_board: Flags
+    pickup_from_s: Floats
+    pickup_until_s: Floats
+    latest_s: Floats
+    package_offsets: Longs
+    destination: Ints
+    mass_kg: Floats
+    from_s: Floats
+    until_s: Floats
+
+
+class Found(NamedTuple):
+    """What the kernels find for trips, written one trip after another.
+
+    `counts` ``(3,)``: how many trips are done, and how many rows of `act_link` and `session` are
+    used. By trip: `outcome`, `end_row`, `labels`, `end_s`, `left_j`, `used_j`, and the
+    offsets ``(n + 1,)`` of its acts and sessions. By package: `delivered_s`.
+
+    `act_link` holds each act's kind and segment row, `act_value` its level and the moment before
+    which it may not begin (see `skyway.planner.exact_itinerary.Act`). A row of `session` is a
+    station row, a pad, and the milliseconds from and until which it is held.
+    """
+
+    counts: Longs
+    outcome: Longs
+    end_row: Longs
+    labels: Longs
+    end_s: Floats
+    left_j: Floats
+    used_j: Floats
+    act_offsets: Longs
+    session_offsets: Longs
+    delivered_s: Floats
+    act_link: Longs
+    act_value: Floats
+    session: Longs

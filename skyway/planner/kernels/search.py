@@ -3,7 +3,7 @@
 import numpy as np
 
 from skyway.planner.kernels.charging import Charge, position_of
-from skyway.planner.kernels.compiler import entrance
+from skyway.planner.kernels.compiler import entrance, kernel
 from skyway.planner.kernels.flights import expand
 from skyway.planner.kernels.labels import FULL_MEMORY, delist, enlist, enqueue, note, note_goal
 from skyway.planner.kernels.memory import (
@@ -38,14 +38,20 @@ def begin(
     skyway: Skyway, task: Task, closed: Closed, given: Book, known: Book, memory: Memory
 ) -> bool:
     """Enter the drone at time 0, packages on board if it stands at the source; False when full."""
-    search = Search(skyway, task, closed, given, known, memory)
+    return begin_search(Search(skyway, task, closed, given, known, memory))
+
+
+@kernel
+def begin_search(search: Search) -> bool:
+    """`begin`, for other kernels."""
+    task, memory = search.task, search.memory
     place = place_of(memory, task.start)
     if place < 0:
         return False
     count = int64(task.destinations.size)
     at_source = task.start == task.source and not task.may_pass
     mask = int64(0) if at_source else int64(1) << count
-    loaded_s = task.loading_s if at_source else 0.0
+    loaded_s = task.begin_s + (task.loading_s if at_source else 0.0)
     position = position_of(task, task.start_j)
     charge = Charge(position, task.start_j, position, task.start_j)
     label = note(memory, NONE, START, NONE, loaded_s, charge, 0.0, np.inf, -np.inf)
@@ -79,7 +85,13 @@ def run(
     most_labels: int,
 ) -> int:
     """Search until the best plan is proven, no label is left, or there are this many labels."""
-    search = Search(skyway, task, closed, given, known, memory)
+    return run_search(Search(skyway, task, closed, given, known, memory), most_labels)
+
+
+@kernel
+def run_search(search: Search, most_labels: int) -> int:
+    """`run`, for other kernels."""
+    task, memory = search.task, search.memory
     while memory.counts[QUEUE] > 0:
         key = memory.queue_key[0]
         if key >= memory.best_s[0] or (task.weight > 1.0 and memory.counts[BEST] >= 0):

@@ -53,9 +53,14 @@ def enter_sessions(search: Search, label: int, place: int, mask: int) -> bool:
     if task.recharges_fully:
         return _enter_full(task, memory, label, place, state)
     end = first + memory.window_count[place]
-    window = first
-    while window < end and memory.window_s[window, 1] <= memory.label[label, TIME]:
-        window += 1
+    # Windows that are united lie apart, so their ends are in order too.
+    window, after = first, end
+    while window < after:
+        middle = (window + after) // 2
+        if memory.window_s[middle, 1] <= memory.label[label, TIME]:
+            window = middle + 1
+        else:
+            after = middle
     return _enter_session(task, memory, label, state, window, end)
 
 

@@ -26,13 +26,9 @@ _MASK_BITS = 13
 def state_of(search: Search, place: int, mask: int) -> int:
     """The state of this place and mask, noted with its bounds if new; -1 when full."""
     memory = search.memory
-    key = (int64(place) << _MASK_BITS) | mask
-    slot = slot_of(key, memory.state_table.size)
-    while memory.state_table[slot] != 0:
-        state = memory.state_table[slot] - 1
-        if memory.state[state, STATE_PLACE] == place and memory.state[state, STATE_MASK] == mask:
-            return state
-        slot = (slot + 1) & (memory.state_table.size - 1)
+    slot = slot_of_state(memory, place, mask)
+    if memory.state_table[slot] != 0:
+        return memory.state_table[slot] - 1
     state = memory.counts[STATES]
     if state >= memory.state.shape[0]:
         memory.counts[FULL] = 1
@@ -53,15 +49,25 @@ def state_of(search: Search, place: int, mask: int) -> int:
     return state
 
 
+@kernel
+def slot_of_state(memory: Memory, place: int, mask: int) -> int:
+    """The slot of this place and mask in the table of states; an empty one if it has no state."""
+    key = (int64(place) << _MASK_BITS) | mask
+    slot = slot_of(key, memory.state_table.size)
+    while memory.state_table[slot] != 0:
+        state = memory.state_table[slot] - 1
+        if memory.state[state, STATE_PLACE] == place and memory.state[state, STATE_MASK] == mask:
+            break
+        slot = (slot + 1) & (memory.state_table.size - 1)
+    return slot
+
+
 @entrance
 def refill_state_table(memory: Memory) -> None:
     """Enter all states into an empty table."""
     for state in range(memory.counts[STATES]):
         place, mask = memory.state[state, STATE_PLACE], memory.state[state, STATE_MASK]
-        slot = slot_of((int64(place) << _MASK_BITS) | mask, memory.state_table.size)
-        while memory.state_table[slot] != 0:
-            slot = (slot + 1) & (memory.state_table.size - 1)
-        memory.state_table[slot] = state + 1
+        memory.state_table[slot_of_state(memory, place, mask)] = state + 1
 
 
 @kernel

@@ -14,7 +14,7 @@ from skyway.planner.kernels.places import arcs_of, place_of
 from skyway.planner.kernels.records import Closed, Skyway
 
 # How far a tree may grow on demand, as a multiple of the radius that it needed first.
-_REACH = 2.0
+REACH = 2.0
 
 
 @kernel
@@ -137,7 +137,7 @@ def plant_all(
                 skyway, closed, memory, tree, until, np.inf
             ):
                 return False
-        memory.reach[tree] = _REACH * memory.radius[tree]
+        memory.reach[tree] = REACH * memory.radius[tree]
     return True
 
 
@@ -149,6 +149,6 @@ def distances(skyway: Skyway, memory: Memory, roots: Ints, source: int, count: i
         place = place_of(memory, source if row == count else int64(roots[row]))
         if skyway.rank.size > 0:
             measure(skyway, memory, place)
-        for tree in range(count):
-            apart_m[row, tree] = memory.distance[tree, place]
+        for number in range(count):
+            apart_m[row, number] = memory.distance[memory.tree_of[number], place]
     return apart_m
