@@ -18,10 +18,12 @@ from benchmarks.planner.extent import FULL, SHORT, Extent
 from benchmarks.planner.machine import Machine
 from benchmarks.planner.ordering import ordering
 from benchmarks.planner.page import write_page
+from benchmarks.planner.scarce import scarce
 from benchmarks.planner.shortest_paths import shortest_paths
 from benchmarks.planner.speed import local, unprepared, whole_network
 from benchmarks.planner.start import start
 from benchmarks.planner.table import Table
+from benchmarks.planner.trips import trips
 
 
 def main(arguments: list[str]) -> int:
@@ -55,6 +57,8 @@ def _sections(extent: Extent) -> dict[str, Callable[[], Table]]:
         "ordering": partial(ordering, extent),
         "charging": partial(charging, extent),
         "shortest-paths": shortest_paths,
+        "scarce": partial(scarce, extent),
+        "trips": partial(trips, extent),
     }
 
 

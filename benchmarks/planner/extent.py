@@ -34,6 +34,9 @@ class Extent:
     ordering_runs: int
     charging_runs: tuple[tuple[int, int], ...]
     starts: int
+    trips: int
+    trip_shares: tuple[float, ...]
+    scarce_runs: int
 
 
 SHORT = Extent(
@@ -51,6 +54,9 @@ SHORT = Extent(
     ordering_runs=5,
     charging_runs=((200, 3), (1_000, 1)),
     starts=1,
+    trips=2_000,
+    trip_shares=(0.5,),
+    scarce_runs=2,
 )
 
 FULL = Extent(
@@ -68,4 +74,7 @@ FULL = Extent(
     ordering_runs=20,
     charging_runs=((200, 10), (1_000, 5)),
     starts=5,
+    trips=2_000,
+    trip_shares=_ALL_TAKEN,
+    scarce_runs=6,
 )

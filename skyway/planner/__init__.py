@@ -13,7 +13,8 @@ from skyway.planner.pad_book import PadBook
 from skyway.planner.pad_ledger import PadLedger
 from skyway.planner.problem import Problem
 from skyway.planner.problem_document import read_problem
-from skyway.planner.trips import Trips, TripTerms
+from skyway.planner.trip_terms import TripTerms
+from skyway.planner.trips import Trips
 from skyway.planner.verify import verify
 
 __all__ = [

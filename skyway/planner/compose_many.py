@@ -65,30 +65,29 @@ def compose_many(
     record = new_found(trips)
     found = handle_of(record)
     made = 0
-    with ledger.lock:
-        while True:
-            ended = plan_trips(
-                terms.skyway,
-                terms.closed,
-                ledger.held,
-                ledger.known,
-                ledger.notes,
-                terms.rows,
-                rows,
-                found,
-                labels_per_trip,
-                _LABELS_PER_CALL,
-            )
-            if ended == ALL_DONE:
-                return PlannedTrips(trips, ledger, record)
-            if ended == MEMORY_FULL:
-                ledger.enlarge_memory()
-            elif ended == TREES_FULL:
-                ledger.enlarge_trees()
-            elif ended == ROWS_FULL:
-                record = with_room(record)
-                found = handle_of(record)
-            elif ended == LABELS_MADE:
-                made += _LABELS_PER_CALL
-                if stop(made):
-                    raise OutOfTime
+    while True:
+        ended = plan_trips(
+            terms.skyway,
+            terms.closed,
+            ledger.held,
+            ledger.known,
+            ledger.notes,
+            terms.rows,
+            rows,
+            found,
+            labels_per_trip,
+            _LABELS_PER_CALL,
+        )
+        if ended == ALL_DONE:
+            return PlannedTrips(trips, ledger, record)
+        if ended == MEMORY_FULL:
+            ledger.enlarge_memory()
+        elif ended == TREES_FULL:
+            ledger.enlarge_trees()
+        elif ended == ROWS_FULL:
+            record = with_room(record)
+            found = handle_of(record)
+        elif ended == LABELS_MADE:
+            made += _LABELS_PER_CALL
+            if stop(made):
+                raise OutOfTime

@@ -23,11 +23,13 @@ from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
 from skyway.units import TIME_TOLERANCE_S
 
-#: After so many labels an unfinished search looks for any plan, so that there is one.
-_LABELS_BEFORE_HASTE = 1 << 16
+#: Factors by which the bound is raised to find a plan soon, and then better ones (Likhachev, Gordon
+#: and Thrun 2003, ARA*). Our own choice.
+_HASTE = (3.0, 2.0, 1.5, 1.3)
 
-#: Factor by which the bound is raised to find any plan soon. Our own choice.
-_HASTE = 3.0
+#: How many labels the first of these searches may make, and each of the others.
+_LABELS_FOR_ANY_PLAN = 1 << 16
+_LABELS_FOR_A_BETTER_PLAN = 1 << 14
 
 #: Precision of the reported gap in range, as a share of the battery. Our own choice.
 _GAP_STEP = 0.05
@@ -56,12 +58,10 @@ def _find(
     if closed is not None:
         return Findings(None, 0, infeasibility=closed)
     search = ExactSearch(situation, method=method, order=order)
-    ending = search.run(effort, most_labels=min(_LABELS_BEFORE_HASTE, effort.room // 2))
+    ending = search.run(effort, most_labels=min(method.labels_before_haste, effort.room // 2))
     other = None
     if ending is Ending.PAUSED:
-        hasty = ExactSearch(situation, method=method, order=order, weight=_HASTE)
-        hasty.run(effort, most_labels=min(search.labels, effort.room // 2))
-        other = _itinerary_of(situation, hasty)
+        other = _found_in_haste(situation, effort, method, order)
         if other is not None:
             search.improve_on(other.delivered_s)
         elif (proof := _unreachable_behind_closures(situation)) is not None:
@@ -72,8 +72,32 @@ def _find(
     if itinerary is None and ending is Ending.EXHAUSTED:
         proof = _proof_of_infeasibility(situation, effort)
         return Findings(None, searched, infeasibility=proof)
-    bound_s = search.lower_bound_s if method == Method() and order is None else None
+    is_default = replace(method, labels_before_haste=Method().labels_before_haste) == Method()
+    bound_s = search.lower_bound_s if is_default and order is None else None
     return Findings(itinerary, searched, _at_most(bound_s, itinerary))
+
+
+def _found_in_haste(
+    situation: Situation,
+    effort: Effort,
+    method: Method,
+    order: Sequence[StationId] | None,
+) -> Itinerary | None:
+    """The best plan that searches with raised bounds find soon, or None."""
+    best: Itinerary | None = None
+    most_labels = _LABELS_FOR_ANY_PLAN
+    for weight in _HASTE:
+        hasty = ExactSearch(situation, method=method, order=order, weight=weight)
+        if best is not None:
+            hasty.improve_on(best.delivered_s)
+            most_labels = _LABELS_FOR_A_BETTER_PLAN
+        hasty.run(effort, most_labels=min(most_labels, effort.room // 2))
+        found = _itinerary_of(situation, hasty)
+        if found is None and best is None:
+            return None
+        if found is not None and (best is None or found.delivered_s < best.delivered_s):
+            best = found
+    return best
 
 
 def _itinerary_of(situation: Situation, search: ExactSearch) -> Itinerary | None:

@@ -23,7 +23,6 @@ from skyway.planner.kernels.memory import (
     KIND,
     LANDED,
     LEVEL,
-    NOT_BEFORE,
     PARENT,
     SESSION,
     START,
@@ -74,7 +73,7 @@ def best_acts(memory: Memory, *, is_lazy: bool) -> list[Act] | None:
             own_j = float(values[label, LEVEL])
             level_j = left_with_j if is_lazy else own_j
             left_with_j = own_j + float(values[parent, USED])
-        chain.append(Act(kind, segment, level_j, float(values[label, NOT_BEFORE])))
+        chain.append(Act(kind, segment, level_j, float(memory.not_before_s[label])))
         label = parent
     return chain[::-1]
 

@@ -71,7 +71,8 @@ def enlarged(memory: Memory, *, trees: int | None = None) -> Memory:
         "row": PLACES, "arc_first": PLACES, "arc_count": PLACES, "window_first": PLACES,
         "window_count": PLACES, "is_searched": PLACES,
         "arc_place": ARCS, "arc_segment": ARCS, "arc_length": ARCS, "window_s": WINDOWS,
-        "state": STATES, "state_bound": STATES, "label": LABELS, "link": LABELS,
+        "state": STATES, "state_bound": STATES,
+        "label": LABELS, "not_before_s": LABELS, "link": LABELS,
         "queue_key": QUEUE, "queue_label": QUEUE,
     }  # fmt: skip
     for name, row in used.items():
@@ -138,8 +139,9 @@ def _sized(trees: int, ranks: int, room: Room) -> Memory:
         state=np.empty((states, 4), np.int64),
         state_bound=np.empty((states, 3)),
         state_table=np.zeros(2 * states, np.int64),
-        label=np.empty((labels, 8)),
-        link=np.empty((labels, 6), np.int64),
+        label=np.empty((labels, 9)),
+        not_before_s=np.empty(labels),
+        link=np.empty((labels, 5), np.int64),
         queue_key=np.empty(labels + _PUT_BACK),
         queue_label=np.empty(labels + _PUT_BACK, np.int64),
     )

@@ -29,14 +29,17 @@ _TOLERANCE_S = TIME_TOLERANCE_S / 2
 class Method:
     """How the exact search works; other values than the default measure what a part is worth.
 
-    `bound` is what guides it: flying and charging, flying alone, or nothing. Without `dominance`
-    every label is kept. `charging` is decided as late as possible, or on arrival at the pad: then
+    `bound` is what guides it: flying and charging, flying alone, or nothing. `dominance` leaves out
+    labels that are no better than labels of the same set of delivered packages or, in full, of a
+    larger set; or none. `charging` is decided as late as possible, or on arrival at the pad: then
     it is the number of levels tried on each pad, and the plan is no longer proven to be the best.
+    After `labels_before_haste` labels an unfinished search looks for any plan, to have one.
     """
 
     bound: Literal["full", "flight", "none"] = "full"
-    dominance: Literal["full", "none"] = "full"
+    dominance: Literal["full", "same set", "none"] = "full"
     charging: Literal["lazy"] | int = "lazy"
+    labels_before_haste: int = 1 << 14
 
 
 def book_of(book: PadBook) -> Book:
@@ -173,11 +176,26 @@ def task_of(
         dropoff_s=problem.dropoff_s,
         latest_s=latest_s(situation),
         recharges_fully=problem.recharge_policy == "full",
-        prunes=method.dominance == "full",
+        prunes=method.dominance != "none",
+        compares_masks=method.dominance == "full" and _compares_masks(situation),
         levels=0 if method.charging == "lazy" else method.charging,
         weight=weight,
         may_pass=situation.windows.may_pass,
         **windows._asdict(),
+    )
+
+
+def _compares_masks(situation: Situation) -> bool:
+    """Whether a drone with less on board can follow all plans of one with more.
+
+    A light drone must not be slower or use more. With closures or windows it must not be too early
+    either: then nothing is compared.
+    """
+    model = situation.model
+    return (
+        model.speed_full_mps <= model.speed_empty_mps
+        and not situation.windows.may_pass
+        and not situation.closures.intervals()
     )
 
 

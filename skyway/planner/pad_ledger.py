@@ -1,7 +1,6 @@
 """The pads as they stand: a calendar that trips change between two calls of `compose_many`."""
 
 from collections.abc import Iterable
-from threading import Lock
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.memory import TREES, Longs
 from skyway.planner.kernels.records import Book
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
-from skyway.planner.trips import TripTerms
+from skyway.planner.trip_terms import TripTerms
 
 #: Bytes that the trees of destinations may fill before all are dropped. Our own choice.
 _MOST_TREE_BYTES = 1 << 28
@@ -34,8 +33,7 @@ class PadLedger:
     """The reservations of pads, and the memory of the searches among them.
 
     Changing a station's reservations costs some microseconds, and only that station's free windows
-    are found again. One call works with a ledger at a time; threads that plan in parallel need a
-    ledger each.
+    are found again. A ledger is for one thread: threads that plan in parallel need a ledger each.
 
     Parameters
     ----------
@@ -47,7 +45,6 @@ class PadLedger:
 
     def __init__(self, terms: TripTerms, booked: PadBook = NO_RESERVATIONS) -> None:
         self.terms = terms
-        self.lock = Lock()
         self._booked = booked
         self._used = 0
         self._set_held(_empty(1 << 6, booked.zero_ms))
@@ -66,15 +63,14 @@ class PadLedger:
         PadIsTaken
             One of the pads is reserved at that time. Then none of the sessions is reserved.
         """
-        with self.lock:
-            while True:
-                ended = held_pads.hold(self.known, self.held, self._used, sessions, self.notes)
-                if ended != held_pads.NO_ROOM:
-                    break
-                self._set_held(_with_room(self._held, 2 * (self._used + len(sessions))))
-            if ended >= 0:
-                raise PadIsTaken(sessions[ended], "meets a reservation")
-            self._used += len(sessions)
+        while True:
+            ended = held_pads.hold(self.known, self.held, self._used, sessions, self.notes)
+            if ended != held_pads.NO_ROOM:
+                break
+            self._set_held(_with_room(self._held, 2 * (self._used + len(sessions))))
+        if ended >= 0:
+            raise PadIsTaken(sessions[ended], "meets a reservation")
+        self._used += len(sessions)
 
     def release(self, sessions: Longs) -> None:
         """Release sessions that were reserved.
@@ -84,11 +80,10 @@ class PadLedger:
         PadIsTaken
             One of them is not reserved. Then none of the sessions is released.
         """
-        with self.lock:
-            ended = held_pads.release(self.held, self._used, sessions, self.notes)
-            if ended >= 0:
-                raise PadIsTaken(sessions[ended], "is not reserved")
-            self._used -= len(sessions)
+        ended = held_pads.release(self.held, self._used, sessions, self.notes)
+        if ended >= 0:
+            raise PadIsTaken(sessions[ended], "is not reserved")
+        self._used -= len(sessions)
 
     def book(self, rows: Iterable[int] | None = None) -> PadBook:
         """All reservations as they stand now; only those at these station rows where given."""
@@ -112,12 +107,12 @@ class PadLedger:
         return PadBook.of_arrays(**chosen).seen_from(self._booked.zero_ms)
 
     def enlarge_memory(self) -> None:
-        """Give the search more room; the lock is held."""
+        """Give the search more room."""
         self.memory = enlarged(self.memory)
         self.notes = handle_of(self.memory)
 
     def enlarge_trees(self) -> None:
-        """Make room for the trees of other destinations; the lock is held."""
+        """Make room for the trees of other destinations."""
         trees = 2 * self.memory.radius.size
         if trees * len(self.memory.row) * _BYTES_PER_PLACE <= _MOST_TREE_BYTES:
             self.memory = enlarged(self.memory, trees=trees)

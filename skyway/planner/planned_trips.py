@@ -32,7 +32,7 @@ _SESSIONS_PER_TRIP = 4
 _LONG_AGO_MS = -OPEN_MS
 
 
-class Outcome(IntEnum):
+class TripOutcome(IntEnum):
     """What is found for a trip, in `PlannedTrips.outcome`.
 
     PROVEN: its earliest plan. FEASIBLE: a plan, and the labels were used up before the proof.
@@ -89,13 +89,13 @@ class PlannedTrips:
 
     @property
     def outcome(self) -> Longs:
-        """The `Outcome` of each trip."""
+        """The `TripOutcome` of each trip."""
         return self.found.outcome
 
     @property
     def is_planned(self) -> Flags:
         """Which trips have a plan."""
-        return self.found.outcome <= Outcome.FEASIBLE
+        return self.found.outcome <= TripOutcome.FEASIBLE
 
     @property
     def end_s(self) -> Floats:
@@ -200,7 +200,7 @@ class PlannedTrips:
         """
         problem, terms = self.problem(trip), self.ledger.terms
         start_ms = round(1000 * float(self.trips.start_s[trip]))
-        if self.outcome[trip] == Outcome.UNKNOWN:
+        if self.outcome[trip] == TripOutcome.UNKNOWN:
             return Plan(status=PlanStatus.UNKNOWN)
         if not self.is_planned[trip]:
             booked = self.ledger.book()
@@ -213,7 +213,7 @@ class PlannedTrips:
         own = _only(sessions, terms.network.columns.pads, slack_ms=slack_ms).seen_from(start_ms)
         situation = Situation.of(problem, terms.airspace, own)
         itinerary = itinerary_of(situation, self._acts(trip))
-        is_proven = self.outcome[trip] == Outcome.PROVEN
+        is_proven = self.outcome[trip] == TripOutcome.PROVEN
         plan = flyable(
             itinerary,
             PlanStatus.OPTIMAL if is_proven else PlanStatus.FEASIBLE,

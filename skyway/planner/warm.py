@@ -20,7 +20,8 @@ from skyway.planner.kernels.ways import lengths_from
 from skyway.planner.pad_book import PadBook
 from skyway.planner.pad_ledger import PadLedger
 from skyway.planner.problem import PadReservation, Problem
-from skyway.planner.trips import Trips, TripTerms
+from skyway.planner.trip_terms import TripTerms
+from skyway.planner.trips import Trips
 
 #: Three stations in a row, 6 km apart, and a drone that flies 10 km on a full battery.
 _STATIONS = tuple(StationId(name) for name in "abc")

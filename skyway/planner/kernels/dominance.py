@@ -16,8 +16,8 @@ from skyway.planner.kernels.records import Task
 
 # Two moments closer than this are equal. So are two charges closer than this share of the
 # tolerance of charges. The loss in a whole plan stays far below the planner's own tolerances.
-_SAME_S = 1e-10
-_SAME_SHARE = 1e-3
+SAME_S = 1e-10
+SAME_SHARE = 1e-3
 
 
 @kernel
@@ -28,9 +28,9 @@ def dominates(task: Task, one: Floats, other: Floats) -> bool:
     cross between the first and the last moment: it is enough to compare these two moments.
     """
     later_s = other[TIME] - one[TIME]
-    if later_s < -_SAME_S or one[LATEST] < other[LATEST] - _SAME_S:
+    if later_s < -SAME_S or one[LATEST] < other[LATEST] - SAME_S:
         return False
-    least_j = task.rounding_j * _SAME_SHARE
+    least_j = task.rounding_j * SAME_SHARE
     lead_at_end_j = (one[LAST_LEVEL] - one[USED]) - (other[LAST_LEVEL] - other[USED])
     if lead_at_end_j < -least_j:
         return False

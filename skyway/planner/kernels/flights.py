@@ -11,7 +11,6 @@ from skyway.planner.kernels.hand_overs import pick_up_or_hand_over
 from skyway.planner.kernels.labels import (
     FULL_MEMORY,
     charge_of,
-    delist,
     enlist,
     enqueue,
     note,
@@ -35,7 +34,6 @@ from skyway.planner.kernels.memory import (
 )
 from skyway.planner.kernels.places import arcs_of
 from skyway.planner.kernels.records import Search, Task
-from skyway.planner.kernels.sessions import enter_sessions
 from skyway.planner.kernels.states import state_of
 
 
@@ -183,10 +181,6 @@ def _arrive(
     state = state_of(search, end.place, end.following)
     if state < 0:
         return False
-    if enlist(task, memory, handed, state, FIRST_ON_GROUND) < 0:
-        return True
-    if not enter_sessions(search, handed, end.place, end.following):
-        delist(memory, handed)
-        return False
-    enqueue(task, memory, handed)
+    if enlist(task, memory, handed, state, FIRST_ON_GROUND) >= 0:
+        enqueue(task, memory, handed)
     return True

@@ -12,7 +12,6 @@ from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.labels import (
     FULL_MEMORY,
     charge_of,
-    delist,
     enlist,
     enqueue,
     note,
@@ -31,7 +30,6 @@ from skyway.planner.kernels.memory import (
     int64,
 )
 from skyway.planner.kernels.records import Search, Task
-from skyway.planner.kernels.sessions import enter_sessions
 from skyway.planner.kernels.states import state_of
 
 
@@ -101,17 +99,13 @@ def pick_up_or_hand_over(search: Search, label: int, place: int, mask: int) -> b
 
 @kernel
 def _enter(search: Search, label: int, place: int, mask: int) -> bool:
-    """Enter a label after a change of hands, and its sessions; False when the memory is full."""
+    """Enter a label after a change of hands; False when the memory is full."""
     task, memory = search.task, search.memory
     state = state_of(search, place, mask)
     if state < 0:
         return False
-    if enlist(task, memory, label, state, FIRST_ON_GROUND) < 0:
-        return True
-    if not enter_sessions(search, label, place, mask):
-        delist(memory, label)
-        return False
-    enqueue(task, memory, label)
+    if enlist(task, memory, label, state, FIRST_ON_GROUND) >= 0:
+        enqueue(task, memory, label)
     return True
 
 

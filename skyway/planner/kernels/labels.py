@@ -9,13 +9,14 @@ import numpy as np
 
 from skyway.planner.kernels.charging import Charge
 from skyway.planner.kernels.compiler import kernel
-from skyway.planner.kernels.dominance import dominates
+from skyway.planner.kernels.dominance import SAME_S, dominates
 from skyway.planner.kernels.memory import (
     ALIVE,
     BEST,
     DETAIL,
     FIRST_IN_AIR,
     FIRST_ON_GROUND,
+    FLOWN,
     FULL,
     KIND,
     LABELS,
@@ -23,26 +24,31 @@ from skyway.planner.kernels.memory import (
     LAST_POSITION,
     LATEST,
     LEVEL,
+    MOST_BEFORE,
     NEXT,
     NONE,
-    NOT_BEFORE,
     PARENT,
     POSITION,
     STATE,
     STATE_MASK,
+    STATE_PLACE,
     TIME,
     USED,
     Floats,
     Memory,
+    int64,
 )
 from skyway.planner.kernels.queue import push
 from skyway.planner.kernels.records import Task
-from skyway.planner.kernels.states import still_s
+from skyway.planner.kernels.states import slot_of_state, still_s
 
 # Why there is no label.
 DOMINATED = -1
 FULL_MEMORY = -2
 TOO_LATE = -3
+
+# Instead of a place in a list: a label of the list dominates.
+_BEATEN = -2
 
 # The share of a wait for a window by which the queue orders labels that wait for it.
 _SHARE_OF_WAIT = 1e-9
@@ -80,13 +86,13 @@ def note(
     row[LAST_LEVEL] = charge.last_level
     row[USED] = used_j
     row[LATEST] = latest_s
-    row[NOT_BEFORE] = not_before_s
+    row[NEXT] = NONE
+    memory.not_before_s[label] = not_before_s
     link = memory.link[label]
     link[PARENT] = parent
     link[KIND] = kind
     link[DETAIL] = detail
     link[STATE] = NONE
-    link[NEXT] = NONE
     link[ALIVE] = 0
     memory.counts[LABELS] = label + 1
     return label
@@ -108,38 +114,21 @@ def enlist(task: Task, memory: Memory, label: int, state: int, column: int) -> i
     if not key < memory.best_s[0] or key > task.latest_s:
         memory.counts[LABELS] = label
         return TOO_LATE
+    before = NONE
     if task.prunes:
         on_ground = column == FIRST_ON_GROUND
-        if _is_dominated(task, memory, state, FIRST_ON_GROUND, row) or (
-            not on_ground and _is_dominated(task, memory, state, FIRST_IN_AIR, row)
-        ):
+        before = _compare(task, memory, state, FIRST_ON_GROUND, row, True, on_ground)
+        if before != _BEATEN:
+            in_air = _compare(task, memory, state, FIRST_IN_AIR, row, not on_ground, True)
+            if in_air == _BEATEN or not on_ground:
+                before = in_air
+        if before == _BEATEN:
             memory.counts[LABELS] = label
             return DOMINATED
-        if on_ground:
-            _weed(task, memory, state, FIRST_ON_GROUND, row)
-        _weed(task, memory, state, FIRST_IN_AIR, row)
-    link = memory.link[label]
-    link[STATE] = state
-    link[ALIVE] = 1
-    link[NEXT] = memory.state[state, column]
-    memory.state[state, column] = label
+    memory.link[label, STATE] = state
+    memory.link[label, ALIVE] = 1
+    _insert(memory, label, state, column, before)
     return label
-
-
-@kernel
-def delist(memory: Memory, label: int) -> None:
-    """Remove a label from its list again, because there was no room for the labels after it."""
-    state = memory.link[label, STATE]
-    memory.link[label, ALIVE] = 0
-    for column in (FIRST_ON_GROUND, FIRST_IN_AIR):
-        before = NONE
-        other = memory.state[state, column]
-        while other >= 0:
-            if other == label:
-                _unlink(memory, state, column, before, other)
-                return
-            before = other
-            other = memory.link[other, NEXT]
 
 
 @kernel
@@ -168,36 +157,105 @@ def note_goal(memory: Memory, label: int, delivered_s: float) -> None:
 
 
 @kernel
-def _is_dominated(task: Task, memory: Memory, state: int, column: int, row: Floats) -> bool:
-    """Whether a label of this list dominates the row."""
-    label = memory.state[state, column]
-    while label >= 0:
-        if dominates(task, memory.label[label], row):
+def is_behind(task: Task, memory: Memory, label: int) -> bool:
+    """Whether a label at the same place dominates this one, and has delivered one package more.
+
+    Only with `compares_masks`: then a drone with less to carry can follow any plan of another drone
+    and leave out what it has delivered.
+    """
+    state, row = memory.link[label, STATE], memory.label[label]
+    is_flown = memory.link[label, KIND] == FLOWN
+    on_ground = not is_flown or (task.stop_s == 0.0 and task.stop_j == 0.0)
+    place, mask = memory.state[state, STATE_PLACE], memory.state[state, STATE_MASK]
+    count = int64(task.destinations.size)
+    all_delivered = (int64(1) << count) - 1
+    if mask > all_delivered:
+        return False
+    for number in range(count):
+        ahead = mask | int64(1) << number
+        if ahead in (mask, all_delivered):
+            continue
+        other = memory.state_table[slot_of_state(memory, place, ahead)] - 1
+        if other < 0:
+            continue
+        if _is_dominated(task, memory, other, FIRST_ON_GROUND, row):
             return True
-        label = memory.link[label, NEXT]
+        if not on_ground and _is_dominated(task, memory, other, FIRST_IN_AIR, row):
+            return True
     return False
 
 
 @kernel
-def _weed(task: Task, memory: Memory, state: int, column: int, row: Floats) -> None:
-    """Remove the labels that this row dominates from a list."""
-    before = NONE
-    label = memory.state[state, column]
-    while label >= 0:
-        following = memory.link[label, NEXT]
-        if dominates(task, row, memory.label[label]):
-            memory.link[label, ALIVE] = 0
-            _unlink(memory, state, column, before, label)
-        else:
-            before = label
-        label = following
+def _insert(memory: Memory, label: int, state: int, column: int, before: int) -> None:
+    """Enter a label into a list behind this one, or as the first."""
+    row = memory.label[label]
+    most_j = row[LAST_LEVEL] - row[USED]
+    if before < 0:
+        following = memory.state[state, column]
+        memory.state[state, column] = label
+    else:
+        following = int64(memory.label[before, NEXT])
+        memory.label[before, NEXT] = label
+        later = memory.state[state, column]
+        while later != label:
+            memory.label[later, MOST_BEFORE] = max(memory.label[later, MOST_BEFORE], most_j)
+            later = int64(memory.label[later, NEXT])
+    row[NEXT] = following
+    if following >= 0:
+        most_j = max(most_j, memory.label[following, MOST_BEFORE])
+    row[MOST_BEFORE] = most_j
 
 
 @kernel
-def _unlink(memory: Memory, state: int, column: int, before: int, label: int) -> None:
-    """Unlink this label from the list; it follows `before`, or is the first."""
-    following = memory.link[label, NEXT]
-    if before < 0:
-        memory.state[state, column] = following
-    else:
-        memory.link[before, NEXT] = following
+def _is_dominated(task: Task, memory: Memory, state: int, column: int, row: Floats) -> bool:
+    """Whether a label of this list dominates the row."""
+    needed_j = row[LAST_LEVEL] - row[USED] - task.rounding_j
+    label = memory.state[state, column]
+    while label >= 0:
+        other = memory.label[label]
+        if other[MOST_BEFORE] < needed_j:
+            return False
+        if dominates(task, other, row):
+            return True
+        label = int64(other[NEXT])
+    return False
+
+
+@kernel
+def _compare(
+    task: Task,
+    memory: Memory,
+    state: int,
+    column: int,
+    row: Floats,
+    may_lose: bool,
+    may_win: bool,
+) -> int:
+    """Remove the labels that this row dominates from a list; `_BEATEN` if one dominates the row.
+
+    Otherwise returns the label behind which the row belongs, -1 if it is the first.
+    """
+    needed_j = row[LAST_LEVEL] - row[USED] - task.rounding_j
+    behind, before = NONE, NONE
+    label = memory.state[state, column]
+    while label >= 0:
+        other = memory.label[label]
+        following = int64(other[NEXT])
+        is_earlier = other[TIME] < row[TIME] - SAME_S
+        has_enough = other[MOST_BEFORE] >= needed_j
+        if (is_earlier or not may_win) and not (may_lose and has_enough):
+            return behind
+        if may_lose and has_enough and dominates(task, other, row):
+            return _BEATEN
+        if may_win and not is_earlier and dominates(task, row, other):
+            memory.link[label, ALIVE] = 0
+            if before < 0:
+                memory.state[state, column] = following
+            else:
+                memory.label[before, NEXT] = following
+        else:
+            before = label
+            if other[TIME] > row[TIME]:
+                behind = label
+        label = following
+    return behind

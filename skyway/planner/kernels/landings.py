@@ -14,7 +14,6 @@ from skyway.planner.kernels.hand_overs import act_at
 from skyway.planner.kernels.labels import (
     FULL_MEMORY,
     charge_of,
-    delist,
     enlist,
     enqueue,
     note,
@@ -23,10 +22,14 @@ from skyway.planner.kernels.memory import (
     FIRST_IN_AIR,
     FIRST_ON_GROUND,
     FLOWN,
+    KIND,
     LANDED,
     LATEST,
     NONE,
     POSITION,
+    STATE,
+    STATE_MASK,
+    STATE_PLACE,
     TIME,
     USED,
 )
@@ -48,7 +51,7 @@ def fly_over(
     latest_s: float,
     not_before_s: float,
 ) -> bool:
-    """Enter the label above a station, and on the ground there; False when the memory is full."""
+    """Enter the label above a station; False when the memory is full."""
     task, memory = search.task, search.memory
     state = state_of(search, place, mask)
     if state < 0:
@@ -59,17 +62,25 @@ def fly_over(
     flown = note(memory, label, FLOWN, arc, time_s, charge, used_j, latest_s, not_before_s)
     if flown == FULL_MEMORY:
         return False
-    if enlist(task, memory, flown, state, FIRST_ON_GROUND if is_free else FIRST_IN_AIR) < 0:
-        return True
-    if is_free:
-        has_room = enter_sessions(search, flown, place, mask)
-    else:
-        has_room = _land(search, flown, place, mask, state)
-    if not has_room:
-        delist(memory, flown)
-        return False
-    enqueue(task, memory, flown)
+    if enlist(task, memory, flown, state, FIRST_ON_GROUND if is_free else FIRST_IN_AIR) >= 0:
+        enqueue(task, memory, flown)
     return True
+
+
+@kernel
+def stand(search: Search, label: int) -> bool:
+    """Enter the labels of a drone that lands and recharges here; False when the memory is full.
+
+    The search does so when the label's turn comes. Most labels never have a turn.
+    """
+    memory = search.memory
+    state = memory.link[label, STATE]
+    place, mask = memory.state[state, STATE_PLACE], memory.state[state, STATE_MASK]
+    if memory.link[label, KIND] == FLOWN and not lands_for_free(
+        search, place, memory.label[label, TIME]
+    ):
+        return _land(search, label, place, mask, state)
+    return enter_sessions(search, label, place, mask)
 
 
 @kernel
@@ -115,9 +126,6 @@ def _land(search: Search, label: int, place: int, mask: int, state: int) -> bool
             if not enter_sessions(search, landed, place, mask):
                 return False
         elif enlist(task, memory, landed, state, FIRST_ON_GROUND) >= 0:
-            if not enter_sessions(search, landed, place, mask):
-                delist(memory, landed)
-                return False
             enqueue(task, memory, landed)
         if stayed.position >= charge.last_position or latest_s == np.inf:
             return True

@@ -59,15 +59,15 @@ LAST_POSITION: Final = 3
 LAST_LEVEL: Final = 4
 USED: Final = 5
 LATEST: Final = 6
-NOT_BEFORE: Final = 7
+NEXT: Final = 7
+MOST_BEFORE: Final = 8
 
 # Columns of `Memory.link`.
 PARENT: Final = 0
 STATE: Final = 1
-NEXT: Final = 2
-KIND: Final = 3
-DETAIL: Final = 4
-ALIVE: Final = 5
+KIND: Final = 2
+DETAIL: Final = 3
+ALIVE: Final = 4
 
 # Columns of `Memory.state`.
 STATE_PLACE: Final = 0
@@ -94,12 +94,15 @@ class Memory(NamedTuple):
     - `state` ``(states, 4)``: its columns are above; `state_bound` ``(states, 3)``: seconds, see
       `bounds`; with windows the last column is the last useful moment there. `state_table` finds
       the state of a place and mask, plus 1.
-    - `label` ``(labels, 8)``: the earliest time, the charge level at which the last pad was left
+    - `label` ``(labels, 9)``: the earliest time, the charge level at which the last pad was left
       for that time with its position on the charge curve (seconds), the highest level the pad could
       give with its position, the joules used since, the latest moment to which the drone can delay
-      its arrival in the air, and the moment before which the last flight or landing may not begin.
-    - `link` ``(labels, 6)``: the label before, its state, the next in that state's list, how it
-      was made, by which arc or window, and whether its list holds it.
+      its arrival in the air, the next label of its state's list, and the most charge that a label
+      from here to the end of the list can have: all that a walk through the list reads. A list
+      begins with the latest time.
+    - `not_before_s` by label: the moment before which the last flight or landing may not begin.
+    - `link` ``(labels, 5)``: the label before, its state, how it was made, by which arc or window,
+      and whether its list holds it.
     - `queue_key`, `queue_label`: a binary heap of labels by the earliest delivery they promise.
     """
 
@@ -132,6 +135,7 @@ class Memory(NamedTuple):
     state_bound: Floats
     state_table: Longs
     label: Floats
+    not_before_s: Floats
     link: Longs
     queue_key: Floats
     queue_label: Longs

@@ -69,7 +69,8 @@ class Task(NamedTuple):
 
     `finish_j` is the energy that must remain above the reserve after the last delivery. The charge
     curve leads through `curve_s`, `curve_j`. `levels` are the levels tried on each pad, 0 if
-    charging is decided as late as possible. Only with `prunes` are dominated labels left out.
+    charging is decided as late as possible. Only with `prunes` are dominated labels left out, and
+    only with `compares_masks` labels behind a drone that has delivered more (see `labels`).
 
     With `may_pass` the problem has windows. Destination j may be handed over from moments between
     `start_from_s` and `start_until_s`, rows ``start_offsets[j]`` to ``start_offsets[j + 1]``; the
@@ -105,6 +106,7 @@ class Task(NamedTuple):
     latest_s: float
     recharges_fully: bool
     prunes: bool
+    compares_masks: bool
     levels: int
     weight: float
     may_pass: bool

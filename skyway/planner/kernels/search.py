@@ -5,7 +5,15 @@ import numpy as np
 from skyway.planner.kernels.charging import Charge, position_of
 from skyway.planner.kernels.compiler import entrance, kernel
 from skyway.planner.kernels.flights import expand
-from skyway.planner.kernels.labels import FULL_MEMORY, delist, enlist, enqueue, note, note_goal
+from skyway.planner.kernels.labels import (
+    FULL_MEMORY,
+    enlist,
+    enqueue,
+    is_behind,
+    note,
+    note_goal,
+)
+from skyway.planner.kernels.landings import stand
 from skyway.planner.kernels.memory import (
     ALIVE,
     BEST,
@@ -23,7 +31,7 @@ from skyway.planner.kernels.memory import (
 from skyway.planner.kernels.places import place_of
 from skyway.planner.kernels.queue import pop, push
 from skyway.planner.kernels.records import Book, Closed, Search, Skyway, Task
-from skyway.planner.kernels.sessions import enter_next_sessions, enter_sessions
+from skyway.planner.kernels.sessions import enter_next_sessions
 from skyway.planner.kernels.states import state_of
 
 # How a run ended.
@@ -65,12 +73,8 @@ def begin_search(search: Search) -> bool:
     state = state_of(search, place, mask)
     if state < 0:
         return False
-    if enlist(task, memory, label, state, FIRST_ON_GROUND) < 0:
-        return True
-    if not enter_sessions(search, label, place, mask):
-        delist(memory, label)
-        return False
-    enqueue(task, memory, label)
+    if enlist(task, memory, label, state, FIRST_ON_GROUND) >= 0:
+        enqueue(task, memory, label)
     return True
 
 
@@ -100,7 +104,15 @@ def run_search(search: Search, most_labels: int) -> int:
             return PAUSED
         label = pop(memory)
         is_alive = memory.link[label, ALIVE] == 1
-        if memory.link[label, KIND] == SESSION and not task.recharges_fully and task.levels == 0:
+        if is_alive and task.compares_masks and is_behind(task, memory, label):
+            memory.link[label, ALIVE] = 0
+            is_alive = False
+        if memory.link[label, KIND] != SESSION:
+            if is_alive:
+                stand(search, label)
+                # Where a pad is free, the label on that pad replaces this one.
+                is_alive = memory.link[label, ALIVE] == 1
+        elif not task.recharges_fully and task.levels == 0:
             enter_next_sessions(task, memory, label)
         if is_alive and memory.counts[FULL] == 0:
             expand(search, label)

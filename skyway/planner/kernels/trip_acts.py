@@ -16,7 +16,6 @@ from skyway.planner.kernels.memory import (
     LANDED,
     LEVEL,
     NONE,
-    NOT_BEFORE,
     PARENT,
     SESSION,
     START,
@@ -70,7 +69,7 @@ def keep_acts(search: Search, found: Found) -> int:
         found.act_link[index, 0] = kind
         found.act_link[index, 1] = segment
         found.act_value[index, 0] = level_j
-        found.act_value[index, 1] = memory.label[label, NOT_BEFORE]
+        found.act_value[index, 1] = memory.not_before_s[label]
         label = parent
     found.counts[ACTS] = first + count
     return count

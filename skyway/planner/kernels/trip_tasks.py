@@ -83,8 +83,13 @@ def drops_of(terms: Terms, trips: TripRows, trip: int) -> Drops:
 
 
 @kernel
-def task_of_trip(terms: Terms, trips: TripRows, trip: int, drops: Drops, apart_m: Floats) -> Task:
-    """The handle of this trip's task; `apart_m` ``(k + 1, k)`` as in `fill_orders`."""
+def task_of_trip(
+    terms: Terms, trips: TripRows, trip: int, drops: Drops, apart_m: Floats, is_closed: bool
+) -> Task:
+    """The handle of this trip's task; `apart_m` ``(k + 1, k)`` as in `fill_orders`.
+
+    `is_closed` says that there are closures.
+    """
     model, count = int64(trips.model[trip]), int64(drops.row.size)
     stop_s, stop_j, s_per_j = terms.stop_s[model], terms.stop_j[model], terms.s_per_j[model]
     s_per_m, j_per_m = _legs(terms, model, drops.mass_kg)
@@ -127,6 +132,9 @@ def task_of_trip(terms: Terms, trips: TripRows, trip: int, drops: Drops, apart_m
     curve = slice(terms.curve_offsets[model], terms.curve_offsets[model + 1])
     source = trips.source[trip]
     finish_at_source_j = terms.to_pad_m[source] * j_per_m[-1] if count == 0 else 0.0
+    # See `exact_task`: a light drone is never slower, uses no more, and is never too early.
+    is_lighter_better = terms.speed_full_mps[model] <= terms.speed_empty_mps[model]
+    compares_masks = is_lighter_better and not is_closed and not drops.may_pass
     return task_handle(
         Task(
             drops.row.copy(),
@@ -156,6 +164,7 @@ def task_of_trip(terms: Terms, trips: TripRows, trip: int, drops: Drops, apart_m
             trips.latest_s[trip] + TIME_TOLERANCE_S,
             terms.recharges_fully,
             True,
+            compares_masks,
             int64(0),
             1.0,
             drops.may_pass,

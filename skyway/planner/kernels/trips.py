@@ -49,7 +49,7 @@ TREES_FULL = 2
 ROWS_FULL = 3
 LABELS_MADE = 4
 
-# The outcome of a trip, see `skyway.planner.planned_trips.Outcome`.
+# The outcome of a trip, see `skyway.planner.planned_trips.TripOutcome`.
 PROVEN = 0
 FEASIBLE = 1
 UNKNOWN = 2
@@ -86,7 +86,8 @@ def plan_trips(
             if ended != ALL_DONE:
                 return ended
             apart_m = _apart_m(memory, trips, trip, drops)
-            task = task_of_trip(terms, trips, trip, drops, apart_m)
+            is_closed = closed.keys.size > 0
+            task = task_of_trip(terms, trips, trip, drops, apart_m, is_closed)
             if memory.counts[FULL] != 0:
                 memory.counts[FULL] = 0
                 return MEMORY_FULL

@@ -20,10 +20,11 @@ from skyway.planner.compose_many import compose_many
 from skyway.planner.kernels.memory import Longs
 from skyway.planner.pad_book import PadBook
 from skyway.planner.pad_ledger import PadIsTaken, PadLedger
-from skyway.planner.planned_trips import Outcome, PlannedTrips
+from skyway.planner.planned_trips import PlannedTrips, TripOutcome
 from skyway.planner.problem import Problem
 from skyway.planner.stop import OutOfTime
-from skyway.planner.trips import Trips, TripTerms
+from skyway.planner.trip_terms import TripTerms
+from skyway.planner.trips import Trips
 from skyway.planner.verify import PlanRejected
 from tests.library.planner.oracles.instances import (
     make_busy_problem,
@@ -34,9 +35,9 @@ from tests.library.planner.oracles.instances import (
 )
 
 _OUTCOME_OF = {
-    None: Outcome.PROVEN,
-    "OVERWEIGHT": Outcome.OVERWEIGHT,
-    "DESTINATION_UNREACHABLE": Outcome.UNREACHABLE,
+    None: TripOutcome.PROVEN,
+    "OVERWEIGHT": TripOutcome.OVERWEIGHT,
+    "DESTINATION_UNREACHABLE": TripOutcome.UNREACHABLE,
 }
 
 
@@ -118,9 +119,12 @@ def differs(problem: Problem, planned: PlannedTrips, begins_s: float) -> str | N
     """How the first trip differs from the problem's plan, or None."""
     plan = compose(problem)
     code = plan.infeasibility.code if plan.infeasibility else None
-    outcome = Outcome(int(planned.outcome[0]))
-    expected = _OUTCOME_OF.get(code, Outcome.NO_PLAN)
-    if outcome != expected and not {outcome, expected} <= {Outcome.NO_PLAN, Outcome.UNREACHABLE}:
+    outcome = TripOutcome(int(planned.outcome[0]))
+    expected = _OUTCOME_OF.get(code, TripOutcome.NO_PLAN)
+    if outcome != expected and not {outcome, expected} <= {
+        TripOutcome.NO_PLAN,
+        TripOutcome.UNREACHABLE,
+    }:
         return f"{outcome.name} instead of {code}"
     if plan.delivery_time_s is None:
         return None
@@ -252,5 +256,5 @@ def test_the_stop_ends_a_call_and_labels_end_a_trip(line: Problem) -> None:
         compose_many(trips, ledger, stop=lambda _: True)
 
     planned = compose_many(trips_of(line, begins_s=0.0), ledger, labels_per_trip=1)
-    assert planned.outcome.tolist() == [Outcome.UNKNOWN]
+    assert planned.outcome.tolist() == [TripOutcome.UNKNOWN]
     assert planned.plan(0).status == "unknown"

@@ -1,0 +1,103 @@
+"""Where nearly all pads are taken, what shortens the search changes no result."""
+
+from random import Random
+
+import pytest
+
+from skyway.delivery.plan import Plan
+from skyway.drone.models import DJI_MATRICE_300_RTK
+from skyway.network.synthetic import synthetic_city
+from skyway.planner.compose import compose, compose_with
+from skyway.planner.exact import exact_with
+from skyway.planner.exact_task import Method
+from skyway.planner.problem import Problem
+
+
+def scarce_problem(seed: int, *, stations: int = 9, packages: int = 3) -> Problem:
+    """A small city whose drone recharges often, on pads that are free for minutes."""
+    random = Random(f"scarce {seed}")
+    network = synthetic_city(stations=stations, seed=seed, pads=random.choice([1, 2]))
+    names = random.sample(network.columns.station_ids, packages + 2)
+    full_mps, stop_s = random.choice([(23.0, 0.0), (15.0, 0.0), (15.0, 20.0), (30.0, 0.0)])
+    model = DJI_MATRICE_300_RTK.model_copy(
+        update={
+            "battery_j": DJI_MATRICE_300_RTK.battery_j * random.choice([0.2, 0.3]),
+            "speed_full_mps": full_mps,
+            "stop_s": stop_s,
+            "stop_j": 100 * stop_s,
+        }
+    )
+    taken = []
+    for station in network.stations.values():
+        for pad in range(station.pads):
+            at_s = random.uniform(0, 2000)
+            while at_s < 30_000:
+                end_s = at_s + random.expovariate(1 / 1800)
+                taken.append(
+                    {"station_id": station.station_id, "pad": pad, "start_s": at_s, "end_s": end_s}
+                )
+                at_s = end_s + 1 + random.expovariate(1 / 300)
+    return Problem.model_validate(
+        {
+            "network": network,
+            "drone": {
+                "model": model,
+                "soc": random.uniform(0.3, 0.9),
+                "station_id": random.choice([names[0], names[1]]),
+            },
+            "source": names[0],
+            "packages": [
+                {
+                    "package_id": name,
+                    "mass_kg": random.uniform(0.1, 2.4 / packages),
+                    "destination": name,
+                }
+                for name in names[2:]
+            ],
+            "pad_reservations": taken,
+            "recharge_policy": random.choice(["partial", "partial", "full"]),
+            "dropoff_s": random.choice([0.0, 30.0]),
+        }
+    )
+
+
+def _found(problem: Problem, method: Method) -> Plan:
+    return compose_with(exact_with(method), problem, name="another method")
+
+
+def _end_alike(one: Plan, other: Plan) -> bool:
+    return one.delivery_time_s == pytest.approx(other.delivery_time_s, abs=1e-6)
+
+
+def test_comparing_larger_sets_of_deliveries_changes_only_the_effort() -> None:
+    saved = 0
+    for seed in range(40):
+        problem = scarce_problem(seed)
+
+        plan, other = compose(problem), _found(problem, Method(dominance="same set"))
+
+        assert plan.status in ("optimal", "infeasible"), seed
+        assert _end_alike(plan, other), seed
+        saved += other.stats["labels"] - plan.stats["labels"]
+    assert saved > 0
+
+
+def test_searching_for_any_plan_first_changes_no_time() -> None:
+    for seed in range(20):
+        problem = scarce_problem(seed)
+
+        hasty = _found(problem, Method(labels_before_haste=10))
+
+        assert _end_alike(hasty, compose(problem)), seed
+
+
+def test_a_plan_under_a_limit_is_near_the_best_plan() -> None:
+    for seed in range(3):
+        problem = scarce_problem(seed, stations=30, packages=8)
+        best, few = compose(problem), problem.model_copy(update={"label_limit": 4_000})
+
+        plan = compose(few)
+
+        assert best.delivery_time_s is not None
+        assert plan.delivery_time_s is not None
+        assert plan.delivery_time_s <= 1.25 * best.delivery_time_s, seed
