@@ -11,6 +11,7 @@ from skyway_gateway.live.scope import Scope
 from skyway_gateway.live.sources import Deliveries, Drones, World, show_customers_drones
 
 from skyway.contracts.live import LIVE_MISSIONS, LIVE_WORLD, LiveDrones, LiveMission, LiveWorld
+from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import Caller
 from tests.gateway.whole_gateway import Gateway
@@ -27,6 +28,7 @@ class Fleet:
     mission: dict[str, Any] = field(default_factory=dict)
     missions: list[dict[str, str]] = field(default_factory=list)
     is_whole: bool = True
+    is_away: bool = False
     calls: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -67,6 +69,8 @@ class Fleet:
 
     def _transport(self) -> httpx.MockTransport:
         async def answer(request: httpx.Request) -> httpx.Response:
+            if self.is_away:
+                raise httpx.ConnectError("away")
             self.calls.append(f"{request.method} {request.url.raw_path.decode()}")
             return httpx.Response(200, json=self._body(request.url.path))
 
@@ -280,3 +284,28 @@ async def test_a_delivery_leaves_the_picture_when_it_ends(gateway: Gateway) -> N
 
 def ids(keys: Iterable[Key]) -> set[str]:
     return {key.item_id for key in keys}
+
+
+async def test_what_a_silent_cell_said_last_stays_beside_what_the_others_say(
+    gateway: Gateway,
+) -> None:
+    north, south = Fleet(await gateway.planned()), Fleet()
+    for name, fleet in (("north", north), ("south", south)):
+        fleet.mission["mission_id"] = f"msn_{name}"
+        fleet.missions = [{"mission_id": f"msn_{name}", "version": "1"}]
+    picture = Picture()
+    async with north.client("composition") as first, south.client("composition") as second:
+        world = World(lambda: {"composition": first, "the cell south": second}, gateway.parts.db)
+        await world.read(picture)
+        south.is_away, north.missions = True, []
+        await world.read(picture)
+
+        assert ids(picture.of_kind("missions")) == {"msn_south"}
+        answering = {
+            key.item_id: item.document["is_answering"]
+            for key, item in picture.of_kind("services").items()
+        }
+        assert answering == {"composition of other networks": True, "the cell south": False}
+        north.is_away = True
+        with pytest.raises(ServiceUnavailable):
+            await world.read(picture)

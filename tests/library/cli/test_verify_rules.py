@@ -7,7 +7,7 @@ import pytest
 
 from skyway.cli.verify.delivery_rules import DELIVERY_RULES
 from skyway.cli.verify.drone_rules import DRONE_RULES
-from skyway.cli.verify.looks import ServiceLook, still_broken
+from skyway.cli.verify.looks import ServiceLook, cell_name, still_broken, with_cells
 from skyway.contracts.mission import LIVE_MISSION_STATES, MissionState
 from skyway.contracts.service_facts import (
     CustodyLink,
@@ -185,3 +185,25 @@ def test_a_delivery_that_is_deleted_while_services_are_read_breaks_no_rule(
     again = delivery_looks(tmp_path / "later", **later)
 
     assert still_broken(DELIVERY_RULES, looked, again) == []
+
+
+def test_the_facts_of_cells_are_those_of_one_composition(tmp_path: Path) -> None:
+    looks = {}
+    for name, mission_ids in (
+        ("composition", ("msn_1", "msn_4")),
+        (cell_name(1), ("msn_3",)),
+        (cell_name(2), ("msn_2",)),
+    ):
+        folder = tmp_path / name
+        folder.mkdir()
+        facts = (hint("ACTIVE", 1, mission_id=each).model_dump_json() for each in mission_ids)
+        (folder / "hints.jsonl").write_text("".join(f"{each}\n" for each in facts))
+        looks[name] = ServiceLook(name, (), folder)
+
+    composition = with_cells(looks)["composition"]
+
+    assert [each.mission_id for each in composition.hints()] == ["msn_1", "msn_2", "msn_3", "msn_4"]
+    assert composition.has_facts
+    (tmp_path / cell_name(2) / "hints.jsonl").unlink()
+    (tmp_path / cell_name(2)).rmdir()
+    assert not composition.has_facts

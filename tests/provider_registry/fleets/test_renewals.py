@@ -149,3 +149,31 @@ async def test_a_rotated_key_is_a_renewal_when_it_is_first_used(
     await announcer.step()
 
     assert composition.notified == [drone_id, drone_id]
+
+
+async def test_a_silent_cell_keeps_back_only_the_renewals_of_its_own_drones(
+    api: Any, db: Database, clock: ManualClock, stations: Any
+) -> None:
+    stations.elsewhere = {"mcqueeney": "ohio"}
+    provider_id = await api.provider()
+    drones = [
+        await api.drone(provider_id, home_station_id=home) for home in ("san-marcos", "mcqueeney")
+    ]
+    for drone in drones:
+        path = f"/v1/providers/{provider_id}/drones/{drone['drone_id']}/credentials"
+        await api(f"provider:{provider_id}", "DELETE", path)
+    clock.advance(timedelta(seconds=3))
+    silent = {"texas"}
+    notified: list[str] = []
+
+    async def announce(renewals: Renewals, network_id: NetworkId | None) -> None:
+        if network_id in silent:
+            raise ServiceUnavailable(f"the cell {network_id}", "away")
+        notified.extend(each.drone_id for each in renewals.renewals)
+
+    with pytest.raises(ServiceUnavailable, match="texas"):
+        await RenewalAnnouncer(db, clock, announce).step()
+    assert notified == [drones[1]["drone_id"]]
+    silent.clear()
+    await RenewalAnnouncer(db, clock, announce).step()
+    assert notified == [drones[1]["drone_id"], drones[0]["drone_id"]]
