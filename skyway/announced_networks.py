@@ -28,6 +28,9 @@ _MOST_CACHED: Final = 200_000
 #: Seconds of wall time until composition is asked again after it answered an older version.
 _ASK_EVERY_S: Final = 5.0
 
+#: How long a server may take to look up stations, wall seconds: a fleet's homes are thousands.
+_CHECKED_WITHIN_S: Final = 10.0
+
 #: Answers all stations of a network's current version; no station when there are too many.
 AllStations = Callable[[NetworkId], Awaitable[NetworkStations]]
 
@@ -255,7 +258,7 @@ async def check_stations(servers: CellClients, query: StationCheckQuery) -> Stat
                 raise
             return problem
 
-    answers = await ask_all(servers.every(), ask)
+    answers = await ask_all(servers.every(), ask, within_s=_CHECKED_WITHIN_S)
     checks = [each for each in answers.given.values() if isinstance(each, StationCheck)]
     found = _together(query, checks)
     if found.unknown:
