@@ -1,13 +1,25 @@
 """Which test process runs which tests: whole systems beside tests that only compute."""
 
-import math
-
 import pytest
 from xdist.scheduler import LoadScopeScheduling
 from xdist.workermanage import WorkerController
 
 #: The folders whose tests start whole systems.
 _SYSTEMS = ("tests/end_to_end/", "tests/verification/")
+
+#: The longest of these tests and shared systems, in the order of their length. What begins last
+#: should be short, because the other processes have nothing to do while it runs.
+_LONGEST = (
+    "[embedded-60]",
+    "[embedded-60-trouble]",
+    "[embedded-900]",
+    "test_hostile.py",
+    "[postgresql-mosquitto-900]",
+    "test_chaos.py",
+    "[postgresql-mosquitto-60]",
+    "test_demo.py",
+    "test_small_world.py",
+)
 
 
 def begins_with_systems(worker: str, *, workers: int) -> bool:
@@ -24,16 +36,11 @@ def starts_system(scope: str) -> bool:
     return scope.startswith(_SYSTEMS)
 
 
-def rank(item: pytest.Item) -> tuple[bool, bool, float]:
-    """Sorts tests: those of shared systems first, then by the rate of the system's fleet clock.
-
-    At a low rate a story takes long, and a shared system has many stories.
-    """
+def rank(item: pytest.Item) -> tuple[bool, int]:
+    """Sorts tests: those of whole systems first, the longest of them before all others."""
     starts = item.get_closest_marker("end_to_end") is not None
-    is_shared = "running_system" in getattr(item, "fixturenames", ())
-    rate = item.get_closest_marker("fleet_rate")
-    default = 900.0 if starts else math.inf
-    return (not starts, not is_shared, rate.args[0] if rate else default)
+    places = (place for place, each in enumerate(_LONGEST) if each in item.nodeid)
+    return (not starts, next(places, len(_LONGEST)))
 
 
 class LaneScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no types

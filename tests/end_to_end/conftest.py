@@ -39,7 +39,10 @@ def free_port() -> int:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Give a story a system on the pair of database and broker that matters for the story."""
+    """Give a story a system on the pair of database and broker that matters for the story.
+
+    Stories with another `system_name` get a system of their own, which another process may run.
+    """
     if "running_system" not in metafunc.fixturenames:
         return
     pair = metafunc.definition.get_closest_marker("storage_pair")
@@ -48,7 +51,9 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     [name] = pair.args
     rate = metafunc.definition.get_closest_marker("fleet_rate")
     fleet_rate = rate.args[0] if rate else LocalSystem.rate
-    system = pytest.param((name, fleet_rate), id=f"{name}-{fleet_rate:g}", marks=PAIRS[name])
+    named = metafunc.definition.get_closest_marker("system_name")
+    parts = [name, f"{fleet_rate:g}", *(named.args if named else ())]
+    system = pytest.param((name, fleet_rate), id="-".join(parts), marks=PAIRS[name])
     metafunc.parametrize("running_system", [system], indirect=True, scope="package")
 
 

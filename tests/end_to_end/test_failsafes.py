@@ -20,6 +20,7 @@ pytestmark = [
     pytest.mark.end_to_end,
     pytest.mark.fleet_rate(60.0),
     pytest.mark.storage_pair("embedded"),
+    pytest.mark.system_name("trouble"),
 ]
 
 #: A margin so small that a fifth more energy use is trouble, but large enough to charge late.

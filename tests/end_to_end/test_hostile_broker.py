@@ -105,6 +105,7 @@ def forged_instructions(attacker: Attacker) -> list[bytes]:
 
 
 @pytest.mark.storage_pair("embedded")
+@pytest.mark.system_name("trouble")
 def test_a_broker_that_forges_and_repeats_changes_nothing(system: Any) -> None:
     system.publish_corridor("broker")
     fleet = system.start_fleet(["broker-s1"])

@@ -16,6 +16,7 @@ pytestmark = [
     pytest.mark.end_to_end,
     pytest.mark.fleet_rate(60.0),
     pytest.mark.storage_pair("embedded"),
+    pytest.mark.system_name("trouble"),
 ]
 
 #: Hand-overs take long enough to kill the drone during one.

@@ -10,6 +10,7 @@ pytestmark = [
     pytest.mark.end_to_end,
     pytest.mark.fleet_rate(60.0),
     pytest.mark.storage_pair("embedded"),
+    pytest.mark.system_name("trouble"),
 ]
 
 _RESERVE_SOC = 0.15
