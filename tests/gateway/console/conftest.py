@@ -22,4 +22,4 @@ def stage(browser: Browser) -> Iterator[StagedPage]:
     staged = StagedPage(browser, {})
     yield staged
     assert staged.errors == []
-    staged.page.context.close()
+    staged.close()

@@ -16,6 +16,8 @@ import httpx
 from fastapi import FastAPI
 from playwright.sync_api import Browser, Page, Request, Route
 
+from tests.end_to_end.browser import free_context, rest
+
 _PACKAGE: Final = Path(__file__).parents[3] / "gateway/skyway_console"
 #: The console's stream of the live picture.
 LIVE: Final = "/v1/live"
@@ -78,10 +80,8 @@ class StagedPage:
         self.is_silent = False
         self.asked: list[str] = []
         self.errors: list[str] = []
-        context = browser.new_context(
-            locale="en-GB", timezone_id="UTC", device_scale_factor=0.5, reduced_motion="reduce"
-        )
-        self.page: Page = context.new_page()
+        self._has_own_clock = False
+        self.page: Page = free_context(browser, timezone_id="UTC").new_page()
         self.page.add_init_script(_STREAMS)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.route("**/*", self._answer)
@@ -129,6 +129,18 @@ class StagedPage:
     def reconnect(self, url: str) -> None:
         """The browser has connected again, and the stream goes on."""
         self.page.evaluate("url => streams.findLast((each) => each.url === url).open()", url)
+
+    def install_clock(self) -> None:
+        """From now on the test can move the page's clock."""
+        self._has_own_clock = True
+        self.page.clock.install()
+
+    def close(self) -> None:
+        """Leave what the next page can use. A clock that a test moves stays in its context."""
+        if self._has_own_clock:
+            self.page.context.close()
+        else:
+            rest(self.page.context)
 
     def sleep(self, seconds: int) -> None:
         """Nobody sees the page for so long."""

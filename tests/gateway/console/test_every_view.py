@@ -65,7 +65,7 @@ def test_every_view_shows_markup_as_text_and_is_accessible(browser: Browser, rol
 
     assert problems == []
     assert stage.errors == []
-    page.context.close()
+    stage.close()
 
 
 def test_a_question_and_the_login_are_accessible(browser: Browser) -> None:
@@ -81,7 +81,7 @@ def test_a_question_and_the_login_are_accessible(browser: Browser) -> None:
     problems += serious_problems(page)
 
     assert problems == []
-    page.context.close()
+    stage.close()
 
 
 def test_the_hints_of_an_empty_system_are_accessible(stage: StagedPage) -> None:

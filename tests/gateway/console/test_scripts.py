@@ -88,7 +88,7 @@ def test_a_stream_that_goes_on_is_shown_as_live(stage: StagedPage) -> None:
 
 
 def test_a_page_that_slept_follows_the_picture_anew(stage: StagedPage) -> None:
-    stage.page.clock.install()
+    stage.install_clock()
     stage.open("/console#/alarms")
     stage.send(LIVE, "snapshot", {})
     stage.sleep(2)
@@ -101,7 +101,7 @@ def test_a_page_that_slept_follows_the_picture_anew(stage: StagedPage) -> None:
 def test_events_of_a_delivery_go_on_after_a_refusal_without_repetition(stage: StagedPage) -> None:
     stage.answers["/v1/deliveries/dlv_1"] = delivery("dlv_1")
     events = "/v1/deliveries/dlv_1/events"
-    stage.page.clock.install()
+    stage.install_clock()
     page = stage.open("/console#/deliveries/dlv_1").page
     event = {"type": "delivery.planned", "occurred_at": "2026-03-01T12:00:00Z", "data": {}}
     stage.send(events, "delivery.planned", {**event, "event_id": "evt_1"})

@@ -97,7 +97,7 @@ def test_a_newer_state_wins_over_a_stream_that_ended(stage: StagedPage) -> None:
 
 
 def test_a_page_that_is_seen_again_follows_anew(stage: StagedPage) -> None:
-    stage.page.clock.install()
+    stage.install_clock()
     stage.answers[f"{PAGE}/state"] = state()
     page = stage.open(PAGE).page
     stage.send(STREAM, "snapshot", {"drones": {"drn_1": {"position": [0.1, 0.1]}}})
@@ -112,7 +112,7 @@ def test_a_page_that_is_seen_again_follows_anew(stage: StagedPage) -> None:
 
 
 def test_the_page_goes_on_when_the_gateway_answers_again(stage: StagedPage) -> None:
-    stage.page.clock.install()
+    stage.install_clock()
     stage.answers[f"{PAGE}/state"] = state()
     page = stage.open(PAGE).page
     expect(page.locator("#headline")).to_have_text("Arrives at 12:10")
