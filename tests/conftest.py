@@ -76,7 +76,14 @@ def pytest_collection_finish() -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Sort the tests, so that those that take longest begin first."""
-    items.sort(key=rank)
+    items[:] = sorted((item for item in items if _is_on_its_database(item)), key=rank)
+
+
+def _is_on_its_database(item: pytest.Item) -> bool:
+    """Whether a test runs on this database, as its closest `databases` mark says."""
+    mark, case = item.get_closest_marker("databases"), getattr(item, "callspec", None)
+    dialect = case and case.params.get("migrated_url")
+    return mark is None or dialect is None or dialect in mark.args
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -2,6 +2,10 @@
 
 from typing import Any
 
+import pytest
+
+pytestmark = pytest.mark.databases("sqlite")
+
 GATEWAY = "service:gateway"
 TRACK = "/internal/deliveries/dlv_1/track"
 
@@ -109,6 +113,7 @@ async def test_the_position_of_a_drone_on_another_mission_is_hidden(
     assert mission["steps"][-1]["kind"] == "DELIVER"
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_refused_mission_is_not_in_the_track(
     composition: Any, drone: Any, make: Any
 ) -> None:

@@ -12,6 +12,8 @@ from skyway.units import moment_to_ms
 from tests.composition.missions.following.test_poisoned_messages import OneBatch
 from tests.composition.quarantine.test_set_aside import unreadable
 
+pytestmark = pytest.mark.databases("sqlite")
+
 OPERATOR = "operator:op"
 
 
@@ -101,6 +103,7 @@ async def test_a_message_that_no_drone_says_stays_as_it_is_when_it_is_replayed(
     assert not composition.parts.quarantine.is_shut_out(("prv_1", "drn_1"))
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_message_of_earlier_credentials_is_not_replayed(
     composition: Any, early_ack: Any
 ) -> None:
@@ -147,6 +150,7 @@ async def test_a_message_is_deleted_once(composition: Any) -> None:
     assert missing.status_code == 404
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_the_list_has_pages_and_a_filter(composition: Any) -> None:
     first, second = [await keep(composition, b"{" * number) for number in (1, 2)]
 

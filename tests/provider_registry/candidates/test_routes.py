@@ -19,6 +19,8 @@ from skyway.runtime.clock import ManualClock
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
 
+pytestmark = pytest.mark.databases("sqlite")
+
 AT = datetime(2026, 3, 1, 12, tzinfo=UTC)
 QUERY: dict[str, object] = {
     "pickup_station_id": "san-marcos",

@@ -10,6 +10,8 @@ from skyway_provider_registry.verify import RULES
 from skyway.broker_setup.passwords import matches, read_password_file
 from tests.broken_rules import broken_rules
 
+pytestmark = pytest.mark.databases("sqlite")
+
 DRONE = {"model_id": "paper-scenario", "home_station_id": "san-marcos"}
 
 BAD_DRONES: list[tuple[Any, list[str]]] = [
@@ -126,6 +128,7 @@ async def test_a_body_above_8_mib_is_refused(api: Any, provider_id: str) -> None
     assert answer.status_code == 413
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_registration_is_unique_within_a_provider(api: Any, provider_id: str) -> None:
     other = await api.provider()
     await api.drone(provider_id, registration="N1")

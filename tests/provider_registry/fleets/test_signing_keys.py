@@ -14,6 +14,8 @@ from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
 from tests.signing_files import PUBLIC_KEYS
 
+pytestmark = pytest.mark.databases("sqlite")
+
 GATEWAY = "service:gateway"
 FIRST, SECOND = PrivateKey(b"1" * 32).public_key, PrivateKey(b"2" * 32).public_key
 
@@ -150,6 +152,7 @@ async def test_a_next_key_that_a_thief_named_never_comes_into_force(
     assert await broken_rules(db, RULES) == []
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_revocation_forgets_the_next_key_of_a_drone_that_does_not_sign(
     api: Any, db: Database
 ) -> None:
@@ -208,6 +211,7 @@ async def test_an_unknown_drone_is_left_out(api: Any) -> None:
     assert answer.json()["signatures"] == []
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_verify_names_a_key_that_is_none(api: Any, signing: Any, db: Database) -> None:
     async with db.write() as tx:
         await tx.execute(text("UPDATE drone_signing_keys SET public_key = :key"), {"key": "A" * 43})

@@ -19,6 +19,8 @@ from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
 
+pytestmark = pytest.mark.databases("sqlite")
+
 HOME = Position(-97.9, 29.9)
 
 
@@ -275,6 +277,7 @@ class FakeComposition:
         self.posted.append((method, path, body.code))
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_the_alarm_waits_for_composition(drone: WatchedDrone) -> None:
     composition = FakeComposition(is_away=True)
     announcer = AlarmAnnouncer(drone.db, composition)  # type: ignore[arg-type]

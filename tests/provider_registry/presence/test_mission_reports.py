@@ -14,6 +14,8 @@ from skyway.runtime.clock import ManualClock
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
 
+pytestmark = pytest.mark.databases("sqlite")
+
 Maker = Callable[..., Any]
 
 
@@ -190,6 +192,7 @@ async def test_a_drone_on_a_mission_cannot_be_removed(api: Any, drone: dict[str,
     assert after.status_code == 204
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_ended_missions_are_forgotten_after_a_day(
     api: Any, drone: dict[str, Any], db: Database, clock: ManualClock
 ) -> None:

@@ -5,6 +5,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.databases("sqlite")
+
 SECONDS = [f"2026-03-01T12:00:0{second}Z" for second in range(6)]
 
 

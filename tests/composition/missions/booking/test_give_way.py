@@ -16,7 +16,7 @@ from tests.composition.missions.calendar.booked_chain import (
     pass_minutes,
 )
 
-pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite", "postgresql"], indirect=True)
+pytestmark = pytest.mark.databases("sqlite")
 
 
 @pytest.fixture
@@ -188,6 +188,7 @@ async def test_a_standby_does_not_give_way_to_another_standby(world: BusyWorld) 
     assert await charges_until(world, 2) > charged_at
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_two_services_share_a_pad_before_any_standby(world: BusyWorld) -> None:
     await come_home(world)
     assert await book(world, "third", "a", "b", drone=2) == "BOOKED"

@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.databases("sqlite")
+
 PATH = "/internal/deliveries/dlv_1/cancellations"
 
 
@@ -117,6 +119,7 @@ async def test_a_repeated_cancellation_gets_the_same_answer_and_does_nothing(
     assert len(await composition.reports()) == reports_before + delivered_reports
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_two_concurrent_equal_cancellations_count_once(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
@@ -260,6 +263,7 @@ async def test_a_delivered_package_is_too_late_to_cancel(
     assert answer.json() == {"released": [], "returning": [], "too_late": ["p1"]}
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_cancellation_reaches_all_missions_of_the_delivery_and_no_other(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:

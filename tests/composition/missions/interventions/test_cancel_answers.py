@@ -5,6 +5,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.databases("sqlite")
+
 PATH = "/internal/deliveries/dlv_1/cancellations"
 
 

@@ -4,6 +4,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.databases("sqlite")
+
 LOADER = "provider:prv_1"
 
 
@@ -20,6 +22,7 @@ async def shown(composition: Any, mission_id: str) -> Any:
     return (await composition("operator:op", "GET", f"/v1/missions/{mission_id}")).json()
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_missions_that_wait_for_a_loader_can_be_listed(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
@@ -31,6 +34,7 @@ async def test_missions_that_wait_for_a_loader_can_be_listed(
     assert [item["mission_id"] for item in listed.json()["items"]] == [instruction.mission_id]
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_measured_masses_replace_the_agreed_ones(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:

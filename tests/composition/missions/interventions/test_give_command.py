@@ -7,6 +7,8 @@ from typing import Any
 import pytest
 from skyway_composition.planning.solver_pool import SolverPool
 
+pytestmark = pytest.mark.databases("sqlite")
+
 
 async def give(
     composition: Any, mission_id: str, command: str, *, caller: str = "operator:op", **members: Any
@@ -64,6 +66,7 @@ class HoldingSolver(SolverPool):
         return await super().compose(*arguments, **options)
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_plan_in_progress_does_not_end_a_hold(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:

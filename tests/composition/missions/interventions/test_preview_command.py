@@ -8,6 +8,8 @@ from skyway_composition.missions.replanning import foresee
 
 from tests.composition.dry_runs import all_rows
 
+pytestmark = pytest.mark.databases("sqlite")
+
 OPERATOR = "operator:op"
 
 

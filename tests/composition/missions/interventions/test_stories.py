@@ -3,7 +3,11 @@
 from datetime import timedelta
 from typing import Any
 
+import pytest
+
 from skyway.contracts.flight_step import FlightStep
+
+pytestmark = pytest.mark.databases("sqlite")
 
 
 async def post(
@@ -155,6 +159,7 @@ async def test_a_closure_before_the_take_off_instruction_keeps_the_measured_load
     assert (progress["mission"]["loading"], progress["trouble"]) == ("CONFIRMED", None)
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_package_cancelled_in_time_is_not_loaded(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
