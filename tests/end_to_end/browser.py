@@ -40,25 +40,26 @@ _RESTING: Final = "/resting"
 
 
 def log_out(browser: Browser) -> None:
-    """Close all pages and forget who was logged in; compiled scripts stay for the next story."""
+    """Close all pages. The next story logs in anew, and finds the compiled scripts."""
     for context in browser.contexts:
-        rest(context)
+        if context.pages:
+            rest(context)
 
 
 def rest(context: BrowserContext) -> None:
-    """Close all pages, but for an empty one, and forget who was logged in."""
+    """Close all pages, but for an empty one."""
     *others, last = context.pages
     last.route(f"**{_RESTING}", lambda route: route.fulfill(content_type="text/html", body=""))
     last.goto(urljoin(last.url, _RESTING))
     for page in others:
         page.close()
-    context.clear_cookies()
 
 
 def free_context(browser: Browser, **settings: Any) -> BrowserContext:
     """A context without logins: one that rests after an earlier story, if there is one."""
     for context in browser.contexts:
         if all(page.url.endswith(_RESTING) for page in context.pages):
+            context.clear_cookies()
             return context
     return browser.new_context(
         # Maps are drawn by the processor, with half the pixels in each direction.
