@@ -15,8 +15,6 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, milp
-from scipy.sparse import csr_matrix
 
 from skyway.planner.problem import Problem
 from tests.library.planner.oracles.facts import Facts, Interval, is_overweight, read_facts
@@ -55,6 +53,10 @@ class _Programme:
 
     def least(self, column: int, *, time_limit_s: float) -> float | None:
         """The least value of a column; infinite if there is none, None if time ran out."""
+        # Imported here: every test process imports this file, and one needs the solver.
+        from scipy.optimize import Bounds, LinearConstraint, milp
+        from scipy.sparse import csr_matrix
+
         rows, columns, weights = zip(*self.entries, strict=True)
         shape = (len(self.row_lows), len(self.lows))
         goal = np.zeros(len(self.lows))
