@@ -1,4 +1,4 @@
-"""The console's files: read once, compressed once, each with its checksum."""
+"""The console's files: read once, compressed once when first asked for, each with its checksum."""
 
 import base64
 import gzip
@@ -6,7 +6,7 @@ import hashlib
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import PurePosixPath
@@ -25,14 +25,21 @@ _MEDIA_TYPES: Final = {
 _IMPORT_MAP: Final = re.compile(rb'<script type="importmap">(.*?)</script>', re.DOTALL)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ConsoleFile:
     """A file as it is sent: its media type, its bytes with and without gzip, and its ETag."""
 
     media_type: str
     content: bytes
-    compressed: bytes
     etag: str
+
+    @cached_property
+    def compressed(self) -> bytes:
+        """Compressed when first read: all files at once would stop the event loop for long.
+
+        A higher level takes four times as long for one per cent.
+        """
+        return gzip.compress(self.content, compresslevel=6, mtime=0)
 
 
 @cache
@@ -67,5 +74,4 @@ def _inside(folder: Traversable, at: PurePosixPath) -> Iterator[tuple[PurePosixP
 def _read(path: PurePosixPath, file: Traversable) -> ConsoleFile:
     content = file.read_bytes()
     checksum = hashlib.sha256(content).hexdigest()
-    compressed = gzip.compress(content, compresslevel=9, mtime=0)
-    return ConsoleFile(_MEDIA_TYPES[path.suffix], content, compressed, f'"{checksum[:32]}"')
+    return ConsoleFile(_MEDIA_TYPES[path.suffix], content, f'"{checksum[:32]}"')
