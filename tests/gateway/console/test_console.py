@@ -69,22 +69,24 @@ def test_the_policy_allows_the_import_map_and_no_other_script_in_the_page() -> N
     assert import_map_hash() == f"sha256-{digest}"
 
 
-@pytest.mark.parametrize("name", sorted(set(console_files()) - {"index.html"}))
-async def test_each_file_is_served_with_its_type(gateway: Gateway, name: str) -> None:
-    answer = await gateway.http.get(f"/console/{name}")
+async def test_each_file_is_served_with_its_type(
+    gateway: Gateway, subtests: pytest.Subtests
+) -> None:
+    types = {
+        ".css": "text/css",
+        ".js": "text/javascript",
+        ".mjs": "text/javascript",
+        ".json": "application/json",
+        ".txt": "text/plain",
+    }
+    for name in sorted(set(console_files()) - {"index.html"}):
+        with subtests.test(name):
+            answer = await gateway.http.get(f"/console/{name}")
 
-    assert answer.status_code == 200
-    assert answer.content == (FOLDER / name).read_bytes()
-    assert (
-        answer.headers["content-type"].split(";")[0]
-        == {
-            ".css": "text/css",
-            ".js": "text/javascript",
-            ".mjs": "text/javascript",
-            ".json": "application/json",
-            ".txt": "text/plain",
-        }[PurePosixPath(name).suffix]
-    )
+            assert answer.status_code == 200
+            assert answer.content == (FOLDER / name).read_bytes()
+            media_type = answer.headers["content-type"].split(";")[0]
+            assert media_type == types[PurePosixPath(name).suffix]
 
 
 async def test_a_file_that_a_browser_has_is_not_sent_again(gateway: Gateway) -> None:
