@@ -47,7 +47,7 @@ def log_out(browser: Browser) -> None:
 
 
 def rest(context: BrowserContext) -> None:
-    """Close all pages, but for an empty one."""
+    """Close all pages and leave an empty one."""
     *others, last = context.pages
     last.route(f"**{_RESTING}", lambda route: route.fulfill(content_type="text/html", body=""))
     last.goto(urljoin(last.url, _RESTING))

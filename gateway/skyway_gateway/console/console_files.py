@@ -35,7 +35,7 @@ class ConsoleFile:
 
     @cached_property
     def compressed(self) -> bytes:
-        """Compressed when first read: all files at once would stop the event loop for long.
+        """Compressed when first read: all files together would stop the event loop for long.
 
         A higher level takes four times as long for one per cent.
         """
