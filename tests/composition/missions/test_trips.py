@@ -13,6 +13,8 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
 from skyway.runtime.minting import CountingMint
 
+pytestmark = pytest.mark.databases("sqlite")
+
 #: The drones of these tests lift 15.3 kg: two of these packages are too much for one.
 HEAVY_KG = 9.0
 
@@ -114,6 +116,7 @@ async def test_two_trips_are_booked_both_or_not_at_all(composition: Any, make: A
     assert {table: await count(composition, table) for table in tables} == dict.fromkeys(tables, 0)
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_deliveries_that_need_two_drones_never_get_only_one(
     composition: Any, make: Any
 ) -> None:
@@ -134,6 +137,7 @@ async def test_deliveries_that_need_two_drones_never_get_only_one(
     assert await composition.broken() == []
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_with_too_few_drones_some_packages_are_left_for_later(
     composition: Any, make: Any
 ) -> None:

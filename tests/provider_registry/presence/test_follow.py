@@ -18,6 +18,8 @@ from skyway.runtime.metrics import COUNTERS
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database, Tx
 
+pytestmark = pytest.mark.databases("sqlite")
+
 TOPICS: dict[type, Topic[Any]] = {Connection: CONNECTION, DroneState: STATE, Telemetry: TELEMETRY}
 
 
@@ -124,6 +126,7 @@ async def test_the_last_will_of_an_old_connection_is_ignored(fleet: Fleet, onlin
     assert (await fleet.shows(drone_id))["state"] == "OFFLINE"
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_any_order_in_any_batches_gives_the_result_of_the_sending_order(
     fleet: Fleet, online: Maker, state: Maker, sample: Maker
 ) -> None:
@@ -214,6 +217,7 @@ async def test_a_batch_that_cannot_be_stored_is_stored_later(
     assert (await fleet.shows(drone_id))["soc"] == 0.4
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_message_that_cannot_be_stored_is_dropped_alone(
     fleet: Fleet, db: Database, clock: ManualClock, state: Maker, monkeypatch: pytest.MonkeyPatch
 ) -> None:

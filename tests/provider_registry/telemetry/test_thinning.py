@@ -13,6 +13,8 @@ from sqlalchemy import func, select
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.sql.database import Database
 
+pytestmark = pytest.mark.databases("sqlite")
+
 KEEPING = KeepTimes(samples_for=timedelta(hours=24), minutes_for=timedelta(days=30))
 
 
@@ -91,6 +93,7 @@ async def test_a_partly_thinned_period_is_shown_by_minutes(
     ]
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_minutes_are_deleted_after_a_month(
     history: Any, db: Database, clock: ManualClock, thinning: Thinning, make_sample: Any
 ) -> None:

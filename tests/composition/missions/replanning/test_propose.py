@@ -14,6 +14,8 @@ from skyway.contracts.flight_step import FlyStep, RechargeStep
 from skyway.ids import DroneId
 from skyway.units import moment_to_ms
 
+pytestmark = pytest.mark.databases("sqlite")
+
 HEALTH = {
     "voltage_v": 22.0,
     "current_a": 1.0,
@@ -218,6 +220,7 @@ def cut(drone: Any, step: Any, instruction: Any) -> Any:
     return type(ended)(ended.topic, ended.ids, message, retained=False)
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_cut_recharge_does_not_end_the_new_step_with_its_number(
     composition: Any, drone: Any
 ) -> None:
@@ -229,6 +232,7 @@ async def test_a_cut_recharge_does_not_end_the_new_step_with_its_number(
     assert await composition.broken() == []
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_change_during_a_proposal_is_checked_against_the_new_plan(
     composition: Any, drone: Any
 ) -> None:
@@ -246,6 +250,7 @@ async def test_a_change_during_a_proposal_is_checked_against_the_new_plan(
     assert await trouble_code(composition) == "MORE_ENERGY"
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 @pytest.mark.parametrize("first_message", ["state", "event"])
 async def test_a_report_with_the_proposed_revision_accepts_the_proposal(
     composition: Any, drone: Any, first_message: str
@@ -274,6 +279,7 @@ async def test_a_report_with_the_proposed_revision_accepts_the_proposal(
     assert await composition.broken() == []
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_state_of_the_proposed_revision_accepts_the_proposal(
     composition: Any, drone: Any
 ) -> None:

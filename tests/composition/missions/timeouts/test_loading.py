@@ -3,7 +3,10 @@
 from datetime import timedelta
 from typing import Any
 
+import pytest
 from skyway_composition.missions.timeouts import LoadingTimeouts
+
+pytestmark = pytest.mark.databases("sqlite")
 
 #: Half an hour, unless the network says otherwise.
 TIMEOUT = timedelta(seconds=1_800)
