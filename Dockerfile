@@ -19,6 +19,6 @@ ENV PATH=/opt/skyway/bin:$PATH PYTHONUNBUFFERED=1 SKYWAY_DATA=/var/lib/skyway \
     NUMBA_CACHE_DIR=/var/cache/skyway
 USER skyway
 # Compiled for this processor; on another one composition compiles again before it is ready.
-RUN python -m skyway.planner.warm
+RUN python -m skyway.planner.warm && python -m skyway.dispatch.warm
 VOLUME /var/lib/skyway
 CMD ["skyway", "doctor"]

@@ -17,8 +17,9 @@ $(VENV)/.ready: requirements.txt pyproject.toml
 	@touch $@
 
 $(COMPILED): $(VENV)/.ready $(wildcard skyway/planner/kernels/*.py)
-	@echo "Compiling the planner, once: about half a minute."
+	@echo "Compiling the planner, once: about a minute."
 	@$(BIN)/python -m skyway.planner.warm
+	@$(BIN)/python -m skyway.dispatch.warm
 	@mkdir -p $(@D)
 	@touch $@
 

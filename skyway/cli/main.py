@@ -14,6 +14,7 @@ _COMMANDS: Final = {
     "up": "skyway.cli.up:up_command",
     "demo": "skyway.cli.demo.command:demo_command",
     "compose": "skyway.cli.compose:compose_command",
+    "dispatch": "skyway.cli.dispatch:dispatch_command",
     "experiment": "skyway.cli.experiment:experiment_command",
     "quote": "skyway.cli.quote:quote_command",
     "accept": "skyway.cli.delivery:accept_command",

@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import islice
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from skyway.errors import FieldFault, InvalidNetwork, InvalidProblem
+from skyway.json_model import JsonModel
 from skyway.network.fields import shown
 from skyway.network.network import Network
 from skyway.planner.problem import MAX_FAULTS, Problem, network_of
@@ -24,11 +25,25 @@ def read_problem(document: Any) -> Problem:  # any JSON value, as json.loads giv
     InvalidProblem
         With all faults of the document, the first `MAX_FAULTS` of them.
     """
+    return read_with_network(Problem, document)
+
+
+_Document = TypeVar("_Document", bound=JsonModel)
+
+
+def read_with_network(model: type[_Document], document: Any) -> _Document:  # any JSON value
+    """The value of this model that a JSON document describes; it has a field `network`.
+
+    Raises
+    ------
+    InvalidProblem
+        With all faults of the document, the first `MAX_FAULTS` of them.
+    """
     if not isinstance(document, Mapping):
         raise InvalidProblem("problem", f"{shown(document)} is not an object")
-    unknown = (name for name in document if name not in Problem.model_fields)
+    unknown = (name for name in document if name not in model.model_fields)
     faults = [FieldFault(_field([name]), _UNKNOWN) for name in islice(unknown, MAX_FAULTS)]
-    fields = {name: document[name] for name in Problem.model_fields if name in document}
+    fields = {name: document[name] for name in model.model_fields if name in document}
     is_network_bad = False
     try:
         if "network" in fields:
@@ -38,7 +53,7 @@ def read_problem(document: Any) -> Problem:  # any JSON value, as json.loads giv
         fields["network"] = Network({}, ())
         is_network_bad = True
     try:
-        problem = Problem.model_validate(fields)
+        problem = model.model_validate(fields)
     except ValidationError as error:
         complaints = error.errors(include_url=False, include_context=False)
         faults.extend(_fault(complaint) for complaint in complaints[:MAX_FAULTS])

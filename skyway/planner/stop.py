@@ -80,3 +80,9 @@ def stopwatch() -> Callable[[], float]:
     """Seconds of wall time since this call, whenever the answer is called."""
     start_s = time.perf_counter()
     return lambda: time.perf_counter() - start_s
+
+
+def processor_stopwatch() -> Callable[[], float]:
+    """Seconds of this process's processor time since this call, whenever the answer is called."""
+    start_s = time.process_time()
+    return lambda: time.process_time() - start_s

@@ -24,8 +24,8 @@ from skyway.planner.trip_terms import TripTerms
 from skyway.planner.trips import Trips
 
 #: Three stations in a row, 6 km apart, and a drone that flies 10 km on a full battery.
-_STATIONS = tuple(StationId(name) for name in "abc")
-_MODEL = DroneModel(
+STATIONS = tuple(StationId(name) for name in "abc")
+MODEL = DroneModel(
     model_id=DroneModelId("warm"),
     empty_mass_kg=1.0,
     max_payload_kg=1.0,
@@ -41,7 +41,7 @@ _MODEL = DroneModel(
 
 def warm() -> None:
     """Compose small problems that need every part of the planner; takes long the first time."""
-    network = _network()
+    network = line_network()
     booked = PadBook.of(network, [_taken("b", pad=1)])
     hierarchy = Hierarchy.of(network)
     for members in _problems():
@@ -52,7 +52,7 @@ def warm() -> None:
     _compose_many(network, booked)
     away = network.outgoing
     lengths_from(
-        away.offsets, away.station, away.length_m, 0, np.array([2], np.int64), len(_STATIONS)
+        away.offsets, away.station, away.length_m, 0, np.array([2], np.int64), len(STATIONS)
     )
 
 
@@ -76,7 +76,7 @@ def _problems() -> Iterator[dict[str, Any]]:
     """With and without approach, closures, reservations, plan; under both recharge policies."""
     far = {"package_id": "p1", "mass_kg": 0.4, "destination": "c"}
     near = {"package_id": "p2", "mass_kg": 0.1, "destination": "b"}
-    drone = {"model": _MODEL, "soc": 1.0}
+    drone = {"model": MODEL, "soc": 1.0}
     plain = {"drone": drone, "source": "a", "packages": [far]}
     beset = {
         "drone": {**drone, "soc": 0.7, "station_id": "b"},
@@ -101,13 +101,14 @@ def _taken(station: str, *, pad: int) -> PadReservation:
     return PadReservation(station_id=StationId(station), pad=pad, start_s=0.0, end_s=900.0)
 
 
-def _network() -> Network:
+def line_network() -> Network:
+    """Three stations in a row with two pads each."""
     stations = {
         name: Station(name, Position(0.05 * number, 0.0), pads=2)
-        for number, name in enumerate(_STATIONS)
+        for number, name in enumerate(STATIONS)
     }
     ways = [(0, 1), (1, 0), (1, 2), (2, 1)]
-    segments = [Segment(_STATIONS[start], _STATIONS[end], 6_000.0) for start, end in ways]
+    segments = [Segment(STATIONS[start], STATIONS[end], 6_000.0) for start, end in ways]
     return Network(stations, segments)
 
 

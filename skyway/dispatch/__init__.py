@@ -1,0 +1,12 @@
+"""The dispatcher: which drone flies which requests in which order, so that all come soon.
+
+Start with `optimise`; `problem` defines the input, `plan` the result. `schedule` plans a given
+order with the exact planner (`trips`), `search` looks for better orders, `bound` proves how good
+the best possible plan could be.
+"""
+
+from skyway.dispatch.optimise import optimise
+from skyway.dispatch.plan import FleetPlan
+from skyway.dispatch.problem import FleetProblem, read_fleet_problem
+
+__all__ = ["FleetPlan", "FleetProblem", "optimise", "read_fleet_problem"]

@@ -1,0 +1,180 @@
+"""Proves that no fleet plan of a problem has a lower objective than this bound.
+
+The bound is a Lagrangian relaxation (Fisher 1981). Each request gets a price, and each drone flies
+the trips that cost least after the prices of their requests. Every plan costs at least the sum of
+all prices and of what the drones' best trips cost then, whatever the prices are; good prices are
+found by subgradient steps. Trips are those of `estimates`, which are never longer than real ones.
+docs/dispatch.md gives the proof.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import numpy as np
+
+from skyway.dispatch.estimates import Estimates
+from skyway.dispatch.objective import Costs
+from skyway.dispatch.problem import FleetProblem
+from skyway.dispatch.trips import Pool
+from skyway.dispatch.walks import LONGEST_S, Start, Walks, has_short_trips, starts_of, walks_of
+from skyway.planner.kernels.fleet_bound import fill_future, least_walk
+from skyway.planner.kernels.memory import Floats, Longs
+
+#: With more nodes only the first trip of each drone is looked at with its own times.
+_MOST_NODES_FOR_TWO: Final = 400
+
+#: Steps without a better bound until the step is halved, and the shortest step. Our own choice.
+_MOST_FAILURES: Final = 15
+_SHORTEST_STEP: Final = 0.005
+
+#: How much of each direction is that of the steps before.
+_MEMORY: Final = 0.6
+
+#: The horizon, as a multiple of the last delivery of the good plan.
+_HORIZONS: Final = 1.2
+
+
+def lower_bound_s(
+    problem: FleetProblem,
+    estimates: Estimates,
+    *,
+    kinds: Sequence[int],
+    pools: Sequence[Pool],
+    upper: Costs,
+    is_over: Callable[[int], bool],
+) -> float:
+    """No plan of the problem has a lower objective than this.
+
+    Parameters
+    ----------
+    kinds
+        The number of each drone's model, as `estimates` counts them.
+    pools
+        All sets of requests that may share a trip, single requests too.
+    upper
+        The costs of a good plan; they guide the steps.
+    is_over
+        Ends the steps; it is asked with their number.
+    """
+    if not problem.requests or problem.prices.delivery <= 0 or not upper.delivered_s:
+        return 0.0
+    starts = starts_of(problem, estimates, kinds)
+    alone_s = _alone_s(problem, estimates, kinds)
+    horizon_s = min(
+        _HORIZONS * max(upper.delivered_s.values()),
+        min(each.charged_s for each in starts) + LONGEST_S,
+    )
+    if has_short_trips(estimates, kinds, pools) or not _has_slow_loads(problem):
+        return alone_s
+    sources = np.array(
+        [*dict.fromkeys(estimates.place_of[each.source] for each in problem.requests)], np.int64
+    )
+    made = [
+        walks_of(problem, estimates, kind, pools, starts, sources, horizon_s)
+        for kind in range(max(kinds) + 1)
+    ]
+    relaxation = _Relaxation(problem, made, starts, sources, horizon_s)
+    return max(alone_s, relaxation.best(upper, is_over))
+
+
+class _Relaxation:
+    """The Lagrangian relaxation, and the search for good prices."""
+
+    def __init__(
+        self,
+        problem: FleetProblem,
+        kinds: Sequence[Walks],
+        starts: Sequence[Start],
+        sources: Longs,
+        horizon_s: float,
+    ) -> None:
+        self._problem = problem
+        self._kinds = kinds
+        self._starts = starts
+        self._sources = sources
+        prices = problem.prices
+        # Above the first no trip may cost less than nothing behind the horizon; above the second
+        # it is better not to serve the request.
+        self._most = np.array(
+            [
+                each.weight
+                * min(
+                    prices.delivery * (horizon_s - each.known_s), prices.unserved_s - each.known_s
+                )
+                for each in problem.requests
+            ]
+        )
+
+    def best(self, upper: Costs, is_over: Callable[[int], bool]) -> float:
+        """The best bound found by subgradient steps (Held, Wolfe and Crowder 1974)."""
+        requests = self._problem.requests
+        price = np.array(
+            [
+                each.weight * (upper.delivered_s.get(number, 0.0) - each.known_s)
+                for number, each in enumerate(requests)
+            ]
+        )
+        price = np.minimum(price, self._most)
+        best_s, best_price, direction = -np.inf, price, np.zeros(len(requests))
+        step, failures, steps = 1.0, 0, 0
+        while step > _SHORTEST_STEP and (steps == 0 or not is_over(steps)):
+            bound_s, visits = self._at(price)
+            steps += 1
+            if bound_s > best_s:
+                best_s, best_price, failures = bound_s, price, 0
+            else:
+                failures += 1
+            if failures >= _MOST_FAILURES:
+                step, failures, price = step / 2, 0, best_price
+                direction[:] = 0.0
+                continue
+            slope = 1.0 - visits
+            direction = _MEMORY * direction + (1.0 - _MEMORY) * slope
+            norm = float(direction @ direction)
+            if norm < 1e-9:
+                break
+            missing_s = max(1.0, upper.total_s - bound_s)
+            price = price + step * missing_s / norm * direction
+            price = np.clip(price, 0.0, self._most)
+        return best_s
+
+    def _at(self, price: Floats) -> tuple[float, Longs]:
+        """The bound with these prices, and how often the drones visit each request."""
+        visits = np.zeros(len(price), np.int64)
+        bound_s = float(price.sum())
+        for each in self._kinds:
+            each.nodes.price[:] = price
+            fill_future(each.nodes, each.approach, self._sources, each.future)
+        for start in self._starts:
+            each = self._kinds[start.kind]
+            bound_s += least_walk(
+                each.nodes,
+                each.approach,
+                self._sources,
+                each.future,
+                start.place,
+                start.free_s,
+                start.charged_s,
+                2 if len(each.nodes.pool) <= _MOST_NODES_FOR_TWO else 1,
+                visits,
+            )
+        return bound_s, visits
+
+
+def _alone_s(problem: FleetProblem, estimates: Estimates, kinds: Sequence[int]) -> float:
+    """The objective if each request was served alone by the whole fleet, or left."""
+    total_s = 0.0
+    for number, request in enumerate(problem.requests):
+        first_s = min(
+            drone.free_s
+            + estimates.least_s(kind, (number,), station_id=drone.station_id, soc=drone.soc)
+            for drone, kind in zip(problem.drones, kinds, strict=True)
+        )
+        waited_s = problem.prices.delivery * (first_s - request.known_s)
+        total_s += request.weight * min(waited_s, problem.prices.unserved_s - request.known_s)
+    return total_s
+
+
+def _has_slow_loads(problem: FleetProblem) -> bool:
+    """Whether no model flies faster with a load; then sharing serves no request sooner."""
+    return all(each.model.speed_full_mps <= each.model.speed_empty_mps for each in problem.drones)

@@ -1,0 +1,183 @@
+"""Estimates of all trips of a fleet problem, as if every pad was free.
+
+They are lower bounds: the shortest ways, the charge at the fastest rate of the curve, and no time
+at closed places. The order search reads them, and the bound of the whole plan is proven from them.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from skyway.dispatch.problem import FleetProblem, FleetRequest
+from skyway.dispatch.trips import Pool
+from skyway.drone.charging import fastest_s_per_soc
+from skyway.drone.flight import flight_power_w, speed_mps
+from skyway.drone.model import DroneModel
+from skyway.ids import StationId
+from skyway.network.network import Network
+from skyway.planner.kernels.fleet_trips import NEED, SECONDS, estimate_trip
+from skyway.planner.kernels.memory import Floats, Longs
+from skyway.planner.kernels.ways import lengths_from
+
+#: Seconds and joules of what cannot be flown; infinite ones would not add up.
+OUT_OF_REACH: Final = 1e12
+
+
+@dataclass(frozen=True, slots=True)
+class TripEstimate:
+    """One trip of one model, from the moment at the pick-up to the last hand-over.
+
+    Parameters
+    ----------
+    ends
+        Places where the trip may end.
+    least
+        ``(ends, 3)``: by end the least seconds, need and joules, each by itself.
+    best, best_end
+        Seconds, need and joules of the order of least need, and the place where it ends.
+    early_s
+        By member of the pool: how long before the end it is served in that order.
+    """
+
+    ends: Longs
+    least: Floats
+    best: Floats
+    best_end: int
+    early_s: tuple[float, ...]
+
+
+class Estimates:
+    """Distances between the places of a problem, and estimates of trips of each model."""
+
+    def __init__(self, problem: FleetProblem, models: Sequence[DroneModel]) -> None:
+        self._problem = problem
+        self.models = models
+        self.places = _places(problem)
+        self.place_of: Mapping[StationId, int] = {
+            each: number for number, each in enumerate(self.places)
+        }
+        self.apart_m = _apart_m(problem.network, self.places)
+        self.s_per_j = [fastest_s_per_soc(each) / each.battery_j for each in models]
+        self._approaches = [self._approach(kind) for kind in range(len(models))]
+        self._found: dict[tuple[int, Pool], TripEstimate] = {}
+
+    def approach(self, kind: int) -> Floats:
+        """``(places, places, 3)``: seconds, need and joules of the empty flight."""
+        return self._approaches[kind]
+
+    def _approach(self, kind: int) -> Floats:
+        model = self.models[kind]
+        s_per_m = 1.0 / model.speed_empty_mps
+        is_apart = self.apart_m > 0
+        seconds = self.apart_m * s_per_m + np.where(is_apart, model.stop_s, 0.0)
+        joules = self.apart_m * s_per_m * model.power_empty_w
+        joules += np.where(is_apart, model.stop_j, 0.0)
+        approach = np.stack([seconds, seconds + joules * self.s_per_j[kind], joules], axis=-1)
+        return np.minimum(approach, OUT_OF_REACH)
+
+    def trip(self, kind: int, pool: Pool) -> TripEstimate:
+        """The estimate of the trip that serves these requests."""
+        key = (kind, pool)
+        found = self._found.get(key)
+        if found is None:
+            found = self._found[key] = self._estimated(self.models[kind], kind, pool)
+        return found
+
+    def credit_s(self, kind: int, soc: float) -> float:
+        """The need that this charge covers, down to the reserve."""
+        model = self.models[kind]
+        return (soc - model.reserve_soc) * model.battery_j * self.s_per_j[kind]
+
+    def least_s(self, kind: int, pool: Pool, *, station_id: StationId, soc: float) -> float:
+        """No trip that begins there with this charge ends in fewer seconds."""
+        trip = self.trip(kind, pool)
+        source = self.place_of[self._problem.requests[pool[0]].source]
+        seconds, need, _ = self._approaches[kind][self.place_of[station_id], source]
+        credit_s = self.credit_s(kind, soc)
+        least = trip.least.min(axis=0)
+        return float(max(seconds + least[SECONDS], need + least[NEED] - credit_s))
+
+    def _estimated(self, model: DroneModel, kind: int, pool: Pool) -> TripEstimate:
+        problem = self._problem
+        requests = [problem.requests[each] for each in pool]
+        source = requests[0].source
+        masses = _masses_by_destination(requests)
+        loading_s = problem.loading_s
+        if source in masses:
+            masses.pop(source)
+            loading_s += problem.dropoff_s
+        rows = np.array([self.place_of[each] for each in masses], np.int64)
+        if not len(rows):
+            both = np.array([loading_s, loading_s, 0.0])
+            here = self.place_of[source]
+            zeros = (0.0,) * len(pool)
+            return TripEstimate(np.array([here]), both[None, :], both, here, zeros)
+        least, best, served_s = np.empty((len(rows), 3)), np.empty(3), np.empty(len(rows))
+        s_per_m, j_per_m = _rates(model, list(masses.values()))
+        from_rows = np.append(rows, self.place_of[source])
+        end = estimate_trip(
+            self.apart_m[np.ix_(from_rows, rows)],
+            s_per_m,
+            j_per_m,
+            np.array([problem.dropoff_s + model.stop_s, model.stop_j]),
+            self.s_per_j[kind],
+            least,
+            best,
+            served_s,
+        )
+        least[:, SECONDS] += loading_s
+        least[:, NEED] += loading_s
+        np.minimum(least, OUT_OF_REACH, out=least)
+        early_s = tuple(
+            _early_s(each, dict(zip(masses, served_s, strict=True))) for each in requests
+        )
+        best += np.array([loading_s, loading_s, 0.0])
+        best = np.minimum(best, OUT_OF_REACH)
+        return TripEstimate(rows, least, best, int(rows[end]), early_s)
+
+
+def _early_s(request: FleetRequest, served_s: Mapping[StationId, float]) -> float:
+    last_s = max(served_s.get(each.destination, 0.0) for each in request.packages)
+    return max(served_s.values()) - last_s
+
+
+def _masses_by_destination(requests: Iterable[FleetRequest]) -> dict[StationId, float]:
+    masses: dict[StationId, float] = {}
+    for request in requests:
+        for each in request.packages:
+            masses[each.destination] = masses.get(each.destination, 0.0) + each.mass_kg
+    return masses
+
+
+def _rates(model: DroneModel, masses_kg: Sequence[float]) -> tuple[Floats, Floats]:
+    """Seconds and joules per metre by the set of destinations that are served."""
+    s_per_m, j_per_m = [], []
+    for served in range(1 << len(masses_kg)):
+        load_kg = math.fsum(
+            mass for number, mass in enumerate(masses_kg) if not served >> number & 1
+        )
+        pace = 1.0 / speed_mps(model, load_kg) if load_kg <= model.max_payload_kg else OUT_OF_REACH
+        s_per_m.append(pace)
+        j_per_m.append(pace * flight_power_w(model, load_kg))
+    return np.array(s_per_m), np.array(j_per_m)
+
+
+def _places(problem: FleetProblem) -> tuple[StationId, ...]:
+    """Every station where a drone is free, and where packages change hands."""
+    found = dict.fromkeys(each.station_id for each in problem.drones)
+    for request in problem.requests:
+        found[request.source] = None
+        found.update(dict.fromkeys(each.destination for each in request.packages))
+    return tuple(found)
+
+
+def _apart_m(network: Network, places: Sequence[StationId]) -> Floats:
+    rows = np.array([network.row_of[each] for each in places], np.int64)
+    away = network.outgoing
+    count = len(network.stations)
+    return np.array(
+        [lengths_from(away.offsets, away.station, away.length_m, row, rows, count) for row in rows]
+    )

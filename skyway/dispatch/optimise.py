@@ -1,0 +1,105 @@
+"""Optimise: from a fleet problem to a fleet plan that costs no more than the arrival order.
+
+This is the dispatcher's front door, and the file to read first. `problem` says what is asked,
+`plan` what comes out; docs/dispatch.md explains the method.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from skyway.dispatch.bound import lower_bound_s
+from skyway.dispatch.check import violations
+from skyway.dispatch.objective import Limits
+from skyway.dispatch.plan import FleetPlan
+from skyway.dispatch.pools import shared_pools
+from skyway.dispatch.problem import FleetProblem
+from skyway.dispatch.rows import Board
+from skyway.dispatch.schedule import Schedule, Scheduler
+from skyway.dispatch.search import Search
+from skyway.errors import SkywayError
+from skyway.planner.kernels.memory import Longs
+from skyway.planner.stop import processor_stopwatch
+
+#: Where no budget is given, seconds of processor time.
+DEFAULT_BUDGET_S = 10.0
+
+#: The most steps of a lower bound.
+_BOUND_STEPS = 400
+
+
+def optimise(
+    problem: FleetProblem,
+    *,
+    budget_s: float = DEFAULT_BUDGET_S,
+    rounds: int | None = None,
+    seed: int = 0,
+    proves: bool = False,
+) -> FleetPlan:
+    """The best fleet plan that the search finds.
+
+    The plan never costs more than the arrival order, and keeps each promise as far as the arrival
+    order does, within the problem's tolerance. Every trip has passed the planner's `verify`.
+
+    Parameters
+    ----------
+    budget_s
+        Seconds of processor time. The first round may take longer.
+    rounds
+        Ends the search after so many rounds, whatever the time: then the same seed gives the same
+        plan on every machine.
+    seed
+        Where the search's chance begins.
+    proves
+        Also prove a lower bound of the objective, which needs some seconds more.
+    """
+    elapsed_s = processor_stopwatch()
+
+    def is_over(made: int) -> bool:
+        return elapsed_s() >= budget_s if rounds is None else made >= rounds
+
+    scheduler = Scheduler(problem)
+    arrival = scheduler.arrival_order()
+    limits = Limits(problem, arrival.costs)
+    board = Board(
+        problem,
+        scheduler.estimates,
+        kinds=scheduler.planner.model_of,
+        shared=shared_pools(problem),
+    )
+    board.limit(limits)
+    search = Search(scheduler, board, limits, best=arrival, chance=_chance(seed))
+    search.look_at(scheduler.current())
+    search.run(is_over)
+    bound_s = _bound_s(scheduler, board, search.best) if proves else None
+    plan = FleetPlan.of(
+        problem, search.best, arrival=arrival, rounds=search.rounds, lower_bound_s=bound_s
+    )
+    faults = violations(problem, plan)
+    if faults:
+        raise FleetPlanRejected(faults)
+    return plan
+
+
+class FleetPlanRejected(SkywayError):
+    """A fleet plan breaks rules: a defect of the dispatcher. `faults` says which."""
+
+    def __init__(self, faults: Sequence[str]) -> None:
+        super().__init__("; ".join(faults))
+        self.faults = tuple(faults)
+
+
+def _bound_s(scheduler: Scheduler, board: Board, best: Schedule) -> float:
+    return lower_bound_s(
+        scheduler.problem,
+        scheduler.estimates,
+        kinds=scheduler.planner.model_of,
+        pools=board.pools,
+        upper=best.costs,
+        is_over=lambda steps: steps >= _BOUND_STEPS,
+    )
+
+
+def _chance(seed: int) -> Longs:
+    """The first state of the kernels' chance: never 0, and far apart for near seeds."""
+    return np.array([(seed * 0x9E3779B97F4A7C15 + 0x1234567) % (2**62) + 1], np.int64)

@@ -1,0 +1,62 @@
+"""Which requests may share a trip."""
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from skyway.dispatch.problem import MAX_DESTINATIONS, FleetProblem
+from skyway.dispatch.trips import Pool
+from skyway.ids import StationId
+
+#: The most shared trips that are looked at. Our own choice: their estimates need half a second.
+_MOST_POOLS: Final = 20_000
+
+#: The most destinations of a shared trip. Our own choice: more make estimates and plans slow.
+_MOST_DESTINATIONS: Final = 6
+
+
+def shared_pools(problem: FleetProblem) -> list[Pool]:
+    """Sets of two and more requests that may share a trip, small sets first.
+
+    They allow pooling, have the same pick-up, and the lightest drone model that is able to lift
+    the heaviest payload lifts them all. Their windows are left to the planner.
+    """
+    limit_kg = max(each.model.max_payload_kg for each in problem.drones)
+    by_source: dict[StationId, list[int]] = {}
+    for number, request in enumerate(problem.requests):
+        if request.pooling and request.mass_kg <= limit_kg:
+            by_source.setdefault(request.source, []).append(number)
+    level: list[Pool] = [(each,) for numbers in by_source.values() for each in numbers]
+    found: list[Pool] = []
+    for _ in range(problem.most_pooled - 1):
+        level = [
+            larger
+            for pool in level
+            for larger in _enlarged(problem, pool, by_source, limit_kg=limit_kg)
+        ]
+        if len(found) + len(level) > _MOST_POOLS:
+            break
+        found += level
+    return found
+
+
+def _enlarged(
+    problem: FleetProblem,
+    pool: Pool,
+    by_source: dict[StationId, list[int]],
+    *,
+    limit_kg: float,
+) -> Iterator[Pool]:
+    """The pool with one more request, of a higher number."""
+    mass_kg = sum(problem.requests[each].mass_kg for each in pool)
+    for number in by_source[problem.requests[pool[0]].source]:
+        if number <= pool[-1]:
+            continue
+        larger = (*pool, number)
+        if mass_kg + problem.requests[number].mass_kg <= limit_kg and _destinations(
+            problem, larger
+        ) <= min(_MOST_DESTINATIONS, MAX_DESTINATIONS):
+            yield larger
+
+
+def _destinations(problem: FleetProblem, pool: Sequence[int]) -> int:
+    return len({one.destination for each in pool for one in problem.requests[each].packages})

@@ -1,0 +1,148 @@
+"""A fleet problem and its sequences as the arrays that the kernels read."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from skyway.dispatch.estimates import Estimates
+from skyway.dispatch.objective import J_PER_KWH, Limits
+from skyway.dispatch.problem import FleetProblem, FleetRequest
+from skyway.dispatch.schedule import Sequences
+from skyway.dispatch.trips import Pool
+from skyway.planner.kernels.fleet_order import KEY_BITS, price_rows
+from skyway.planner.kernels.fleet_records import Fleet, Rows
+
+#: What a second after a latest moment costs: no order passes one to gain something else.
+_NEVER_LATE = 1e4
+
+#: What each request costs that a provider flies too few, seconds.
+_NEVER_UNFAIR = 1e6
+
+
+class Board:
+    """The pools of a problem by number, and sequences as rows of these numbers."""
+
+    def __init__(
+        self,
+        problem: FleetProblem,
+        estimates: Estimates,
+        *,
+        kinds: Sequence[int],
+        shared: Sequence[Pool],
+    ) -> None:
+        self.pools: list[Pool] = [*((each,) for each in range(len(problem.requests))), *shared]
+        self.number_of = {pool: number for number, pool in enumerate(self.pools)}
+        self.fleet = _fleet(problem, estimates, kinds, self.pools)
+        self._providers = [*dict.fromkeys(each.provider_id for each in problem.drones)]
+        self._drones = len(problem.drones)
+        self._most = len(problem.requests) + 1
+
+    def limit(self, limits: Limits) -> None:
+        """Let the kernels keep these limits too, as far as estimates can."""
+        latest_s = self.fleet.latest_s.copy()
+        for number, moment_s in limits.latest_s.items():
+            latest_s[number] = min(latest_s[number], moment_s)
+        least_flown = [limits.flown.get(each, 0) for each in self._providers]
+        self.fleet = self.fleet._replace(
+            latest_s=latest_s, least_flown=np.array(least_flown, np.int64)
+        )
+
+    def rows(self, sequences: Sequences) -> Rows:
+        """The rows of these sequences, priced."""
+        pool = np.zeros((self._drones, self._most), np.int64)
+        length = np.array([len(each) for each in sequences], np.int64)
+        for drone, trips in enumerate(sequences):
+            pool[drone, : len(trips)] = [self.number_of[each] for each in trips]
+        rows = Rows(pool, length, np.zeros(self._drones))
+        price_rows(self.fleet, rows)
+        return rows
+
+    def sequences(self, rows: Rows) -> Sequences:
+        """The sequences of these rows."""
+        return tuple(
+            tuple(self.pools[each] for each in row[:length])
+            for row, length in zip(rows.pool.tolist(), rows.length.tolist(), strict=True)
+        )
+
+
+def _key(pool: Pool) -> int:
+    """As `key_of` of the kernels."""
+    key = 0
+    for member in pool:
+        key = key << KEY_BITS | member + 1
+    return key
+
+
+def _window_end_s(request: FleetRequest) -> float:
+    """When the last window of its hand-overs ends."""
+    ends_s = [math.inf if each.latest_s is None else each.latest_s for each in request.packages]
+    return max(ends_s)
+
+
+def _fleet(
+    problem: FleetProblem, estimates: Estimates, kinds: Sequence[int], pools: Sequence[Pool]
+) -> Fleet:
+    drones, requests, prices = problem.drones, problem.requests, problem.prices
+    members = np.full((len(pools), max(map(len, pools), default=1)), -1, np.int64)
+    for number, pool in enumerate(pools):
+        members[number, : len(pool)] = pool
+    count = max(kinds) + 1
+    flight, end = np.zeros((count, len(pools), 3)), np.zeros((count, len(pools)), np.int64)
+    early_s = np.zeros((count, *members.shape))
+    for kind in range(count):
+        for number, pool in enumerate(pools):
+            trip = estimates.trip(kind, pool)
+            flight[kind, number], end[kind, number] = trip.best, trip.best_end
+            early_s[kind, number, : len(pool)] = trip.early_s
+    keys = np.array([_key(each) for each in pools], np.int64)
+    order = np.argsort(keys)
+    drone_number = {each.drone_id: number for number, each in enumerate(drones)}
+    place_of = estimates.place_of
+    providers = [*dict.fromkeys(each.provider_id for each in drones)]
+    return Fleet(
+        kind=np.array(kinds, np.int64),
+        start=np.array([place_of[each.station_id] for each in drones], np.int64),
+        free_s=np.array([each.free_s for each in drones]),
+        credit_s=np.array(
+            [estimates.credit_s(kind, each.soc) for each, kind in zip(drones, kinds, strict=True)]
+        ),
+        approach=np.stack([estimates.approach(kind) for kind in range(count)]),
+        flight=flight,
+        end=end,
+        early_s=early_s,
+        source=np.array([place_of[requests[each[0]].source] for each in pools], np.int64),
+        members=members,
+        key=keys[order],
+        pool_of_key=order.astype(np.int64),
+        weight=np.array([each.weight for each in requests]),
+        known_s=np.array([each.known_s for each in requests]),
+        ready_s=np.array(
+            [
+                -math.inf if each.pickup_not_before_s is None else each.pickup_not_before_s
+                for each in requests
+            ]
+        ),
+        due_s=np.array([math.inf if each.due_s is None else each.due_s for each in requests]),
+        latest_s=np.array([_window_end_s(each) for each in requests]),
+        planned=np.array(
+            [
+                -1 if each.planned is None else drone_number.get(each.planned.drone_id, -1)
+                for each in requests
+            ],
+            np.int64,
+        ),
+        provider=np.array([providers.index(each.provider_id) for each in drones], np.int64),
+        least_flown=np.zeros(len(providers), np.int64),
+        prices=np.array(
+            [
+                prices.delivery,
+                prices.lateness,
+                prices.energy_s_per_kwh / J_PER_KWH,
+                prices.move_s,
+                _NEVER_LATE,
+                _NEVER_UNFAIR,
+            ]
+        ),
+        hand_over_s=problem.hand_over_s,
+    )

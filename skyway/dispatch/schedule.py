@@ -1,0 +1,168 @@
+"""A schedule: the trips of all drones, planned one after another around the pads held before.
+
+`Sequences` say which drone flies which requests in which order; `Scheduler` plans them.
+"""
+
+import heapq
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from skyway.dispatch.estimates import Estimates
+from skyway.dispatch.objective import Costs, Pricing
+from skyway.dispatch.pads import PadLedger
+from skyway.dispatch.problem import FleetProblem
+from skyway.dispatch.trips import DroneTrip, NotPlanned, PlannedTrip, Pool, TripPlanner
+from skyway.planner.pad_book import booked_until_ms
+from skyway.scheduling.stays import Slot
+
+#: For each drone its trips in order, and for each trip the requests that share it.
+Sequences = tuple[tuple[Pool, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """Trips in the order in which they were planned, and what they cost."""
+
+    trips: tuple[DroneTrip, ...]
+    unserved: dict[int, NotPlanned]
+    costs: Costs
+
+    def sequences(self, drones: int) -> Sequences:
+        """The requests of each drone's trips in order."""
+        found: list[list[Pool]] = [[] for _ in range(drones)]
+        for each in self.trips:
+            found[each.drone].append(each.trip.pool)
+        return tuple(map(tuple, found))
+
+
+class Calendar:
+    """The trips planned so far: where each drone is free, and which pads are held."""
+
+    def __init__(self, planner: TripPlanner, estimates: Estimates) -> None:
+        problem = planner.problem
+        self._estimates = estimates
+        self._planner = planner
+        self._hand_over_ms = booked_until_ms(problem.hand_over_s)
+        self.slots = [
+            Slot(each.station_id, booked_until_ms(each.free_s), each.soc) for each in problem.drones
+        ]
+        gap_ms = booked_until_ms(problem.pad_gap_s)
+        self.pads = PadLedger(problem.network, problem.pad_reservations, gap_ms=gap_ms)
+        self.trips: list[DroneTrip] = []
+
+    def plan(self, pool: Pool, drone: int) -> PlannedTrip | NotPlanned:
+        """The trip of this drone behind its trips so far; it is not added."""
+        return self._planner.plan(pool, drone, self.slots[drone], self.pads)
+
+    def add_where_first(self, pool: Pool) -> NotPlanned | None:
+        """Add the trip whose last delivery is first among all drones; the reason if there is none.
+
+        Of equal trips the one of less energy is added. A drone that by its estimate ends later than
+        the best trip so far is not planned.
+        """
+        best: tuple[tuple[int, float, int], PlannedTrip] | None = None
+        reason = None
+        for least_ms, drone in sorted(
+            (self._least_end_ms(pool, drone), drone) for drone in range(len(self.slots))
+        ):
+            if best is not None and least_ms > best[0][0]:
+                break
+            trip = self.plan(pool, drone)
+            if isinstance(trip, NotPlanned):
+                reason = reason or trip
+                continue
+            key = (trip.end.at_ms, trip.energy_j, drone)
+            if best is None or key < best[0]:
+                best = key, trip
+        if best is None:
+            return reason
+        self.add(best[1], best[0][2])
+        return None
+
+    def _least_end_ms(self, pool: Pool, drone: int) -> float:
+        """The trip of this drone does not end before."""
+        kind, slot = self._planner.model_of[drone], self.slots[drone]
+        return slot.at_ms + 1000 * self._estimates.least_s(
+            kind, pool, station_id=slot.station_id, soc=slot.soc
+        )
+
+    def add(self, trip: PlannedTrip, drone: int) -> None:
+        """Add a trip that was planned by `plan`."""
+        end = trip.end
+        self.slots[drone] = Slot(end.station_id, end.at_ms + self._hand_over_ms, end.soc)
+        self.pads.hold(trip.pads)
+        self.trips.append(DroneTrip(drone, trip))
+
+
+class Scheduler:
+    """Makes schedules of one fleet problem."""
+
+    def __init__(self, problem: FleetProblem) -> None:
+        self.problem = problem
+        self.planner = TripPlanner(problem)
+        self.estimates = Estimates(problem, self.planner.models)
+        self.pricing = Pricing(problem)
+
+    def arrival_order(self) -> Schedule:
+        """The schedule that books one request after another, as they came.
+
+        Each request gets the drone that delivers it first, then the one that uses less energy.
+        """
+        calendar = Calendar(self.planner, self.estimates)
+        unserved = self._added(calendar, range(len(self.problem.requests)))
+        return self.priced(calendar.trips, unserved)
+
+    def planned(self, sequences: Sequences) -> Schedule:
+        """The schedule of these sequences; the drone that is free first is planned next.
+
+        Requests that are missing, or have no plan at their place, are added as in the arrival
+        order.
+        """
+        calendar = Calendar(self.planner, self.estimates)
+        waiting = [(slot.at_ms, drone) for drone, slot in enumerate(calendar.slots)]
+        heapq.heapify(waiting)
+        following = [0] * len(waiting)
+        missing = set(range(len(self.problem.requests)))
+        while waiting:
+            _, drone = heapq.heappop(waiting)
+            if following[drone] == len(sequences[drone]):
+                continue
+            pool = sequences[drone][following[drone]]
+            following[drone] += 1
+            trip = calendar.plan(pool, drone)
+            if isinstance(trip, PlannedTrip):
+                calendar.add(trip, drone)
+                missing.difference_update(pool)
+            heapq.heappush(waiting, (calendar.slots[drone].at_ms, drone))
+        return self.priced(calendar.trips, self._added(calendar, missing))
+
+    def current(self) -> Schedule | None:
+        """The schedule of the current plan, with all other requests added; None without one."""
+        numbers = {each.drone_id: number for number, each in enumerate(self.problem.drones)}
+        trips: dict[tuple[int, float], list[int]] = {}
+        for number, request in enumerate(self.problem.requests):
+            planned = request.planned
+            if planned is not None and planned.drone_id in numbers:
+                key = numbers[planned.drone_id], planned.start_s
+                trips.setdefault(key, []).append(number)
+        if not trips:
+            return None
+        found: list[list[Pool]] = [[] for _ in numbers]
+        for drone, start_s in sorted(trips):
+            found[drone].append(tuple(trips[drone, start_s]))
+        return self.planned(tuple(map(tuple, found)))
+
+    def priced(self, trips: Iterable[DroneTrip], unserved: dict[int, NotPlanned]) -> Schedule:
+        """The schedule of these trips, with its costs."""
+        trips = tuple(trips)
+        return Schedule(trips, unserved, self.pricing.costs(trips, unserved))
+
+    def _added(self, calendar: Calendar, numbers: Iterable[int]) -> dict[int, NotPlanned]:
+        """Add these requests as they came; returns the requests that have no trip."""
+        requests = self.problem.requests
+        unserved = {}
+        for number in sorted(numbers, key=lambda one: (requests[one].known_s, one)):
+            reason = calendar.add_where_first((number,))
+            if reason is not None:
+                unserved[number] = reason
+        return unserved

@@ -1,0 +1,70 @@
+"""Searches for a better schedule: orders by their estimates, and plans each with the exact planner.
+
+Each round destroys and repairs the best order so far: simulated annealing over the estimates of
+trips changes it, from a heat that falls from round to round and rises again. The exact planner then
+plans all its trips around one another's pads, and the schedule that really costs less is kept.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from skyway.dispatch.objective import Limits
+from skyway.dispatch.rows import Board
+from skyway.dispatch.schedule import Schedule, Scheduler
+from skyway.planner.kernels.fleet_order import anneal
+
+#: Steps of the first annealing for each request, and the most. Our own choice.
+_FIRST_STEPS: Final = 4_000
+_MOST_FIRST_STEPS: Final = 400_000
+
+#: Steps of each later round for each request.
+_STEPS: Final = 400
+
+#: The heats of the rounds, as shares of a request's mean cost: the first one, then in turn.
+_FIRST_HEAT: Final = 0.5
+_HEATS: Final = (0.02, 0.1, 0.005, 0.05)
+
+#: The last heat of each round, as a share of the first.
+_COLD: Final = 0.01
+
+
+@dataclass(slots=True)
+class Search:
+    """An anytime search; `best` is the best schedule so far that keeps the limits."""
+
+    scheduler: Scheduler
+    board: Board
+    limits: Limits
+    best: Schedule
+    chance: np.ndarray
+    rounds: int = 0
+
+    def run(self, is_over: Callable[[int], bool]) -> None:
+        """Search until it is over; it is asked with the number of rounds so far."""
+        requests = len(self.scheduler.problem.requests)
+        if requests == 0:
+            return
+        steps = min(_FIRST_STEPS * requests, _MOST_FIRST_STEPS)
+        heat = _FIRST_HEAT
+        while not is_over(self.rounds):
+            self._round(steps, heat)
+            steps, heat = _STEPS * requests, _HEATS[self.rounds % len(_HEATS)]
+            self.rounds += 1
+
+    def _round(self, steps: int, heat: float) -> None:
+        """Change the best order by annealing, and plan it exactly."""
+        problem = self.scheduler.problem
+        rows = self.board.rows(self.best.sequences(len(problem.drones)))
+        mean_s = max(1.0, abs(rows.cost.sum()) / len(problem.requests))
+        anneal(self.board.fleet, rows, self.chance, steps, heat * mean_s, heat * _COLD * mean_s)
+        self.look_at(self.scheduler.planned(self.board.sequences(rows)))
+
+    def look_at(self, found: Schedule | None) -> None:
+        """Keep this schedule if it costs less and keeps the limits."""
+        if found is None:
+            return
+        if found.costs.total_s < self.best.costs.total_s and self.limits.are_kept(found.costs):
+            self.best = found

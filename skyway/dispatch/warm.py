@@ -1,0 +1,37 @@
+"""Warming: compile the dispatcher, or load it from disk, before it is needed.
+
+``python -m skyway.dispatch.warm`` leaves the compiled dispatcher on disk.
+"""
+
+from skyway.dispatch.optimise import optimise
+from skyway.dispatch.problem import FleetProblem
+from skyway.planner.warm import MODEL, STATIONS, line_network
+
+
+def warm() -> None:
+    """Plan a small fleet that needs every part of the dispatcher; takes long the first time."""
+    first, middle, last = STATIONS
+    request = {"source": first, "pooling": True}
+    optimise(
+        FleetProblem.model_validate(
+            {
+                "network": line_network(),
+                "drones": [{"drone_id": "d", "model": MODEL, "station_id": middle, "soc": 1.0}],
+                "requests": [
+                    {
+                        **request,
+                        "request_id": end,
+                        "packages": [{"package_id": end, "mass_kg": 0.3, "destination": end}],
+                    }
+                    for end in (middle, last)
+                ],
+                "loading_s": 60.0,
+            }
+        ),
+        rounds=1,
+        proves=True,
+    )
+
+
+if __name__ == "__main__":
+    warm()
