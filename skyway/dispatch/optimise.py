@@ -15,7 +15,7 @@ from skyway.dispatch.plan import FleetPlan
 from skyway.dispatch.pools import shared_pools
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.rows import Board
-from skyway.dispatch.schedule import Schedule, Scheduler
+from skyway.dispatch.schedule import Scheduler
 from skyway.dispatch.search import Search
 from skyway.errors import SkywayError
 from skyway.planner.kernels.memory import Longs
@@ -53,6 +53,29 @@ def optimise(
     proves
         Also prove a lower bound of the objective, which needs some seconds more.
     """
+    search = searched(problem, budget_s=budget_s, rounds=rounds, seed=seed)
+    bound_s = _bound_s(search) if proves else None
+    plan = FleetPlan.of(
+        problem,
+        search.best,
+        arrival=search.arrival,
+        rounds=search.rounds,
+        lower_bound_s=bound_s,
+    )
+    faults = violations(problem, plan)
+    if faults:
+        raise FleetPlanRejected(faults)
+    return plan
+
+
+def searched(
+    problem: FleetProblem,
+    *,
+    budget_s: float = DEFAULT_BUDGET_S,
+    rounds: int | None = None,
+    seed: int = 0,
+) -> Search:
+    """The search of `optimise` at its end."""
     elapsed_s = processor_stopwatch()
 
     def is_over(made: int) -> bool:
@@ -68,17 +91,10 @@ def optimise(
         shared=shared_pools(problem),
     )
     board.limit(limits)
-    search = Search(scheduler, board, limits, best=arrival, chance=_chance(seed))
+    search = Search(scheduler, board, limits, arrival, arrival, _chance(seed))
     search.look_at(scheduler.current())
     search.run(is_over)
-    bound_s = _bound_s(scheduler, board, search.best) if proves else None
-    plan = FleetPlan.of(
-        problem, search.best, arrival=arrival, rounds=search.rounds, lower_bound_s=bound_s
-    )
-    faults = violations(problem, plan)
-    if faults:
-        raise FleetPlanRejected(faults)
-    return plan
+    return search
 
 
 class FleetPlanRejected(SkywayError):
@@ -89,13 +105,14 @@ class FleetPlanRejected(SkywayError):
         self.faults = tuple(faults)
 
 
-def _bound_s(scheduler: Scheduler, board: Board, best: Schedule) -> float:
+def _bound_s(search: Search) -> float:
+    scheduler = search.scheduler
     return lower_bound_s(
         scheduler.problem,
         scheduler.estimates,
         kinds=scheduler.planner.model_of,
-        pools=board.pools,
-        upper=best.costs,
+        pools=search.board.pools,
+        upper=search.best.costs,
         is_over=lambda steps: steps >= _BOUND_STEPS,
     )
 

@@ -33,6 +33,7 @@ from skyway.planner.problem_parts import (
     not_text_or_truth,
     window_faults,
 )
+from skyway.units import CHARGE_TOLERANCE
 
 #: The most drones, and the most requests, of one problem.
 MAX_DRONES = 1_000
@@ -200,7 +201,7 @@ class FleetProblem(JsonModel):
     def _of_drone(self, field: str, drone: FleetDrone) -> Iterator[FieldFault]:
         if drone.station_id not in self.network.stations:
             yield FieldFault(f"{field}.station_id", f"no station {drone.station_id!r}")
-        if drone.soc < drone.model.reserve_soc:
+        if drone.soc < drone.model.reserve_soc - CHARGE_TOLERANCE:
             yield FieldFault(
                 f"{field}.soc", f"{drone.soc} lies below reserve_soc {drone.model.reserve_soc}"
             )

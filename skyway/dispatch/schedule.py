@@ -4,6 +4,7 @@
 """
 
 import heapq
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -111,6 +112,13 @@ class Scheduler:
         calendar = Calendar(self.planner, self.estimates)
         unserved = self._added(calendar, range(len(self.problem.requests)))
         return self.priced(calendar.trips, unserved)
+
+    def alone_s(self, number: int) -> float:
+        """When this request would be served if the whole fleet served it alone; inf if never."""
+        calendar = Calendar(self.planner, self.estimates)
+        if calendar.add_where_first((number,)) is not None:
+            return math.inf
+        return calendar.trips[0].trip.end.at_ms / 1000
 
     def planned(self, sequences: Sequences) -> Schedule:
         """The schedule of these sequences; the drone that is free first is planned next.

@@ -38,6 +38,7 @@ class Search:
     scheduler: Scheduler
     board: Board
     limits: Limits
+    arrival: Schedule
     best: Schedule
     chance: np.ndarray
     rounds: int = 0

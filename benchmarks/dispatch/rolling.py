@@ -1,0 +1,165 @@
+"""A rolling hour: each minute the policy plans what has not started, and due trips begin.
+
+A drone that waits stands where its last trip ended, and charges while the pad there is free: trips
+come first, then the drone that has stood there longest. All flies as planned.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from benchmarks.dispatch.cases import PREPARE_S, FleetCase, drone
+from benchmarks.dispatch.policies import Policy
+from skyway.dispatch.pads import HeldPad
+from skyway.dispatch.problem import FleetDrone, FleetProblem
+from skyway.dispatch.schedule import Schedule
+from skyway.drone.charging import soc_after_recharge
+from skyway.experiments.fleet_hour.calendars import HAND_OVER_MS, MODEL, PAD_GAP_MS
+from skyway.experiments.fleet_hour.cases import HourRequest
+from skyway.ids import StationId
+
+_TICK_MS: Final = 60_000
+_PREPARE_MS: Final = round(PREPARE_S * 1000)
+
+#: After so many minutes the hour ends, whatever is left.
+_MOST_TICKS: Final = 2_880
+
+
+@dataclass(slots=True)
+class _Drone:
+    """Where a drone is free, from when, and its charge at `charged_ms`, then or later."""
+
+    station_id: StationId
+    free_ms: int
+    soc: float
+    charged_ms: int
+
+
+@dataclass(slots=True)
+class RollingHour:
+    """The state of one hour; `delivered_ms` is by the number of the request."""
+
+    case: FleetCase
+    policy: Policy
+    budget_s: float
+    seed: int
+    delivered_ms: dict[int, int] = field(default_factory=dict)
+    energy_j: float = 0.0
+    _drones: list[_Drone] = field(init=False)
+    _pads: list[HeldPad] = field(default_factory=list)
+    _planned: dict[int, tuple[str, int]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._drones = [_Drone(home, 0, MODEL.top_soc, 0) for home in self.case.hour.homes]
+
+    def run(self) -> None:
+        """Fly the hour until every request is served."""
+        for tick in range(_MOST_TICKS):
+            now_ms = tick * _TICK_MS
+            self._charge(now_ms + _PREPARE_MS)
+            open_requests = [
+                each
+                for each in self.case.hour.requests
+                if each.asked_ms <= now_ms and each.number not in self.delivered_ms
+            ]
+            if open_requests:
+                problem = self._problem(open_requests, now_ms)
+                schedule = self.policy.plan(problem, self.budget_s, self.seed + tick)
+                self._begin(schedule, open_requests, now_ms)
+            if len(self.delivered_ms) == len(self.case.hour.requests):
+                return
+
+    def _problem(self, requests: Sequence[HourRequest], now_ms: int) -> FleetProblem:
+        problem = self.case.problem(
+            [self._drone(number, now_ms) for number in range(len(self._drones))],
+            requests,
+            now_ms=now_ms,
+            pooling=self.policy.pooling,
+            pad_reservations=[
+                {
+                    "station_id": each.station_id,
+                    "pad": each.pad,
+                    "start_s": (each.start_ms - now_ms) / 1000,
+                    "end_s": (each.end_ms - now_ms) / 1000,
+                }
+                for each in self._pads
+                if each.end_ms > now_ms
+            ],
+        )
+        planned = [
+            each.model_copy(update={"planned": self._planned_trip(int(each.request_id), now_ms)})
+            for each in problem.requests
+        ]
+        return problem.model_copy(update={"requests": tuple(planned)})
+
+    def _planned_trip(self, number: int, now_ms: int) -> object:
+        from skyway.dispatch.problem import PlannedTrip
+
+        if number not in self._planned:
+            return None
+        drone_id, start_ms = self._planned[number]
+        return PlannedTrip.model_validate(
+            {"drone_id": drone_id, "start_s": (start_ms - now_ms) / 1000}
+        )
+
+    def _drone(self, number: int, now_ms: int) -> FleetDrone:
+        state = self._drones[number]
+        free_ms = max(state.free_ms, now_ms + _PREPARE_MS)
+        return drone(number, state.station_id, free_s=(free_ms - now_ms) / 1000, soc=state.soc)
+
+    def _begin(self, schedule: Schedule, requests: Sequence[HourRequest], now_ms: int) -> None:
+        """Start the trips that begin before the next plan could; remember the others."""
+        self._planned = {}
+        until_ms = now_ms + _PREPARE_MS + _TICK_MS
+        for number, trip in sorted(schedule.trips, key=lambda each: each.trip.slot.at_ms):
+            start_ms = now_ms + trip.slot.at_ms
+            if start_ms >= until_ms:
+                for each in trip.pool:
+                    self._planned[requests[each].number] = f"d{number}", start_ms
+                continue
+            for each, moment_ms in zip(trip.pool, trip.delivered_ms, strict=True):
+                self.delivered_ms[requests[each].number] = now_ms + moment_ms
+            self.energy_j += trip.energy_j
+            self._pads += [
+                each._replace(start_ms=each.start_ms + now_ms, end_ms=each.end_ms + now_ms)
+                for each in trip.pads
+            ]
+            end_ms = now_ms + trip.end.at_ms
+            self._drones[number] = _Drone(
+                trip.end.station_id, end_ms + HAND_OVER_MS, trip.end.soc, end_ms
+            )
+
+    def _charge(self, until_ms: int) -> None:
+        """Charge the drones that stand and wait, up to this moment."""
+        self._pads = [
+            each for each in self._pads if each.end_ms > until_ms - 2 * _TICK_MS - PAD_GAP_MS
+        ]
+        taken: set[StationId] = set()
+        for state in sorted(self._drones, key=lambda each: each.free_ms):
+            if state.charged_ms >= until_ms:
+                continue
+            is_taken = state.station_id in taken or any(
+                each.station_id == state.station_id
+                and each.start_ms - PAD_GAP_MS < until_ms
+                and state.charged_ms < each.end_ms + PAD_GAP_MS
+                for each in self._pads
+            )
+            if not is_taken and state.soc < MODEL.top_soc:
+                taken.add(state.station_id)
+                state.soc = soc_after_recharge(
+                    MODEL, state.soc, (until_ms - state.charged_ms) / 1000
+                )
+            state.charged_ms = until_ms
+
+
+def mean_min(hour: RollingHour) -> float:
+    """Mean minutes from each request to its last delivery."""
+    asked = {each.number: each.asked_ms for each in hour.case.hour.requests}
+    waited = [moment_ms - asked[number] for number, moment_ms in hour.delivered_ms.items()]
+    return sum(waited) / len(waited) / 60_000
+
+
+def on_time_share(case: FleetCase, waited_s: Iterable[tuple[int, float]]) -> float:
+    """The share of requests that are served before they are due."""
+    served = [waited <= case.granted_s[number] for number, waited in waited_s]
+    return sum(served) / len(case.granted_s)
