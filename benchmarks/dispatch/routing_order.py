@@ -31,10 +31,11 @@ def ordered_by_ortools(
     starts, ends = [count + each for each in range(fleet)], [count + fleet] * fleet
     manager = pywrapcp.RoutingIndexManager(count + fleet + 1, fleet, starts, ends)
     routing = pywrapcp.RoutingModel(manager)
-    matrix = _needs(problem, estimates)
+    matrix: list[list[int]] = _needs(problem, estimates)
 
     def transit(one: int, other: int) -> int:
-        return matrix[manager.IndexToNode(one)][manager.IndexToNode(other)]
+        row: list[int] = matrix[manager.IndexToNode(one)]
+        return row[manager.IndexToNode(other)]
 
     number = routing.RegisterTransitCallback(transit)
     routing.AddDimension(number, 0, 2 * _HORIZON_S, False, "need")

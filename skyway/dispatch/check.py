@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator
 
-from skyway.dispatch.pads import PadLedger
+from skyway.delivery.plan import Plan
+from skyway.dispatch.pads import FleetPads
 from skyway.dispatch.plan import FleetPlan
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.trips import PlannedTrip, TripPlanner
@@ -23,21 +24,20 @@ def _violations(problem: FleetProblem, plan: FleetPlan) -> Iterator[str]:
         yield "not every request is either served once or unserved"
         return
     planner = TripPlanner(problem)
-    trips = []
+    trips: list[tuple[int, PlannedTrip, Plan]] = []
     for number, (drone, trip) in enumerate(_follow_drones(problem, plan)):
         if isinstance(trip, str):
             yield f"trips.{number}: {trip}"
             return
-        trips.append((drone, trip))
-    for number, (drone, trip) in enumerate(trips):
-        gap_ms = booked_until_ms(problem.pad_gap_s)
-        pads = PadLedger(problem.network, problem.pad_reservations, gap_ms=gap_ms)
+        trips.append((drone, trip, plan.trips[number].plan))
+    for number, (drone, trip, own_plan) in enumerate(trips):
+        pads = FleetPads(problem)
         pads.hold(
-            pad for other, (_, one) in enumerate(trips) if other != number for pad in one.pads
+            pad for other, (_, one, _) in enumerate(trips) if other != number for pad in one.pads
         )
-        booked = pads.book(from_ms=trip.slot.at_ms).seen_from(trip.slot.at_ms)
+        booked = pads.book().seen_from(trip.slot.at_ms)
         own = planner.problem_of(trip.pool, drone, trip.slot)
-        for violation in verify(own, trip.plan, booked=booked):
+        for violation in verify(own, own_plan, booked=booked):
             yield f"trips.{number}: {violation}"
 
 
@@ -56,9 +56,11 @@ def _follow_drones(
             yield -1, f"there is no drone {each.drone_id!r}"
             return
         slot = slots[drone]
-        if round(each.start_s * 1000) != slot.at_ms:
+        # Moments are rounded up to milliseconds from sums in different order.
+        if abs(round(each.start_s * 1000) - slot.at_ms) > 1:
             yield drone, f"starts at {each.start_s}, the drone is free at {slot.at_ms / 1000}"
             return
+        slot = Slot(slot.station_id, round(each.start_s * 1000), slot.soc)
         pool = tuple(requests[one.request_id] for one in each.requests)
         fault = _fault_of_sharing(problem, pool)
         if fault is not None:
@@ -67,8 +69,11 @@ def _follow_drones(
         trip = PlannedTrip.of(
             pool, [problem.requests[one] for one in pool], slot=slot, plan=each.plan
         )
-        stated_ms = tuple(round(one.delivered_s * 1000) for one in each.requests)
-        yield drone, trip if trip.delivered_ms == stated_ms else "delivered_s is not the plan's"
+        is_stated = all(
+            abs(one.delivered_s * 1000 - moment_ms) <= 1.5
+            for one, moment_ms in zip(each.requests, trip.delivered_ms, strict=True)
+        )
+        yield drone, trip if is_stated else "delivered_s is not that of its plan"
         free_ms = trip.end.at_ms + booked_until_ms(problem.hand_over_s)
         slots[drone] = Slot(trip.end.station_id, free_ms, trip.end.soc)
 

@@ -55,10 +55,13 @@ def optimise(
     """
     search = searched(problem, budget_s=budget_s, rounds=rounds, seed=seed)
     bound_s = _bound_s(search) if proves else None
+    planner = search.scheduler.planner
+    planner.begin()
     plan = FleetPlan.of(
         problem,
         search.best,
         arrival=search.arrival,
+        plan_of=planner.plan_of,
         rounds=search.rounds,
         lower_bound_s=bound_s,
     )

@@ -1,17 +1,14 @@
 """Which pads the trips of a fleet plan hold, as it is made trip by trip."""
 
 from collections.abc import Iterable, Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from skyway.dispatch.problem import FleetProblem
 from skyway.ids import StationId
-from skyway.network.network import Network
+from skyway.planner.kernels.memory import Longs
 from skyway.planner.pad_book import OPEN_MS, PadBook, booked_from_ms, booked_until_ms
-from skyway.planner.problem_parts import PadReservation
-
-#: Before any plan, milliseconds.
-_LONG_AGO_MS: Final = -OPEN_MS
 
 
 class HeldPad(NamedTuple):
@@ -23,12 +20,12 @@ class HeldPad(NamedTuple):
     end_ms: int
 
 
-class PadLedger:
+class FleetPads:
     """The pads that are held; between two drones on one pad lies the gap."""
 
-    def __init__(self, network: Network, given: Iterable[PadReservation], *, gap_ms: int) -> None:
-        self._network = network
-        self._gap_ms = gap_ms
+    def __init__(self, problem: FleetProblem) -> None:
+        self._network = problem.network
+        self._gap_ms = booked_until_ms(problem.pad_gap_s)
         self._held: dict[StationId, list[HeldPad]] = {}
         self.hold(
             HeldPad(
@@ -37,13 +34,14 @@ class PadLedger:
                 booked_from_ms(each.start_s),
                 OPEN_MS if each.end_s is None else booked_until_ms(each.end_s),
             )
-            for each in given
+            for each in problem.pad_reservations
         )
 
-    def copy(self) -> "PadLedger":
-        """A ledger that changes by itself from now on."""
-        other = PadLedger(self._network, (), gap_ms=self._gap_ms)
-        other._held = {station: [*held] for station, held in self._held.items()}
+    def copy(self) -> "FleetPads":
+        """The same pads, to be changed."""
+        other = object.__new__(FleetPads)
+        other._network, other._gap_ms = self._network, self._gap_ms
+        other._held = {station_id: [*held] for station_id, held in self._held.items()}
         return other
 
     def hold(self, sessions: Iterable[HeldPad]) -> None:
@@ -61,21 +59,22 @@ class PadLedger:
             found.append(each if pad == each.pad else each._replace(pad=pad))
         return tuple(found)
 
-    def book(self, *, from_ms: int) -> PadBook:
-        """What is held after a moment, widened by the gap, as the planner reads it."""
-        gap_ms, row_of = self._gap_ms, self._network.row_of
-        entries = [
-            (
-                row_of[each.station_id],
-                each.pad,
-                max(_LONG_AGO_MS, each.start_ms - gap_ms),
-                min(OPEN_MS, each.end_ms + gap_ms),
-            )
-            for held in self._held.values()
-            for each in held
-            if each.end_ms + gap_ms > from_ms
-        ]
-        columns = np.array(entries, np.int64).reshape(-1, 4).T
+    def widened(self, session: HeldPad) -> Longs:
+        """The session with the gap on both sides: station row, pad, from and until, ``(4,)``."""
+        return np.array(
+            [
+                self._network.row_of[session.station_id],
+                session.pad,
+                max(-OPEN_MS, session.start_ms - self._gap_ms),
+                min(OPEN_MS, session.end_ms + self._gap_ms),
+            ],
+            np.int64,
+        )
+
+    def book(self) -> PadBook:
+        """All that is held, with the gaps, as the planner reads it."""
+        rows = [self.widened(each) for held in self._held.values() for each in held]
+        columns = np.array(rows, np.int64).reshape(-1, 4).T
         return PadBook.of_arrays(
             station=columns[0], pad=columns[1], start_ms=columns[2], end_ms=columns[3]
         )
@@ -92,3 +91,49 @@ class PadLedger:
             return session.pad
         pads = self._network.stations[session.station_id].pads
         return next((pad for pad in range(pads) if pad not in taken), None)
+
+
+class Reserved:
+    """Tracks which pads the planner's ledger has reserved, so that no part is reserved twice.
+
+    Sessions with their gaps may overlap one another; the ledger refuses that.
+    """
+
+    def __init__(self, given: PadBook) -> None:
+        self._given: dict[tuple[int, int], list[tuple[int, int]]] = {}
+        for row, pad, start_ms, end_ms in zip(
+            given.station.tolist(),
+            given.pad.tolist(),
+            given.start_ms.tolist(),
+            given.end_ms.tolist(),
+            strict=True,
+        ):
+            self._given.setdefault((row, pad), []).append((start_ms, end_ms))
+        self._now = self._copied()
+        self.parts: list[list[int]] = []
+
+    def clear(self) -> None:
+        """Begin again with what is given."""
+        self._now, self.parts = self._copied(), []
+
+    def new_parts(self, session: Longs) -> Longs:
+        """The parts of a session that are not reserved yet ``(k, 4)``; they count as reserved."""
+        row, pad, from_ms, until_ms = session.tolist()
+        held = self._now.setdefault((row, pad), [])
+        parts = []
+        for start_ms, end_ms in sorted(held):
+            if end_ms <= from_ms:
+                continue
+            if start_ms >= until_ms:
+                break
+            if from_ms < start_ms:
+                parts.append([row, pad, from_ms, start_ms])
+            from_ms = max(from_ms, end_ms)
+        if from_ms < until_ms:
+            parts.append([row, pad, from_ms, until_ms])
+        held += [(start_ms, end_ms) for _, _, start_ms, end_ms in parts]
+        self.parts += parts
+        return np.array(parts, np.int64).reshape(-1, 4)
+
+    def _copied(self) -> dict[tuple[int, int], list[tuple[int, int]]]:
+        return {key: [*held] for key, held in self._given.items()}

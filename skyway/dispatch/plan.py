@@ -1,5 +1,6 @@
 """The fleet plan: the trips of each drone, what they cost, and what is proven of that."""
 
+from collections.abc import Callable
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -8,6 +9,7 @@ from skyway.delivery.plan import Plan
 from skyway.dispatch.objective import Costs
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.schedule import Schedule
+from skyway.dispatch.trips import PlannedTrip
 from skyway.ids import DroneId
 from skyway.json_model import JsonModel
 
@@ -86,10 +88,11 @@ class FleetPlan(JsonModel):
         schedule: Schedule,
         *,
         arrival: Schedule,
+        plan_of: Callable[[PlannedTrip], Plan],
         rounds: int,
         lower_bound_s: float | None = None,
     ) -> "FleetPlan":
-        """The plan of this schedule."""
+        """The plan of this schedule; `plan_of` makes the plan of each trip."""
         total_s = schedule.costs.total_s
         gap = None
         if lower_bound_s is not None:
@@ -100,7 +103,7 @@ class FleetPlan(JsonModel):
             arrival_order=FleetCosts.of(problem, arrival.costs),
             lower_bound_s=lower_bound_s,
             gap=gap,
-            trips=_trips(problem, schedule),
+            trips=_trips(problem, schedule, plan_of),
             unserved=tuple(
                 UnservedRequest(
                     request_id=problem.requests[number].request_id,
@@ -114,7 +117,9 @@ class FleetPlan(JsonModel):
         )
 
 
-def _trips(problem: FleetProblem, schedule: Schedule) -> tuple[FleetTrip, ...]:
+def _trips(
+    problem: FleetProblem, schedule: Schedule, plan_of: Callable[[PlannedTrip], Plan]
+) -> tuple[FleetTrip, ...]:
     by_start = sorted(schedule.trips, key=lambda each: (each.drone, each.trip.slot.at_ms))
     return tuple(
         FleetTrip(
@@ -126,7 +131,7 @@ def _trips(problem: FleetProblem, schedule: Schedule) -> tuple[FleetTrip, ...]:
                 )
                 for number, moment_ms in zip(trip.pool, trip.delivered_ms, strict=True)
             ),
-            plan=trip.plan_on_pads.model_copy(update={"stats": {}}),
+            plan=plan_of(trip),
         )
         for drone, trip in by_start
     )

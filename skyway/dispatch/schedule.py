@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from skyway.dispatch.estimates import Estimates
 from skyway.dispatch.objective import Costs, Pricing
-from skyway.dispatch.pads import PadLedger
+from skyway.dispatch.pads import HeldPad
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.trips import DroneTrip, NotPlanned, PlannedTrip, Pool, TripPlanner
 from skyway.planner.pad_book import booked_until_ms
@@ -47,13 +47,14 @@ class Calendar:
         self.slots = [
             Slot(each.station_id, booked_until_ms(each.free_s), each.soc) for each in problem.drones
         ]
-        gap_ms = booked_until_ms(problem.pad_gap_s)
-        self.pads = PadLedger(problem.network, problem.pad_reservations, gap_ms=gap_ms)
+        planner.begin()
+        self._pads = planner.given.copy()
+        self._new_pads: list[HeldPad] = []
         self.trips: list[DroneTrip] = []
 
-    def plan(self, pool: Pool, drone: int) -> PlannedTrip | NotPlanned:
-        """The trip of this drone behind its trips so far; it is not added."""
-        return self._planner.plan(pool, drone, self.slots[drone], self.pads)
+    def plan(self, pool: Pool, drone: int) -> PlannedTrip | None:
+        """The trip of this drone behind its trips so far, None without one; it is not added."""
+        return self._planner.plan(pool, drone, self.slots[drone], self._pads, self._new_pads)
 
     def add_where_first(self, pool: Pool) -> NotPlanned | None:
         """Add the trip whose last delivery is first among all drones; the reason if there is none.
@@ -62,21 +63,19 @@ class Calendar:
         the best trip so far is not planned.
         """
         best: tuple[tuple[int, float, int], PlannedTrip] | None = None
-        reason = None
         for least_ms, drone in sorted(
             (self._least_end_ms(pool, drone), drone) for drone in range(len(self.slots))
         ):
             if best is not None and least_ms > best[0][0]:
                 break
             trip = self.plan(pool, drone)
-            if isinstance(trip, NotPlanned):
-                reason = reason or trip
+            if trip is None:
                 continue
             key = (trip.end.at_ms, trip.energy_j, drone)
             if best is None or key < best[0]:
                 best = key, trip
         if best is None:
-            return reason
+            return self._planner.reason(pool, 0, self.slots[0], self._pads)
         self.add(best[1], best[0][2])
         return None
 
@@ -91,7 +90,8 @@ class Calendar:
         """Add a trip that was planned by `plan`."""
         end = trip.end
         self.slots[drone] = Slot(end.station_id, end.at_ms + self._hand_over_ms, end.soc)
-        self.pads.hold(trip.pads)
+        self._pads.hold(trip.pads)
+        self._new_pads += trip.pads
         self.trips.append(DroneTrip(drone, trip))
 
 
@@ -138,7 +138,7 @@ class Scheduler:
             pool = sequences[drone][following[drone]]
             following[drone] += 1
             trip = calendar.plan(pool, drone)
-            if isinstance(trip, PlannedTrip):
+            if trip is not None:
                 calendar.add(trip, drone)
                 missing.difference_update(pool)
             heapq.heappush(waiting, (calendar.slots[drone].at_ms, drone))

@@ -3,19 +3,21 @@
 This is the one place of the dispatcher that calls the planner.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from typing import NamedTuple, Self
 
-from skyway.delivery.plan import Deliver, Plan, Recharge
-from skyway.dispatch.pads import HeldPad, PadLedger
+import numpy as np
+
+from skyway.delivery.plan import Deliver, PickUp, Plan, Recharge, Step
+from skyway.dispatch.pads import FleetPads, HeldPad, Reserved
 from skyway.dispatch.problem import FleetProblem, FleetRequest
-from skyway.ids import StationId
-from skyway.planner.airspace import Airspace
-from skyway.planner.compose import compose
-from skyway.planner.hierarchy import Hierarchy
-from skyway.planner.pad_book import NO_RESERVATIONS, PadBook, booked_from_ms, booked_until_ms
+from skyway.ids import PackageId, StationId
+from skyway.planner import PadLedger, Trips, TripTerms, compose, compose_many
+from skyway.planner.pad_book import booked_from_ms, booked_until_ms
+from skyway.planner.planned_trips import PlannedTrips
 from skyway.planner.problem import DroneAtStart, Problem
 from skyway.planner.problem_parts import PackageToDeliver
 from skyway.scheduling.stays import Slot
@@ -36,22 +38,22 @@ class NotPlanned(NamedTuple):
 class PlannedTrip:
     """One trip of one drone; moments are milliseconds of the problem's time.
 
-    `plan` counts from the slot. `delivered_ms` is by request, in the order of `pool`. `end` is
-    where, when and with what charge the drone is free after its last hand-over. `pads` are the
-    sessions of the plan, maybe on other pads of the same station.
+    `delivered_ms` is by request, in the order of `pool`. `end` is where, when and with what charge
+    the drone is free after its last hand-over. `pads` are the sessions of the plan, maybe on other
+    pads of the same station. `found` makes the plan.
     """
 
     pool: Pool
     slot: Slot
-    plan: Plan
     delivered_ms: tuple[int, ...]
     end: Slot
     energy_j: float
     pads: tuple[HeldPad, ...]
+    found: PlannedTrips | None = field(default=None, compare=False)
 
     @classmethod
     def of(cls, pool: Pool, requests: Sequence[FleetRequest], *, slot: Slot, plan: Plan) -> Self:
-        """The trip of a plan that can be flown."""
+        """The trip of a plan whose seconds count from the slot."""
         delivered_s = {each.package_id: each.delivered_s for each in plan.deliveries}
         delivered_ms = tuple(
             slot.at_ms + booked_until_ms(max(delivered_s[one.package_id] for one in each.packages))
@@ -70,7 +72,7 @@ class PlannedTrip:
             if isinstance(step, Recharge)
         )
         end = Slot(last, end_ms, soc_after(plan, slot.soc))
-        return cls(pool, slot, plan, delivered_ms, end, plan.energy_j or 0.0, pads)
+        return cls(pool, slot, delivered_ms, end, plan.energy_j or 0.0, pads)
 
     def moved(self, slot: Slot, pads: tuple[HeldPad, ...]) -> Self:
         """The same trip from another moment on, on these pads."""
@@ -86,22 +88,10 @@ class PlannedTrip:
     def pads_at(self, slot: Slot) -> tuple[HeldPad, ...]:
         """Its sessions if the trip began at this slot."""
         by_ms = slot.at_ms - self.slot.at_ms
-        if by_ms == 0:
-            return self.pads
         return tuple(
             HeldPad(each.station_id, each.pad, each.start_ms + by_ms, each.end_ms + by_ms)
             for each in self.pads
         )
-
-    @property
-    def plan_on_pads(self) -> Plan:
-        """The plan with the pads that the trip holds."""
-        pads = iter(self.pads)
-        steps = tuple(
-            step.model_copy(update={"pad": next(pads).pad}) if isinstance(step, Recharge) else step
-            for step in self.plan.steps
-        )
-        return self.plan.model_copy(update={"steps": steps})
 
 
 class DroneTrip(NamedTuple):
@@ -115,15 +105,28 @@ class TripPlanner:
     """Plans trips of one fleet problem, and caches the plans that no held pad disturbs.
 
     A plan that is best with every pad free is also best among held pads, as long as its own
-    sessions find pads. So most trips of a search come from the cache. Windows, closures, zones and
-    opening hours make plans depend on their moment: then nothing is cached.
+    sessions find pads. So most trips of a search come from the cache. Windows, closures, dated
+    zones and opening hours make plans depend on their moment: then nothing is cached.
     """
 
     def __init__(self, problem: FleetProblem) -> None:
         self.problem = problem
-        self._airspace = Airspace.of(problem.network)
-        self._hierarchy = Hierarchy.of(problem.network)
-        self._cached: dict[tuple[int, StationId, float, Pool], PlannedTrip | NotPlanned] = {}
+        #: The distinct models, and the number of each drone's model.
+        self.models = [*dict.fromkeys(each.model for each in problem.drones)]
+        self.model_of = [self.models.index(each.model) for each in problem.drones]
+        self.given = FleetPads(problem)
+        terms = TripTerms.of(
+            problem.network,
+            self.models,
+            start_at=problem.start_at,
+            closures=problem.closures,
+            loading_s=problem.loading_s,
+            dropoff_s=problem.dropoff_s,
+        )
+        self._free = PadLedger(terms)
+        book = self.given.book()
+        self._ledger, self._reserved = PadLedger(terms, book), Reserved(book)
+        self._cached: dict[tuple[int, StationId, float, Pool], PlannedTrip | None] = {}
         network = problem.network
         self._is_timeless = not (
             problem.closures
@@ -131,47 +134,124 @@ class TripPlanner:
             or network.opening_hours
             or any(each.has_windows for each in problem.requests)
         )
-        #: The distinct models, and the number of each drone's model.
-        self.models = [*dict.fromkeys(each.model for each in problem.drones)]
-        self.model_of = [self.models.index(each.model) for each in problem.drones]
-        #: How many times the planner was called.
-        self.compositions = 0
 
-    def plan(self, pool: Pool, drone: int, slot: Slot, pads: PadLedger) -> PlannedTrip | NotPlanned:
-        """The trip that serves these requests from this slot on, and delivers earliest."""
+    def begin(self) -> None:
+        """Forget the pads that trips hold."""
+        self._ledger.release(np.array(self._reserved.parts, np.int64).reshape(-1, 4))
+        self._reserved.clear()
+
+    def plan(
+        self, pool: Pool, drone: int, slot: Slot, pads: FleetPads, new: list[HeldPad]
+    ) -> PlannedTrip | None:
+        """The trip that serves these requests from this slot on, and delivers earliest.
+
+        None without a trip. `new` are pads that are held since the last call; they are removed.
+        """
         if self._is_timeless:
             undisturbed = self._undisturbed(pool, drone, slot)
-            if isinstance(undisturbed, NotPlanned):
-                return undisturbed
+            if undisturbed is None:
+                return None
             fitted = pads.fitted(undisturbed.pads_at(slot))
             if fitted is not None:
                 return undisturbed.moved(slot, fitted)
-        return self._planned(pool, drone, slot, pads.book(from_ms=slot.at_ms))
+        for each in new:
+            self._ledger.reserve(self._reserved.new_parts(pads.widened(each)))
+        new.clear()
+        return self._planned(pool, drone, slot, self._ledger)
 
-    def _undisturbed(self, pool: Pool, drone: int, slot: Slot) -> PlannedTrip | NotPlanned:
+    def _undisturbed(self, pool: Pool, drone: int, slot: Slot) -> PlannedTrip | None:
         key = (self.model_of[drone], slot.station_id, slot.soc, pool)
-        found = self._cached.get(key)
-        if found is None:
-            found = self._cached[key] = self._planned(pool, drone, slot, NO_RESERVATIONS)
-        return found
+        if key not in self._cached:
+            self._cached[key] = self._planned(pool, drone, slot, self._free)
+        return self._cached[key]
 
-    def _planned(
-        self, pool: Pool, drone: int, slot: Slot, booked: PadBook
-    ) -> PlannedTrip | NotPlanned:
-        self.compositions += 1
-        plan = compose(
-            self.problem_of(pool, drone, slot),
-            airspace=self._airspace,
-            hierarchy=self._hierarchy,
-            booked=booked.seen_from(slot.at_ms),
+    def _planned(self, pool: Pool, drone: int, slot: Slot, ledger: PadLedger) -> PlannedTrip | None:
+        found = compose_many(
+            self._columns(pool, drone, slot), ledger, labels_per_trip=self.problem.label_limit
         )
-        if not plan.is_flyable:
-            why = plan.infeasibility
-            if why is None:
-                return NotPlanned("NO_PLAN_FOUND", "no plan was found within the label limit")
-            return NotPlanned(why.code, why.detail)
+        if not found.is_planned[0]:
+            return None
+        ids = self.problem.network.columns.station_ids
+        ends_s, delivered_ms, first = found.delivered_s.tolist(), [], 0
+        for number in pool:
+            last = first + len(self.problem.requests[number].packages)
+            delivered_ms.append(booked_until_ms(max(ends_s[first:last])))
+            first = last
+        model = self.problem.drones[drone].model
+        # The charge is summed up in another order than in the steps of the plan.
+        soc = max(model.reserve_soc, float(found.end_soc[0]))
+        end = Slot(ids[int(found.end_row[0])], booked_until_ms(float(found.end_s[0])), soc)
+        pads = tuple(
+            HeldPad(ids[row], pad, from_ms, until_ms)
+            for row, pad, from_ms, until_ms in found.sessions(0).tolist()
+        )
+        return PlannedTrip(
+            pool, slot, tuple(delivered_ms), end, float(found.energy_j[0]), pads, found
+        )
+
+    def _columns(self, pool: Pool, drone: int, slot: Slot) -> Trips:
+        """One trip as the planner's columns."""
+        row_of = self.problem.network.row_of
         requests = [self.problem.requests[each] for each in pool]
-        return PlannedTrip.of(pool, requests, slot=slot, plan=plan)
+        packages = [one for each in requests for one in each.packages]
+        earliest_s = _last([each.pickup_not_before_s for each in requests])
+        latest_s = _first([each.pickup_latest_s for each in requests])
+        return Trips.of(
+            start_row=row_of[slot.station_id],
+            start_s=slot.at_ms / 1000,
+            soc=slot.soc,
+            model=self.model_of[drone],
+            source_row=row_of[requests[0].source],
+            pickup_not_before_s=-math.inf if earliest_s is None else earliest_s,
+            pickup_latest_s=math.inf if latest_s is None else latest_s,
+            package_offsets=[0, len(packages)],
+            destination_row=[row_of[each.destination] for each in packages],
+            mass_kg=[each.mass_kg for each in packages],
+            not_before_s=[
+                -math.inf if each.not_before_s is None else each.not_before_s for each in packages
+            ],
+            latest_s=[math.inf if each.latest_s is None else each.latest_s for each in packages],
+        )
+
+    def plan_of(self, trip: PlannedTrip) -> Plan:
+        """The plan of a trip that was planned here, on the pads that it holds.
+
+        Its seconds count from the trip's slot. No trip may hold pads meanwhile (`begin`).
+        """
+        if trip.found is None:
+            raise ValueError(f"the trip of {trip.pool} was not planned by this planner")
+        plan = trip.found.plan(0)
+        names = [
+            one.package_id for each in trip.pool for one in self.problem.requests[each].packages
+        ]
+        pads = iter(trip.pads)
+
+        def named(ids: tuple[PackageId, ...]) -> tuple[PackageId, ...]:
+            return tuple(names[int(each)] for each in ids)
+
+        steps: list[Step] = []
+        for step in plan.steps:
+            if isinstance(step, PickUp | Deliver):
+                steps.append(step.model_copy(update={"package_ids": named(step.package_ids)}))
+            elif isinstance(step, Recharge):
+                steps.append(step.model_copy(update={"pad": next(pads).pad}))
+            else:
+                steps.append(step)
+        deliveries = tuple(
+            each.model_copy(update={"package_id": names[int(each.package_id)]})
+            for each in plan.deliveries
+        )
+        return plan.model_copy(
+            update={"steps": tuple(steps), "deliveries": deliveries, "stats": {}}
+        )
+
+    def reason(self, pool: Pool, drone: int, slot: Slot, pads: FleetPads) -> NotPlanned:
+        """Why this drone has no trip for these requests from this slot on."""
+        booked = pads.book().seen_from(slot.at_ms)
+        plan = compose(self.problem_of(pool, drone, slot), booked=booked)
+        if plan.infeasibility is None:
+            return NotPlanned("NO_PLAN_FOUND", "no plan was found within the label limit")
+        return NotPlanned(plan.infeasibility.code, plan.infeasibility.detail)
 
     def problem_of(self, pool: Pool, drone: int, slot: Slot) -> Problem:
         """The planner's problem of these requests from this slot on; held pads are not in it."""

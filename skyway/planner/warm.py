@@ -57,7 +57,7 @@ def warm() -> None:
 
 
 def _compose_many(network: Network, booked: PadBook) -> None:
-    ledger = PadLedger(TripTerms.of(network, [_MODEL]), booked)
+    ledger = PadLedger(TripTerms.of(network, [MODEL]), booked)
     trips = Trips.of(
         start_row=0,
         start_s=0.0,
