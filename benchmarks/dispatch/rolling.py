@@ -4,14 +4,15 @@ A drone that waits stands where its last trip ended, and charges while the pad t
 come first, then the drone that has stood there longest. All flies as planned.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from statistics import mean
 from typing import Final
 
 from benchmarks.dispatch.cases import PREPARE_S, FleetCase, drone
 from benchmarks.dispatch.policies import Policy
 from skyway.dispatch.pads import HeldPad
-from skyway.dispatch.problem import FleetDrone, FleetProblem
+from skyway.dispatch.problem import CurrentTrip, FleetDrone, FleetProblem
 from skyway.dispatch.schedule import Schedule
 from skyway.drone.charging import soc_after_recharge
 from skyway.experiments.fleet_hour.calendars import HAND_OVER_MS, MODEL, PAD_GAP_MS
@@ -21,7 +22,7 @@ from skyway.ids import StationId
 _TICK_MS: Final = 60_000
 _PREPARE_MS: Final = round(PREPARE_S * 1000)
 
-#: After so many minutes the hour ends, whatever is left.
+#: After so many minutes the hour ends, even if requests are left.
 _MOST_TICKS: Final = 2_880
 
 
@@ -69,6 +70,24 @@ class RollingHour:
             if len(self.delivered_ms) == len(self.case.hour.requests):
                 return
 
+    def waited_s(self) -> dict[int, float]:
+        """From each served request to its last delivery, by its number."""
+        asked_ms = {each.number: each.asked_ms for each in self.case.hour.requests}
+        return {
+            number: (moment_ms - asked_ms[number]) / 1000
+            for number, moment_ms in self.delivered_ms.items()
+        }
+
+    @property
+    def mean_min(self) -> float:
+        """Mean minutes from each served request to its last delivery."""
+        return mean(self.waited_s().values()) / 60
+
+    @property
+    def served_share(self) -> float:
+        """The share of requests that are served."""
+        return len(self.delivered_ms) / len(self.case.hour.requests)
+
     def _problem(self, requests: Sequence[HourRequest], now_ms: int) -> FleetProblem:
         problem = self.case.problem(
             [self._drone(number, now_ms) for number in range(len(self._drones))],
@@ -92,13 +111,11 @@ class RollingHour:
         ]
         return problem.model_copy(update={"requests": tuple(planned)})
 
-    def _planned_trip(self, number: int, now_ms: int) -> object:
-        from skyway.dispatch.problem import PlannedTrip
-
+    def _planned_trip(self, number: int, now_ms: int) -> CurrentTrip | None:
         if number not in self._planned:
             return None
         drone_id, start_ms = self._planned[number]
-        return PlannedTrip.model_validate(
+        return CurrentTrip.model_validate(
             {"drone_id": drone_id, "start_s": (start_ms - now_ms) / 1000}
         )
 
@@ -152,14 +169,8 @@ class RollingHour:
             state.charged_ms = until_ms
 
 
-def mean_min(hour: RollingHour) -> float:
-    """Mean minutes from each request to its last delivery."""
-    asked = {each.number: each.asked_ms for each in hour.case.hour.requests}
-    waited = [moment_ms - asked[number] for number, moment_ms in hour.delivered_ms.items()]
-    return sum(waited) / len(waited) / 60_000
-
-
-def on_time_share(case: FleetCase, waited_s: Iterable[tuple[int, float]]) -> float:
+def on_time_share(hour: RollingHour) -> float:
     """The share of requests that are served before they are due."""
-    served = [waited <= case.granted_s[number] for number, waited in waited_s]
-    return sum(served) / len(case.granted_s)
+    granted_s = hour.case.granted_s
+    in_time = [waited_s <= granted_s[number] for number, waited_s in hour.waited_s().items()]
+    return sum(in_time) / len(granted_s)

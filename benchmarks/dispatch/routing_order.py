@@ -35,7 +35,7 @@ def ordered_by_ortools(
 
     def transit(one: int, other: int) -> int:
         row: list[int] = matrix[manager.IndexToNode(one)]
-        return row[manager.IndexToNode(other)]
+        return int(row[manager.IndexToNode(other)])
 
     number = routing.RegisterTransitCallback(transit)
     routing.AddDimension(number, 0, 2 * _HORIZON_S, False, "need")

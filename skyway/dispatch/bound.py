@@ -2,8 +2,8 @@
 
 The bound is a Lagrangian relaxation (Fisher 1981). Each request gets a price, and each drone flies
 the trips that cost least after the prices of their requests. Every plan costs at least the sum of
-all prices and of what the drones' best trips cost then, whatever the prices are; good prices are
-found by subgradient steps. Trips are those of `estimates`, which are never longer than real ones.
+all prices and of what the drones' best trips cost then. Any prices prove such a bound; good prices
+are found by subgradient steps. Trips are those of `estimates`, never longer than real ones.
 docs/dispatch.md gives the proof.
 """
 
@@ -14,8 +14,8 @@ import numpy as np
 
 from skyway.dispatch.estimates import Estimates
 from skyway.dispatch.objective import Costs
+from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.problem import FleetProblem
-from skyway.dispatch.trips import Pool
 from skyway.dispatch.walks import LONGEST_S, Start, Walks, has_short_trips, starts_of, walks_of
 from skyway.planner.kernels.fleet_bound import fill_future, least_walk
 from skyway.planner.kernels.memory import Floats, Longs

@@ -5,8 +5,9 @@ from collections.abc import Iterator
 from skyway.delivery.plan import Plan
 from skyway.dispatch.pads import FleetPads
 from skyway.dispatch.plan import FleetPlan
+from skyway.dispatch.planned_trip import PlannedTrip
 from skyway.dispatch.problem import FleetProblem
-from skyway.dispatch.trips import PlannedTrip, TripPlanner
+from skyway.dispatch.trips import TripPlanner
 from skyway.planner.pad_book import booked_until_ms
 from skyway.planner.verify import verify
 from skyway.scheduling.stays import Slot

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
+from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.problem import FleetProblem, FleetRequest
-from skyway.dispatch.trips import Pool
 from skyway.drone.charging import fastest_s_per_soc
 from skyway.drone.flight import flight_power_w, speed_mps
 from skyway.drone.model import DroneModel

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from skyway.dispatch.planned_trip import DroneTrip
 from skyway.dispatch.problem import FleetProblem
-from skyway.dispatch.trips import DroneTrip
 
 #: Joules of a kilowatt-hour.
 J_PER_KWH: Final = 3.6e6

@@ -16,7 +16,7 @@ from skyway.dispatch.pools import shared_pools
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.rows import Board
 from skyway.dispatch.schedule import Scheduler
-from skyway.dispatch.search import Search
+from skyway.dispatch.search import OrderSearch
 from skyway.errors import SkywayError
 from skyway.planner.kernels.memory import Longs
 from skyway.planner.stop import processor_stopwatch
@@ -46,8 +46,8 @@ def optimise(
     budget_s
         Seconds of processor time. The first round may take longer.
     rounds
-        Ends the search after so many rounds, whatever the time: then the same seed gives the same
-        plan on every machine.
+        Ends the search after so many rounds instead. Then the same seed gives the same plan on
+        every machine.
     seed
         Where the search's chance begins.
     proves
@@ -77,7 +77,7 @@ def searched(
     budget_s: float = DEFAULT_BUDGET_S,
     rounds: int | None = None,
     seed: int = 0,
-) -> Search:
+) -> OrderSearch:
     """The search of `optimise` at its end."""
     elapsed_s = processor_stopwatch()
 
@@ -94,7 +94,7 @@ def searched(
         shared=shared_pools(problem),
     )
     board.limit(limits)
-    search = Search(scheduler, board, limits, arrival, arrival, _chance(seed))
+    search = OrderSearch(scheduler, board, limits, arrival, arrival, _chance(seed))
     search.look_at(scheduler.current())
     search.run(is_over)
     return search
@@ -108,7 +108,7 @@ class FleetPlanRejected(SkywayError):
         self.faults = tuple(faults)
 
 
-def _bound_s(search: Search) -> float:
+def _bound_s(search: OrderSearch) -> float:
     scheduler = search.scheduler
     return lower_bound_s(
         scheduler.problem,

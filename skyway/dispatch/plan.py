@@ -7,9 +7,9 @@ from pydantic import Field
 
 from skyway.delivery.plan import Plan
 from skyway.dispatch.objective import Costs
+from skyway.dispatch.planned_trip import PlannedTrip
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.schedule import Schedule
-from skyway.dispatch.trips import PlannedTrip
 from skyway.ids import DroneId
 from skyway.json_model import JsonModel
 

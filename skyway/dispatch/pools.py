@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.problem import MAX_DESTINATIONS, FleetProblem
-from skyway.dispatch.trips import Pool
 from skyway.ids import StationId
 
 #: The most shared trips that are looked at. Our own choice: their estimates need half a second.

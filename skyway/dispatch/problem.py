@@ -62,7 +62,7 @@ class FleetDrone(JsonModel):
     ]
 
 
-class PlannedTrip(JsonModel):
+class CurrentTrip(JsonModel):
     """What the current plan says of a request: its drone, and the start of its trip."""
 
     drone_id: DroneId
@@ -92,7 +92,7 @@ class FleetRequest(JsonModel):
         bool, Field(description="Whether the request may share a trip with other requests.")
     ] = False
     weight: Annotated[float, Field(gt=0, le=1e6, strict=True)] = 1.0
-    planned: PlannedTrip | None = None
+    planned: CurrentTrip | None = None
 
     @property
     def has_windows(self) -> bool:

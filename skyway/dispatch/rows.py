@@ -7,11 +7,12 @@ import numpy as np
 
 from skyway.dispatch.estimates import Estimates
 from skyway.dispatch.objective import J_PER_KWH, Limits
+from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.problem import FleetProblem, FleetRequest
 from skyway.dispatch.schedule import Sequences
-from skyway.dispatch.trips import Pool
-from skyway.planner.kernels.fleet_order import KEY_BITS, price_rows
-from skyway.planner.kernels.fleet_records import Fleet, Rows
+from skyway.planner.kernels.fleet_costs import KEY_BITS
+from skyway.planner.kernels.fleet_order import price_rows
+from skyway.planner.kernels.fleet_records import FleetEstimates, Rows
 
 #: What a second after a latest moment costs: no order passes one to gain something else.
 _NEVER_LATE = 1e4
@@ -82,7 +83,7 @@ def _window_end_s(request: FleetRequest) -> float:
 
 def _fleet(
     problem: FleetProblem, estimates: Estimates, kinds: Sequence[int], pools: Sequence[Pool]
-) -> Fleet:
+) -> FleetEstimates:
     drones, requests, prices = problem.drones, problem.requests, problem.prices
     members = np.full((len(pools), max(map(len, pools), default=1)), -1, np.int64)
     for number, pool in enumerate(pools):
@@ -100,7 +101,7 @@ def _fleet(
     drone_number = {each.drone_id: number for number, each in enumerate(drones)}
     place_of = estimates.place_of
     providers = [*dict.fromkeys(each.provider_id for each in drones)]
-    return Fleet(
+    return FleetEstimates(
         kind=np.array(kinds, np.int64),
         start=np.array([place_of[each.station_id] for each in drones], np.int64),
         free_s=np.array([each.free_s for each in drones]),

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from skyway.dispatch.estimates import Estimates
 from skyway.dispatch.objective import Costs, Pricing
 from skyway.dispatch.pads import HeldPad
+from skyway.dispatch.planned_trip import DroneTrip, NotPlanned, PlannedTrip, Pool
 from skyway.dispatch.problem import FleetProblem
-from skyway.dispatch.trips import DroneTrip, NotPlanned, PlannedTrip, Pool, TripPlanner
+from skyway.dispatch.trips import TripPlanner
 from skyway.planner.pad_book import booked_until_ms
 from skyway.scheduling.stays import Slot
 

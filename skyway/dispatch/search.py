@@ -21,18 +21,18 @@ _FIRST_STEPS: Final = 4_000
 _MOST_FIRST_STEPS: Final = 400_000
 
 #: Steps of each later round for each request.
-_STEPS: Final = 400
+_STEPS: Final = 800
 
 #: The heats of the rounds, as shares of a request's mean cost: the first one, then in turn.
 _FIRST_HEAT: Final = 0.5
-_HEATS: Final = (0.02, 0.1, 0.005, 0.05)
+_HEATS: Final = (0.2, 0.05, 0.5, 0.1, 0.02)
 
 #: The last heat of each round, as a share of the first.
 _COLD: Final = 0.01
 
 
 @dataclass(slots=True)
-class Search:
+class OrderSearch:
     """An anytime search; `best` is the best schedule so far that keeps the limits."""
 
     scheduler: Scheduler
@@ -44,7 +44,7 @@ class Search:
     rounds: int = 0
 
     def run(self, is_over: Callable[[int], bool]) -> None:
-        """Search until it is over; it is asked with the number of rounds so far."""
+        """OrderSearch until it is over; it is asked with the number of rounds so far."""
         requests = len(self.scheduler.problem.requests)
         if requests == 0:
             return

@@ -9,8 +9,8 @@ import numpy as np
 
 from skyway.dispatch.estimates import OUT_OF_REACH, Estimates
 from skyway.dispatch.objective import J_PER_KWH
+from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.problem import FleetProblem
-from skyway.dispatch.trips import Pool
 from skyway.drone.flight import flight_power_w
 from skyway.drone.model import DroneModel
 from skyway.planner.kernels.fleet_bound import Future, Nodes

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from skyway.planner.kernels.memory import Floats, Longs
 
 
-class Fleet(NamedTuple):
+class FleetEstimates(NamedTuple):
     """Estimates of all trips, as if every pad was free.
 
     - By drone: `kind`, `start` place, `free_s`, and `credit_s`, the need that its charge covers.

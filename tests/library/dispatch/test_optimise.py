@@ -1,14 +1,18 @@
 """Fleet plans over many random small fleets: valid, never worse than arrival order, repeatable."""
 
+import json
 from collections import Counter
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from skyway.delivery.plan import Recharge
 from skyway.dispatch.check import violations
 from skyway.dispatch.optimise import optimise
 from skyway.dispatch.plan import FleetPlan
-from skyway.dispatch.problem import FleetProblem
+from skyway.dispatch.problem import CurrentTrip, FleetProblem, read_fleet_problem
+from skyway.errors import InvalidProblem
 from tests.library.dispatch.fleets import small_fleet
 
 SEEDS = st.integers(min_value=0, max_value=10_000)
@@ -46,3 +50,138 @@ def test_a_plan_is_valid_and_never_worse_than_the_arrival_order(seed: int, fairn
             for one in (plan, first)
         )
         assert all(flown[each] >= before[each] for each in before)
+
+
+@settings(max_examples=8)
+@given(SEEDS)
+def test_windows_closures_and_taken_pads_are_kept(seed: int) -> None:
+    fleet = small_fleet(seed, drones=2, requests=4)
+    stations = list(fleet.network.stations)
+    windowed = fleet.requests[0].model_copy(
+        update={"pickup_not_before_s": 1_200.0, "pickup_latest_s": 9_000.0}
+    )
+    problem = FleetProblem.model_validate(
+        {
+            **dict(fleet),
+            "requests": (windowed, *fleet.requests[1:]),
+            "closures": [{"station_id": stations[0], "start_s": 600.0, "end_s": 2_400.0}],
+            "pad_reservations": [
+                {"station_id": each, "pad": 0, "start_s": 0.0, "end_s": 1_800.0}
+                for each in stations[:4]
+            ],
+        }
+    )
+
+    plan = optimise(problem, rounds=3, seed=seed)
+
+    assert violations(problem, plan) == ()
+    assert plan.costs.total_s <= plan.arrival_order.total_s
+
+
+def test_the_same_seed_gives_the_same_plan() -> None:
+    problem = small_fleet(1, drones=3, requests=7)
+
+    plans = [optimise(problem, rounds=4, seed=5) for _ in range(2)]
+
+    assert plans[0] == plans[1]
+
+
+def test_requests_with_one_pick_up_share_trips_only_if_they_allow_it() -> None:
+    problem = at_one_hub(pooling=True)
+
+    shared, alone = optimise(problem, rounds=3), optimise(at_one_hub(pooling=False), rounds=3)
+
+    assert violations(problem, shared) == ()
+    assert len(shared.trips) < len(problem.requests) == len(alone.trips)
+    assert shared.costs.total_s < alone.costs.total_s
+    assert violations(at_one_hub(pooling=False), shared) != ()
+
+
+def test_a_check_finds_a_pad_and_a_drone_that_are_used_twice() -> None:
+    problem = small_fleet(3, drones=3, requests=6)
+    plan = optimise(problem, rounds=1)
+    late = plan.trips[0].model_copy(update={"start_s": plan.trips[0].start_s + 60.0})
+    held = next(
+        (each, step)
+        for each in plan.trips
+        for step in each.plan.steps
+        if isinstance(step, Recharge)
+    )
+    trip, session = held
+    taken = {
+        "station_id": session.station_id,
+        "pad": session.pad,
+        "start_s": trip.start_s + session.start_s,
+        "end_s": trip.start_s + session.end_s,
+    }
+    beset = FleetProblem.model_validate({**dict(problem), "pad_reservations": [taken]})
+
+    assert (
+        "the drone is free at"
+        in violations(problem, plan.model_copy(update={"trips": (late, *plan.trips[1:])}))[0]
+    )
+    assert any("pad" in each for each in violations(beset, plan))
+
+
+def test_a_request_that_no_drone_can_fly_is_named_with_its_reason() -> None:
+    fleet = small_fleet(2, drones=2, requests=2)
+    heavy = fleet.requests[0].packages[0].model_copy(update={"mass_kg": 50.0})
+    request = fleet.requests[0].model_copy(update={"packages": (heavy,)})
+    problem = fleet.model_copy(update={"requests": (request, fleet.requests[1])})
+
+    plan = optimise(problem, rounds=2, proves=True)
+
+    assert [(each.request_id, each.code) for each in plan.unserved] == [("r0", "OVERWEIGHT")]
+    assert violations(problem, plan) == ()
+
+
+def test_the_current_plan_is_kept_where_moves_cost_more_than_they_save() -> None:
+    fleet = small_fleet(6, drones=3, requests=6, prices={"move_s": 1e6})
+    first = optimise(fleet, rounds=3, seed=1)
+    planned = {
+        one.request_id: CurrentTrip(drone_id=each.drone_id, start_s=each.start_s)
+        for each in first.trips
+        for one in each.requests
+    }
+    again = fleet.model_copy(
+        update={
+            "requests": tuple(
+                each.model_copy(update={"planned": planned[each.request_id]})
+                for each in fleet.requests
+            )
+        }
+    )
+
+    plan = optimise(again, rounds=3, seed=2)
+
+    assert plan.costs.moves == 0
+    assert plan.costs.total_s <= first.costs.total_s + 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"drones": []}, "drones"),
+        ({"surplus": 1}, "surplus"),
+        ({"most_pooled": 9}, "most_pooled"),
+        ({"prices": {"lateness": -1.0}}, "prices.lateness"),
+        ({"pad_reservations": [{"station_id": "s1", "pad": 7, "start_s": 0.0}]}, "pad_reserv"),
+    ],
+)
+def test_a_fault_of_a_document_names_its_field(change: dict[str, object], field: str) -> None:
+    document = {**json.loads(small_fleet(1).model_dump_json()), **change}
+
+    with pytest.raises(InvalidProblem) as refused:
+        read_fleet_problem(document)
+
+    assert refused.value.field.startswith(field)
+
+
+def at_one_hub(*, pooling: bool) -> FleetProblem:
+    fleet = small_fleet(4, drones=2, requests=6)
+    source = fleet.requests[0].source
+    requests = [
+        each.model_copy(update={"source": source, "pooling": pooling, "promised_s": None})
+        for each in fleet.requests
+    ]
+    return fleet.model_copy(update={"requests": tuple(requests)})

@@ -1,0 +1,90 @@
+"""A planned trip of a fleet plan, and why a request has none."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, Self
+
+from skyway.delivery.plan import Deliver, Plan, Recharge
+from skyway.dispatch.pads import HeldPad
+from skyway.dispatch.problem import FleetRequest
+from skyway.planner.pad_book import booked_from_ms, booked_until_ms
+from skyway.planner.planned_trips import PlannedTrips
+from skyway.scheduling.stays import Slot
+from skyway.scheduling.trip import soc_after
+
+#: Requests that share a trip, by their number in the problem, ascending.
+Pool = tuple[int, ...]
+
+
+class NotPlanned(NamedTuple):
+    """Why there is no trip."""
+
+    code: str
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedTrip:
+    """One trip of one drone; moments are milliseconds of the problem's time.
+
+    `delivered_ms` is by request, in the order of `pool`. `end` is where, when and with what charge
+    the drone is free after its last hand-over. `pads` are the sessions of the plan, maybe on other
+    pads of the same station. `found` makes the plan.
+    """
+
+    pool: Pool
+    slot: Slot
+    delivered_ms: tuple[int, ...]
+    end: Slot
+    energy_j: float
+    pads: tuple[HeldPad, ...]
+    found: PlannedTrips | None = field(default=None, compare=False)
+
+    @classmethod
+    def of(cls, pool: Pool, requests: Sequence[FleetRequest], *, slot: Slot, plan: Plan) -> Self:
+        """The trip of a plan whose seconds count from the slot."""
+        delivered_s = {each.package_id: each.delivered_s for each in plan.deliveries}
+        delivered_ms = tuple(
+            slot.at_ms + booked_until_ms(max(delivered_s[one.package_id] for one in each.packages))
+            for each in requests
+        )
+        last = [step.station_id for step in plan.steps if isinstance(step, Deliver)][-1]
+        end_ms = slot.at_ms + booked_until_ms(plan.delivery_time_s or 0.0)
+        pads = tuple(
+            HeldPad(
+                step.station_id,
+                step.pad,
+                slot.at_ms + booked_from_ms(step.start_s),
+                slot.at_ms + booked_until_ms(step.end_s),
+            )
+            for step in plan.steps
+            if isinstance(step, Recharge)
+        )
+        end = Slot(last, end_ms, soc_after(plan, slot.soc))
+        return cls(pool, slot, delivered_ms, end, plan.energy_j or 0.0, pads)
+
+    def moved(self, slot: Slot, pads: tuple[HeldPad, ...]) -> Self:
+        """The same trip from another moment on, on these pads."""
+        by_ms = slot.at_ms - self.slot.at_ms
+        return replace(
+            self,
+            slot=slot,
+            delivered_ms=tuple(each + by_ms for each in self.delivered_ms),
+            end=replace(self.end, at_ms=self.end.at_ms + by_ms),
+            pads=pads,
+        )
+
+    def pads_at(self, slot: Slot) -> tuple[HeldPad, ...]:
+        """Its sessions if the trip began at this slot."""
+        by_ms = slot.at_ms - self.slot.at_ms
+        return tuple(
+            HeldPad(each.station_id, each.pad, each.start_ms + by_ms, each.end_ms + by_ms)
+            for each in self.pads
+        )
+
+
+class DroneTrip(NamedTuple):
+    """A trip, and the number of the drone that flies it."""
+
+    drone: int
+    trip: PlannedTrip

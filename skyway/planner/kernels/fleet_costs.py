@@ -1,0 +1,96 @@
+"""What the trips of drones cost, by their estimates, and which requests may share a trip."""
+
+import numpy as np
+
+from skyway.planner.kernels.compiler import kernel
+from skyway.planner.kernels.fleet_records import FleetEstimates
+from skyway.planner.kernels.memory import Longs, int64
+
+#: Bits of one request in a key: at most 2,000 requests, and 4 members.
+KEY_BITS = 11
+
+
+@kernel
+def key_of(members: Longs) -> int:
+    """One number for a set of requests in rising order."""
+    key = int64(0)
+    for member in members:
+        if member >= 0:
+            key = (key << KEY_BITS) | (member + 1)
+    return key
+
+
+@kernel
+def pool_of(fleet: FleetEstimates, members: Longs) -> int:
+    """The pool of these requests, -1 if they may not share a trip."""
+    key = key_of(members)
+    place = np.searchsorted(fleet.key, key)
+    if place < fleet.key.size and fleet.key[place] == key:
+        return fleet.pool_of_key[place]
+    return int64(-1)
+
+
+@kernel
+def cost_of_trip(fleet: FleetEstimates, drone: int, pool: int, end_s: float) -> float:
+    """What the requests of a trip cost that ends at this moment, without its energy."""
+    kind, prices = fleet.kind[drone], fleet.prices
+    cost = 0.0
+    for number in range(fleet.members.shape[1]):
+        request = fleet.members[pool, number]
+        if request < 0:
+            break
+        served_s = end_s - fleet.early_s[kind, pool, number]
+        cost += fleet.weight[request] * (
+            prices[0] * (served_s - fleet.known_s[request])
+            + prices[1] * max(0.0, served_s - fleet.due_s[request])
+        )
+        cost += prices[4] * max(0.0, served_s - fleet.latest_s[request])
+        if fleet.planned[request] >= 0 and fleet.planned[request] != drone:
+            cost += prices[3]
+    return cost
+
+
+@kernel
+def cost_of_row(fleet: FleetEstimates, drone: int, row: Longs, length: int) -> float:
+    """What the trips of one drone cost, by their estimates."""
+    kind = fleet.kind[drone]
+    place = fleet.start[drone]
+    flown_s = fleet.free_s[drone]
+    charged_s = fleet.free_s[drone] - fleet.credit_s[drone]
+    cost = 0.0
+    for number in range(length):
+        pool = row[number]
+        source = fleet.source[pool]
+        flown_s += fleet.approach[kind, place, source, 0]
+        for member in fleet.members[pool]:
+            if member >= 0:
+                flown_s = max(flown_s, fleet.ready_s[member])
+        flown_s += fleet.flight[kind, pool, 0]
+        charged_s += fleet.approach[kind, place, source, 1] + fleet.flight[kind, pool, 1]
+        cost += fleet.prices[2] * (
+            fleet.approach[kind, place, source, 2] + fleet.flight[kind, pool, 2]
+        )
+        cost += cost_of_trip(fleet, drone, pool, max(flown_s, charged_s))
+        flown_s += fleet.hand_over_s
+        charged_s += fleet.hand_over_s
+        place = fleet.end[kind, pool]
+    return cost
+
+
+@kernel
+def requests_in(fleet: FleetEstimates, row: Longs, length: int) -> int:
+    """How many requests the trips of a row serve."""
+    count = int64(0)
+    for number in range(length):
+        for member in fleet.members[row[number]]:
+            count += member >= 0
+    return count
+
+
+@kernel
+def shortage_cost(fleet: FleetEstimates, flown: Longs) -> float:
+    """What it costs that providers fly too few requests."""
+    missing = int64(0)
+    for provider in range(flown.size):
+        missing += max(int64(0), fleet.least_flown[provider] - flown[provider])
+    return fleet.prices[5] * missing
