@@ -27,6 +27,10 @@ _MOST_NODES_FOR_TWO: Final = 400
 _MOST_FAILURES: Final = 15
 _SHORTEST_STEP: Final = 0.005
 
+#: The most cells of all steps together, about a minute, and the least steps. Our own choice.
+_MOST_CELLS: Final = 2e9
+_LEAST_STEPS: Final = 20
+
 #: How much of each direction is that of the steps before.
 _MEMORY: Final = 0.6
 
@@ -91,6 +95,8 @@ class _Relaxation:
         self._problem = problem
         self._kinds = kinds
         self._starts = starts
+        cells = sum(len(each.nodes.pool) * each.future.cost.shape[1] for each in kinds)
+        self._most_steps = max(_LEAST_STEPS, int(_MOST_CELLS / cells))
         self._sources = sources
         prices = problem.prices
         # Above the first no trip may cost less than nothing behind the horizon; above the second
@@ -117,7 +123,11 @@ class _Relaxation:
         price = np.minimum(price, self._most)
         best_s, best_price, direction = -np.inf, price, np.zeros(len(requests))
         step, failures, steps = 1.0, 0, 0
-        while step > _SHORTEST_STEP and (steps == 0 or not is_over(steps)):
+        while (
+            step > _SHORTEST_STEP
+            and steps < self._most_steps
+            and (steps == 0 or not is_over(steps))
+        ):
             bound_s, visits = self._at(price)
             steps += 1
             if bound_s > best_s:

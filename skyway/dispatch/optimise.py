@@ -16,13 +16,16 @@ from skyway.dispatch.pools import shared_pools
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.rows import Board
 from skyway.dispatch.schedule import Scheduler
-from skyway.dispatch.search import OrderSearch
+from skyway.dispatch.search import MOST_STEPS, OrderSearch
 from skyway.errors import SkywayError
 from skyway.planner.kernels.memory import Longs
 from skyway.planner.stop import processor_stopwatch
 
 #: Where no budget is given, seconds of processor time.
 DEFAULT_BUDGET_S = 10.0
+
+#: One round of annealing gets at most so many steps for each second of the budget: half of it.
+_STEPS_PER_S = 150_000
 
 #: The most steps of a lower bound.
 _BOUND_STEPS = 400
@@ -44,7 +47,7 @@ def optimise(
     Parameters
     ----------
     budget_s
-        Seconds of processor time. The first round may take longer.
+        Seconds of processor time. The arrival order and the last round are always ended.
     rounds
         Ends the search after so many rounds instead. Then the same seed gives the same plan on
         every machine.
@@ -95,6 +98,8 @@ def searched(
     )
     board.limit(limits)
     search = OrderSearch(scheduler, board, limits, arrival, arrival, _chance(seed))
+    if rounds is None:
+        search.most_steps = min(MOST_STEPS, max(1, int(budget_s * _STEPS_PER_S)))
     search.look_at(scheduler.current())
     search.run(is_over)
     return search

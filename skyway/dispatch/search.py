@@ -9,16 +9,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
 from skyway.dispatch.objective import Limits
 from skyway.dispatch.rows import Board
 from skyway.dispatch.schedule import Schedule, Scheduler
 from skyway.planner.kernels.fleet_order import anneal
+from skyway.planner.kernels.memory import Longs
 
-#: Steps of the first annealing for each request, and the most. Our own choice.
+#: Steps of the first annealing for each request, and the most of any. Our own choice.
 _FIRST_STEPS: Final = 4_000
-_MOST_FIRST_STEPS: Final = 400_000
+MOST_STEPS: Final = 400_000
 
 #: Steps of each later round for each request.
 _STEPS: Final = 800
@@ -40,18 +39,18 @@ class OrderSearch:
     limits: Limits
     arrival: Schedule
     best: Schedule
-    chance: np.ndarray
+    chance: Longs
+    most_steps: int = MOST_STEPS
     rounds: int = 0
 
     def run(self, is_over: Callable[[int], bool]) -> None:
-        """OrderSearch until it is over; it is asked with the number of rounds so far."""
+        """Search until it is over; it is asked with the number of rounds so far."""
         requests = len(self.scheduler.problem.requests)
         if requests == 0:
             return
-        steps = min(_FIRST_STEPS * requests, _MOST_FIRST_STEPS)
-        heat = _FIRST_HEAT
+        steps, heat = _FIRST_STEPS * requests, _FIRST_HEAT
         while not is_over(self.rounds):
-            self._round(steps, heat)
+            self._round(min(steps, self.most_steps), heat)
             steps, heat = _STEPS * requests, _HEATS[self.rounds % len(_HEATS)]
             self.rounds += 1
 
