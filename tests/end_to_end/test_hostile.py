@@ -12,10 +12,11 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.end_to_end
-@pytest.mark.integration
-def test_rogues_break_nothing_and_honest_people_go_on() -> None:
-    """On PostgreSQL and Mosquitto: these face strangers."""
-    command = [sys.executable, "-m", "benchmarks.hostile", "--storage=production", "--seed=3"]
+@pytest.mark.parametrize(
+    "storage", ["embedded", pytest.param("production", marks=pytest.mark.integration)]
+)
+def test_rogues_break_nothing_and_honest_people_go_on(storage: str) -> None:
+    command = [sys.executable, "-m", "benchmarks.hostile", f"--storage={storage}", "--seed=3"]
 
     run = subprocess.run(
         # Other tests take the processor meanwhile: only a standstill counts as slower.
