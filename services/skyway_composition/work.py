@@ -113,13 +113,21 @@ class Work:
         self._parts.signatures.start(loops)
         loops.start("follow", self._follower.run())
         for name, step, wake in (
-            ("recompose", self._replanner.step, self._parts.stuck),
-            ("calendars", self._calendars.step, self._parts.calendars),
             ("overdue", self._overdue.step, Wake()),
             ("quarantine", self._parts.quarantine.step, self._parts.quarantine.wake),
         ):
             loops.start(name, repeat(name, step, every_s=_STEP_EVERY_S, wake=wake))
+        # Each replica does what it was woken for. The leader also finds what others have left.
+        for name, step, wake in (
+            ("recompose", self._replanner.step, self._parts.stuck),
+            ("calendars", self._calendars.step, self._parts.calendars),
+        ):
+            woken = repeat(name, step, every_s=_STEP_EVERY_S, wake=wake, polls=self._leads)
+            loops.start(name, woken)
         self._start_leading(loops)
+
+    def _leads(self) -> bool:
+        return self._membership.leads
 
     def _start_leading(self, loops: Loops) -> None:
         """Start the loops whose work the leader does for all replicas."""

@@ -83,10 +83,16 @@ def missing_part(error: Exception) -> ServiceUnavailable | None:
 
 
 async def repeat(
-    name: str, step: Callable[[], Awaitable[bool]], *, every_s: float, wake: Wake | None = None
+    name: str,
+    step: Callable[[], Awaitable[bool]],
+    *,
+    every_s: float,
+    wake: Wake | None = None,
+    polls: Callable[[], bool] = lambda: True,
 ) -> Never:
     """Run `step` for ever: again immediately after True, else when woken or after `every_s`.
 
+    While it does not `polls`, it is run only when woken: another process looks from time to time.
     A step that fails is counted, and tried again after a growing pause. A bug is logged each time,
     a part of the system that is away only once.
     """
@@ -112,7 +118,8 @@ async def repeat(
             # A step that never waits must not keep the other loops from running, or block a cancel.
             await asyncio.sleep(0)
         else:
-            await wake.wait(every_s)
+            while not await wake.wait(every_s) and not polls():
+                pass
 
 
 def _count_failures(loop: str, failures: int) -> None:

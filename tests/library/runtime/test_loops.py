@@ -62,6 +62,23 @@ async def test_a_loop_runs_again_after_its_time() -> None:
         await until(steps.reached)
 
 
+async def test_a_loop_that_does_not_poll_runs_only_when_it_is_woken() -> None:
+    steps, wake, asked = Steps(False, False), Wake(), asyncio.Event()
+
+    def polls() -> bool:
+        asked.set()
+        return False
+
+    async with Loops() as loops:
+        loops.start("test", repeat("test", steps, every_s=0.001, wake=wake, polls=polls))
+        await until(asked)
+        assert steps.taken == 1
+        wake.set()
+        await until(steps.reached)
+
+    assert steps.taken == 2
+
+
 async def test_a_failing_step_is_logged_counted_and_tried_again(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
