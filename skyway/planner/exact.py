@@ -25,11 +25,11 @@ from skyway.units import TIME_TOLERANCE_S
 
 #: Factors by which the bound is raised to find a plan soon, and then better ones (Likhachev, Gordon
 #: and Thrun 2003, ARA*). Our own choice.
-_HASTE = (3.0, 2.0, 1.5, 1.3)
+_HASTE = (5.0, 3.0, 2.0, 1.7, 1.5, 1.3)
 
 #: How many labels the first of these searches may make, and each of the others.
 _LABELS_FOR_ANY_PLAN = 1 << 16
-_LABELS_FOR_A_BETTER_PLAN = 1 << 14
+_LABELS_FOR_A_BETTER_PLAN = 1 << 15
 
 #: Precision of the reported gap in range, as a share of the battery. Our own choice.
 _GAP_STEP = 0.05
@@ -58,7 +58,7 @@ def _find(
     if closed is not None:
         return Findings(None, 0, infeasibility=closed)
     search = ExactSearch(situation, method=method, order=order)
-    ending = search.run(effort, most_labels=min(method.labels_before_haste, effort.room // 2))
+    ending = search.run(effort, most_labels=min(method.labels_before_haste, effort.room // 8))
     other = None
     if ending is Ending.PAUSED:
         other = _found_in_haste(situation, effort, method, order)
@@ -85,18 +85,20 @@ def _found_in_haste(
 ) -> Itinerary | None:
     """The best plan that searches with raised bounds find soon, or None."""
     best: Itinerary | None = None
-    most_labels = _LABELS_FOR_ANY_PLAN
     for weight in _HASTE:
         hasty = ExactSearch(situation, method=method, order=order, weight=weight)
-        if best is not None:
+        if best is None:
+            most_labels = min(_LABELS_FOR_ANY_PLAN, effort.room * 3 // 4)
+        else:
             hasty.improve_on(best.delivered_s)
-            most_labels = _LABELS_FOR_A_BETTER_PLAN
-        hasty.run(effort, most_labels=min(most_labels, effort.room // 2))
+            most_labels = min(_LABELS_FOR_A_BETTER_PLAN, effort.room * 3 // 4)
+        ending = hasty.run(effort, most_labels=most_labels)
         found = _itinerary_of(situation, hasty)
-        if found is None and best is None:
-            return None
         if found is not None and (best is None or found.delivered_s < best.delivered_s):
             best = found
+        if ending is Ending.PAUSED:
+            # A smaller factor would need even more labels.
+            break
     return best
 
 

@@ -98,7 +98,9 @@ def run_search(search: Search, most_labels: int) -> int:
     task, memory = search.task, search.memory
     while memory.counts[QUEUE] > 0:
         key = memory.queue_key[0]
-        if key >= memory.best_s[0] or (task.weight > 1.0 and memory.counts[BEST] >= 0):
+        # Raised bounds prove nothing: such a search ends with its first plan.
+        has_plan = memory.counts[BEST] >= 0
+        if has_plan if task.weight > 1.0 else key >= memory.best_s[0]:
             return PROVEN
         if memory.counts[LABELS] >= most_labels:
             return PAUSED
