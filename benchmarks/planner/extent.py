@@ -76,5 +76,5 @@ FULL = Extent(
     starts=5,
     trips=2_000,
     trip_shares=_ALL_TAKEN,
-    scarce_runs=3,
+    scarce_runs=6,
 )
