@@ -41,7 +41,7 @@ SERVICE: Final = "composition"
 
 #: How many labels of a booking's search run on the event loop: usually one or two milliseconds, at
 #: most 20 at 1,000 stations. Quotes need many plans in a row, so they always use threads.
-_INLINE_LABELS: Final = 2_048
+_INLINE_LABELS: Final = 1_024
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,9 @@ from skyway.units import TIME_TOLERANCE_S
 #: and Thrun 2003, ARA*). Our own choice.
 _HASTE = (5.0, 3.0, 2.0, 1.7, 1.5, 1.3)
 
+#: The part of all labels that may be made before these searches: one of so many.
+ROOM_BEFORE_HASTE = 8
+
 #: How many labels the first of these searches may make, and each of the others.
 _LABELS_FOR_ANY_PLAN = 1 << 16
 _LABELS_FOR_A_BETTER_PLAN = 1 << 15
@@ -58,7 +61,8 @@ def _find(
     if closed is not None:
         return Findings(None, 0, infeasibility=closed)
     search = ExactSearch(situation, method=method, order=order)
-    ending = search.run(effort, most_labels=min(method.labels_before_haste, effort.room // 8))
+    before_haste = min(method.labels_before_haste, effort.room // ROOM_BEFORE_HASTE)
+    ending = search.run(effort, most_labels=before_haste)
     other = None
     if ending is Ending.PAUSED:
         other = _found_in_haste(situation, effort, method, order)

@@ -17,6 +17,7 @@ from typing import Final, Self, TypeVar
 from skyway.delivery.plan import Plan, PlanStatus
 from skyway.planner.airspace import Airspace
 from skyway.planner.compose import DEFAULT_STRATEGY, compose
+from skyway.planner.exact import ROOM_BEFORE_HASTE
 from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.problem import Problem
@@ -152,7 +153,8 @@ class SolverPool:
         hierarchy: Hierarchy | None,
     ) -> Plan | None:
         """The plan of a problem that needs few labels; None when it may need more."""
-        limited = problem.model_copy(update={"label_limit": self._inline_labels})
+        limit = ROOM_BEFORE_HASTE * self._inline_labels
+        limited = problem.model_copy(update={"label_limit": limit})
         try:
             return _composed(limited, self._give_up, airspace, booked, hierarchy)
         except _TakesLong:
@@ -161,10 +163,11 @@ class SolverPool:
     def _give_up(self, labels: int) -> bool:
         """Raise instead of stopping the search, because costly proofs follow a stopped search.
 
-        The planner stops no search before half of the remaining labels are made. So if this never
-        raises, no search was stopped, and the plan is the same as without a limit.
+        The planner stops no search before the labels of its limit are made, divided by
+        `ROOM_BEFORE_HASTE`. So if this never raises, no search was stopped, and the plan is the
+        same as without a limit.
         """
-        if 2 * labels >= self._inline_labels:
+        if labels >= self._inline_labels:
             raise _TakesLong
         return False
 
