@@ -28,7 +28,7 @@ _MOST_CACHED: Final = 200_000
 #: Seconds of wall time until composition is asked again after it answered an older version.
 _ASK_EVERY_S: Final = 5.0
 
-#: How long a server may take to look up stations, wall seconds: a fleet's homes are thousands.
+#: The longest wait for a server that looks up stations, wall seconds. A fleet has thousands.
 _CHECKED_WITHIN_S: Final = 10.0
 
 #: Answers all stations of a network's current version; no station when there are too many.
@@ -81,7 +81,7 @@ class CachedNetworks:
         return None
 
     def last_network_of(self, station_id: StationId) -> NetworkId | None:
-        """The same, also by versions that may have been replaced."""
+        """The network of a station, also by versions of networks that have been replaced."""
         for network_id, network in {**self._outdated, **self._networks}.items():
             if station_id in network.places:
                 return network_id
@@ -238,7 +238,7 @@ class NetworkLearner:
 
 
 async def check_stations(servers: CellClients, query: StationCheckQuery) -> StationCheck:
-    """What all servers together know of these stations.
+    """What all servers together know about these stations.
 
     Raises
     ------
@@ -270,7 +270,7 @@ async def check_stations(servers: CellClients, query: StationCheckQuery) -> Stat
 
 
 def _together(query: StationCheckQuery, checks: list[StationCheck]) -> StationCheck:
-    """The answers as one: a server knows the stations of its own networks alone."""
+    """One answer from all answers; a server knows only the stations of its own networks."""
     asked = dict.fromkeys(query.station_ids)
     network_ids = {name: each for check in checks for name, each in check.network_ids.items()}
     reached = {

@@ -2,7 +2,7 @@
 
 Without rows everything goes to one server. The row of a network names another server, or closes the
 network to new requests. Each request that follows a row carries the row's network and generation,
-so that a server refuses what it does not serve any more.
+so that a server can refuse requests for a network that it no longer serves.
 """
 
 import asyncio
@@ -26,10 +26,10 @@ READ_EVERY_S: Final = 1.0
 #: The server of all networks that have no row.
 DEFAULT_SERVER: Final = "composition"
 
-#: How long a server may take when all servers are asked, wall seconds.
+#: The longest wait for each server when all servers are asked, wall seconds.
 ANSWERS_WITHIN_S: Final = 3.0
 
-#: Reads the table where it is kept; `ServiceUnavailable` if there is no answer.
+#: Reads the table from the service that keeps it; `ServiceUnavailable` without an answer.
 ReadTable = Callable[[], Awaitable[CellTable]]
 #: Stores a table that was read.
 KeepTable = Callable[[CellTable], Awaitable[None]]
@@ -50,9 +50,9 @@ def table_from(registry: ServiceClient) -> ReadTable:
 
 
 class Cells:
-    """The table as this process has read it last; empty before the first read.
+    """The table that this process read last; empty before the first read.
 
-    `keep` gets each table that differs from the one before, for the next start.
+    `keep` gets each table that differs from the table before, for the next start.
     """
 
     def __init__(
@@ -103,12 +103,12 @@ class Cells:
         return False
 
     def put(self, table: CellTable) -> None:
-        """Use a table that was kept, until the first read."""
+        """Use a stored table until the first read."""
         self._cells = {each.network_id: each for each in table.cells}
 
 
 class CellClients:
-    """The clients of all servers of composition. They are open as long as the block lasts."""
+    """The clients of all servers of composition, open until the `async with` block ends."""
 
     def __init__(self, default: ServiceClient, cells: Cells) -> None:
         self.cells = cells
@@ -117,7 +117,7 @@ class CellClients:
         self._by_url: dict[str, ServiceClient] = {default.url: default}
 
     async def __aenter__(self) -> Self:
-        """Open the client of the default server; the others are opened when they are known."""
+        """Open the client of the default server; other clients open when the table names them."""
         await self._opened.__aenter__()
         await self._opened.enter_async_context(self._default)
         return self
@@ -149,9 +149,10 @@ class CellClients:
         return False
 
     async def begin_with(self, table: CellTable) -> None:
-        """Use a table that was kept by an earlier process, and the present one if it can be read.
+        """Use the table that an earlier process stored, or the current table if it can be read.
 
-        Without it, the first requests after a start would go to a server that does not serve them.
+        Without a table, the first requests after a start would go to a server that does not serve
+        their networks.
         """
         self.cells.put(table)
         with contextlib.suppress(ServiceUnavailable):
@@ -165,9 +166,9 @@ class CellClients:
                 self._by_url[cell.url] = await self._opened.enter_async_context(client)
 
     def of(self, network_id: NetworkId | None) -> ServiceClient:
-        """The server of a network; the default server if the network is not known.
+        """The server of a network; the default server if the network has no row or is None.
 
-        Its requests name the network and the generation of the network's row.
+        Requests to a cell name the network and the generation of the network's row.
         """
         cell = None if network_id is None else self.cells.of(network_id)
         if cell is None:
@@ -200,7 +201,7 @@ class CellClients:
             raise ServiceUnavailable(_label(cell.network_id), detail)
 
     def serving(self, network_id: NetworkId | None) -> Sequence[ServiceClient]:
-        """The server of a network; all servers if the network is not known."""
+        """The server of a network; all servers if the network is None."""
         return list(self.every().values()) if network_id is None else [self.of(network_id)]
 
     def every(self) -> Mapping[str, ServiceClient]:
@@ -223,7 +224,7 @@ def _label(*network_ids: NetworkId) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Answers(Generic[AnswerT]):
-    """What servers have answered, by their names, and which of them gave no answer."""
+    """The answers of servers, by the servers' names, and the servers that gave no answer."""
 
     given: Mapping[str, AnswerT]
     silent: Mapping[str, ServiceUnavailable]
@@ -234,7 +235,7 @@ class Answers(Generic[AnswerT]):
         Raises
         ------
         ServiceUnavailable
-            Names a server that has not.
+            Names a server that has not answered.
         """
         for error in self.silent.values():
             raise error
@@ -246,12 +247,12 @@ async def ask_all(
     *,
     within_s: float = ANSWERS_WITHIN_S,
 ) -> Answers[AnswerT]:
-    """The answers of all servers, asked in parallel; none waits for another.
+    """The answers of all servers, which are asked in parallel.
 
     Raises
     ------
     RemoteProblem
-        A server refuses the question.
+        A server answers with an error.
     """
 
     async def one(client: ServiceClient) -> AnswerT | ServiceUnavailable:

@@ -1,1 +1,1 @@
-"""What planning all requests of a fleet together is worth: see docs/dispatch.md."""
+"""Measures the gain from planning all requests of a fleet together: see docs/dispatch.md."""

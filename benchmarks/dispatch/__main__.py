@@ -1,6 +1,6 @@
-"""`python -m benchmarks dispatch`: what planning all requests of a fleet together is worth.
+"""`python -m benchmarks dispatch`: the gain from planning all requests of a fleet together.
 
-rolling: one hour of requests; each minute every policy plans what has not started.
+rolling: one hour of requests; each minute every policy plans the requests that have not started.
 together: all requests of the hour are known when it begins; with a proven lower bound.
 
 docs/dispatch.md says how the cases are drawn, and holds the results.

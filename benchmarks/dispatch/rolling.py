@@ -1,7 +1,7 @@
-"""A rolling hour: each minute the policy plans what has not started, and due trips begin.
+"""A rolling hour: each minute the policy plans all requests that have not started.
 
-A drone that waits stands where its last trip ended, and charges while the pad there is free: trips
-come first, then the drone that has stood there longest. All flies as planned.
+A drone that waits stands where its last trip ended, and charges while the pad there is free. Trips
+get the pad first, then the drone that has stood there longest. All flights go as planned.
 """
 
 from collections.abc import Sequence

@@ -16,9 +16,9 @@ def ordered_by_ortools(
 ) -> Sequences:
     """The sequences that guided local search finds in this many seconds.
 
-    Its clock counts the need of flights: their time, and the time to charge their energy. A drone
-    begins with its charge as credit. The sum of the ends of all trips is made small, as far as they
-    lie after the credit is used. All drones are of one model.
+    Its clock counts the need of flights: their time plus the time to charge their energy. A drone
+    begins with its charge as credit. The solver makes the sum of the ends of all trips small; an
+    end counts only after the drone's credit is used up. All drones are of one model.
     """
     # Late: an extra of the benchmarks.
     from ortools.constraint_solver import pywrapcp, routing_enums_pb2

@@ -26,7 +26,7 @@ _CELLS = (
     Cell(1_000, 12, "full"),
 )
 _SHARES = {"partial": (0.9, 0.95), "full": (0.7,)}
-#: Seconds after which a request is given up: other tables give up sooner.
+#: Seconds after which the search for a request ends; in other tables it ends sooner.
 _LIMIT_S = 60.0
 #: A limit under which a plan is compared with the best one.
 _FEW_LABELS = 20_000

@@ -1,4 +1,4 @@
-"""In which networks deliveries are, and the last known table of cells."""
+"""All SQL of the networks of deliveries and of the stored table of cells."""
 
 from collections.abc import Collection
 from typing import Final
@@ -39,7 +39,7 @@ async def keep_cells(db: Database, table: CellTable) -> None:
 
 
 async def read_cells(db: Database) -> CellTable:
-    """The last known table of cells; an empty one if there is none."""
+    """The stored table of cells; an empty table if none is stored."""
     async with db.read() as connection:
         found = (await connection.execute(select(known_cells.c.cells))).scalar_one_or_none()
     return CellTable(cells=()) if found is None else CellTable.read(found)

@@ -1,4 +1,4 @@
-"""Composition as the gateway asks it: each call goes to the server that serves its network."""
+"""The gateway's calls to composition: each call goes to the server that serves its network."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from skyway_gateway.clients import RestComposition
 
 @dataclass(frozen=True, slots=True)
 class NetworkFinder:
-    """Finds the network of a station or of a delivery; without cells it asks nobody."""
+    """Finds the network of a station or of a delivery; without cells it asks no server."""
 
     servers: CellClients
     networks: CachedNetworks
@@ -70,8 +70,8 @@ class NetworkFinder:
 class RoutedComposition:
     """`Composition` at the servers of all networks.
 
-    A call raises `ServiceUnavailable` with the name of the cell when the cell's server is away. A
-    closed cell gets no new quotes and bookings.
+    A call raises `ServiceUnavailable` with the name of the cell if the cell's server does not
+    answer. A closed cell gets no new quotes and bookings.
     """
 
     servers: CellClients
@@ -92,11 +92,11 @@ class RoutedComposition:
         return await (await self._open_at(query.request.pickup.station_id)).quote(query)
 
     async def keep(self, asked: KeepOffer) -> KeptOffer:
-        """Hold an offer until it is booked, or say why it cannot be kept."""
+        """Hold an offer until it is booked, or say why it cannot be held."""
         return await (await self._open_at(asked.request.pickup.station_id)).keep(asked)
 
     async def release(self, hold_id: HoldId) -> None:
-        """Give up what a hold keeps, at whichever server has the hold."""
+        """Release a hold, at the server that has the hold."""
 
         async def ask(client: ServiceClient) -> None:
             await RestComposition(client).release(hold_id)
@@ -104,7 +104,7 @@ class RoutedComposition:
         (await ask_all(self.servers.every(), ask)).must_be_whole()
 
     async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
-        """Book the best plan; asked again for the same attempt, the answer is the same."""
+        """Book the best plan; a repeated call for the same attempt has the same answer."""
         server = await self._open_at(requested.request.pickup.station_id)
         return await server.book(delivery_id, requested)
 

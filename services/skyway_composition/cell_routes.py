@@ -1,4 +1,4 @@
-"""The entrance for requests of cells, and what the registry asks before it moves a cell."""
+"""Checks that requests are for own networks, and reports the server's work before a move."""
 
 import re
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ _NETWORK: Final = re.compile(r"/v1/networks/([^/]+)")
 
 @dataclass(frozen=True, slots=True)
 class CellEntrance:
-    """Lets other services in, with requests for this server's own networks."""
+    """Admits requests of other services if they are for this server's own networks."""
 
     entrance: ServiceEntrance
     own: OwnCells
@@ -60,7 +60,7 @@ def cell_routes(
 
     @router.get(CELL_WORK)
     async def get_cell_work(caller: Annotated[Caller, Depends(gate)]) -> CellWork:
-        """What this server holds, and which work it has not finished."""
+        """The data of this server, and the work that it has not finished."""
         caller.must_be_service("registry")
         async with db.read() as connection:
             return CellWork(

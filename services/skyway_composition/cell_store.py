@@ -1,4 +1,4 @@
-"""What a move of this server's cells to another server has to wait for, and to copy."""
+"""All SQL of cells: the work that a move of this server has to wait for, and the rows to copy."""
 
 from typing import Final
 
@@ -18,7 +18,7 @@ from skyway_composition.tables import (
     outbox,
 )
 
-#: Changes that add no row: the copy of a row that was made before would be older.
+#: Changes that add no row. They differ if a row changed after the database was copied.
 _CHANGES: Final = {
     "versions of networks": select(func.sum(networks.c.version + networks.c.conditions)),
     "lifted closures": select(func.count(closures.c.lifted_ms)),
@@ -51,7 +51,7 @@ async def unsent_messages(connection: AsyncConnection) -> int:
 
 
 async def rows(connection: AsyncConnection) -> dict[str, int]:
-    """How many rows each table has, and how much has changed without a new row."""
+    """The number of rows of each table, and the numbers of changes that add no row."""
     counts = {
         table.name: select(func.count()).select_from(table) for table in metadata.sorted_tables
     }

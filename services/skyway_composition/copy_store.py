@@ -1,6 +1,6 @@
-"""Copies a database of composition into another one: the data of a cell that moves.
+"""Copies a database of composition into another database, for the move of a cell.
 
-The same database may be SQLite here and PostgreSQL there. Everything is copied in one transaction.
+One database may be SQLite and the other PostgreSQL. Everything is copied in one transaction.
 """
 
 from collections.abc import AsyncIterator, Sequence
@@ -14,14 +14,14 @@ from skyway.runtime.sql.database import Database
 from skyway_composition.cell_store import network_ids, open_missions, unsent_messages
 from skyway_composition.tables import metadata
 
-#: Rows that are read and written together.
+#: The number of rows that are read and written together.
 _TOGETHER: Final = 500
 
 
 async def copy_database(source: Database, target: Database) -> dict[str, int]:
-    """Copy all rows of one database into another; how many, by table.
+    """Copy all rows of one database into another; the number of copied rows by table.
 
-    What an earlier copy has left in the target is replaced.
+    Rows of an earlier copy in the target are replaced.
 
     Raises
     ------
@@ -63,7 +63,7 @@ async def _must_be_replaceable(target: AsyncConnection, copied: Sequence[str]) -
 
 
 async def _rows_of(source: AsyncConnection, table: Table) -> AsyncIterator[list[dict[str, Any]]]:
-    """All rows of a table, some at a time, in the order of its key. Any: of every type."""
+    """All rows of a table in parts, in the order of its key. Any: columns have several types."""
     key = tuple_(*table.primary_key.columns)
     query = select(table).order_by(*table.primary_key.columns).limit(_TOGETHER)
     part = query

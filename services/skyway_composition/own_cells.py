@@ -1,7 +1,7 @@
 """Which networks this server serves, by the table of cells.
 
 A request that follows a row of the table names its network and the row's generation. The server
-refuses it when another server serves the network, or when its own table is too old to know.
+refuses the request if another server serves the network, or if the sender has read an older row.
 """
 
 from dataclasses import dataclass, field
@@ -17,19 +17,22 @@ from skyway.runtime.errors import Misdirected, ServiceUnavailable
 from skyway.runtime.mqtt.inbox import Arrival
 from skyway.runtime.mqtt.signature_check import Reception
 
-#: A cell that has not read the table for so long books nothing: meanwhile it may have moved. Wall
+#: A cell that has not read the table for so long books nothing, because it may have moved. Wall
 #: seconds. Bookings need the registry anyway, for their candidates.
 BOOKS_WITHIN_S: Final = 10.0
 
-#: The most drones whose networks are remembered, about 200 bytes each.
+#: The server of a network that has no row, in texts of errors.
+_NO_CELL: Final = "the server of networks without a cell"
+
+#: The most drones whose networks are cached, about 200 bytes each.
 _MOST_HOMES: Final = 200_000
 
 
 @dataclass(slots=True)
 class OwnCells:
-    """What this server knows of the table; `url` is its own address there.
+    """The networks and drones of this server; `url` is its own address in the table of cells.
 
-    `is_default`: whether it serves the networks that have no cell.
+    `is_default`: whether this server serves the networks that have no cell.
     """
 
     cells: Cells
@@ -38,26 +41,26 @@ class OwnCells:
     _homes: dict[str, NetworkId] = field(default_factory=dict)
 
     def serves(self, network_id: NetworkId) -> bool:
-        """Whether the network is this server's own; True before the table was read."""
+        """Whether this server serves the network; True before the table was read."""
         cell = self.cells.of(network_id)
         if cell is None:
             return self.is_default or self.cells.age_s is None
         return cell.url == self.url
 
     def note_home(self, drone_id: DroneId, network_id: NetworkId | None) -> None:
-        """Note in which network a drone is at home; None if the registry does not know."""
+        """Note the home network of a drone; None if the registry does not know it."""
         if len(self._homes) >= _MOST_HOMES:
             self._homes.clear()
         if network_id is not None:
             self._homes[drone_id] = network_id
 
     def is_foreign(self, drone_id: str) -> bool:
-        """Whether the messages of this drone are another server's concern."""
+        """Whether another server handles the messages of this drone."""
         network_id = self._homes.get(drone_id)
         return network_id is not None and not self.serves(network_id)
 
     def refuse_foreign(self, network_id: NetworkId) -> None:
-        """Go on only if this server serves a network that a request does not name as a cell.
+        """Go on only if this server serves this network; for requests without `CELL_HEADER`.
 
         Raises
         ------
@@ -66,28 +69,29 @@ class OwnCells:
         """
         if not self.serves(network_id):
             cell = self.cells.of(network_id)
-            other = "no cell" if cell is None else cell.url
+            other = _NO_CELL if cell is None else cell.url
             raise Misdirected(f"{network_id} is served by {other}, not by this server ({self.url})")
 
     async def refuse_misdirected(self, named: NamedCell, *, begins: bool) -> None:
-        """Go on only if this server serves the network of a request.
+        """Go on only if this server serves the network that a request names.
 
-        `begins`: whether the request begins something new.
+        `begins`: whether the request is for a quote, an offer or a booking.
 
         Raises
         ------
         Misdirected
             Another server serves the network, or the sender has read an older row.
         ServiceUnavailable
-            The cell is closed to new requests, or has not read the table for too long.
+            The request begins something new, and the cell is closed, or it has not read the table
+            for too long.
         """
         if named.generation > self.cells.newest:
             await self.cells.refresh()
         cell = self.cells.of(named.network_id)
         if cell is None or cell.url != self.url:
-            other = "no server" if cell is None else cell.url
+            other = _NO_CELL if cell is None else cell.url
             raise Misdirected(
-                f"{named.network_id} is served by {other}, not by this server: its "
+                f"{named.network_id} is served by {other}, not by this server, whose "
                 f"SKYWAY_CELL_URL is {self.url}"
             )
         if named.generation < cell.generation:
@@ -103,7 +107,7 @@ class OwnCells:
 
 @dataclass(frozen=True, slots=True)
 class OwnDrones:
-    """`Reception` of the messages of this server's own drones; the others are dropped unread."""
+    """`Reception` of messages from this server's own drones; it drops all others unread."""
 
     reception: Reception
     own: OwnCells
@@ -119,7 +123,7 @@ class OwnDrones:
     def unreadable(
         self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, error: ValidationError
     ) -> None:
-        """Handle a message of this sender that cannot be read. Any: the topics' own types."""
+        """Handle an unreadable message from this sender. Any: each topic has its own type."""
         self.reception.unreadable(topic, ids, payload, error)
 
     def forged(self, arrival: Arrival) -> None:
@@ -127,5 +131,5 @@ class OwnDrones:
         self.reception.forged(arrival)
 
     def postponed(self, ids: tuple[str, ...]) -> None:
-        """Note that a message of this drone is not read now, and perhaps never."""
+        """Note that a message from this drone is not read now, and perhaps never."""
         self.reception.postponed(ids)

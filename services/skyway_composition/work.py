@@ -1,7 +1,7 @@
 """The loops that run beside composition's REST answers.
 
-Each replica sends, follows its own drones, and replans what it is woken for. The leader alone does
-what looks at everything from time to time.
+Each replica sends messages, follows its own drones, and replans missions when it is woken. Only the
+leader runs the loops that look at all rows from time to time.
 """
 
 from collections.abc import Mapping
@@ -117,7 +117,7 @@ class Work:
             ("quarantine", self._parts.quarantine.step, self._parts.quarantine.wake),
         ):
             loops.start(name, repeat(name, step, every_s=_STEP_EVERY_S, wake=wake))
-        # Each replica does what it was woken for. The leader also finds what others have left.
+        # Each replica does the work it was woken for. The leader also finds work that others left.
         for name, step, wake in (
             ("recompose", self._replanner.step, self._parts.stuck),
             ("calendars", self._calendars.step, self._parts.calendars),
@@ -130,7 +130,7 @@ class Work:
         return self._membership.leads
 
     def _start_leading(self, loops: Loops) -> None:
-        """Start the loops whose work the leader does for all replicas."""
+        """Start the loops that only the leader runs, for all replicas."""
         states, versions = self._station_states, self._network_versions
         led = partial(LeaderStep, self._membership)
         for name, step, every_s in (

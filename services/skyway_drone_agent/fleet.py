@@ -136,7 +136,7 @@ async def _host_real_drone(
 
 
 def _enrolled_broker(drone: EnrolledDrone) -> str:
-    """The addresses of the broker that the drone's enrolment names, parted by commas."""
+    """The addresses of the broker that the drone's enrolment names, separated by commas."""
     if not drone.mqtt_urls:
         raise InvalidSettings(
             "the broker is missing: --mqtt-url or SKYWAY_MQTT_URL"

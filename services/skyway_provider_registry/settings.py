@@ -43,7 +43,7 @@ class RegistrySettings(ServiceSettings):
     mqtt_drone_url: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
         description="`mqtts://HOST:PORT`: the broker's listener for drones, which each drone gets "
-        "at its enrolment. Several, parted by commas, for the nodes of a cluster.",
+        "at its enrolment. For a cluster the addresses of all nodes, separated by commas.",
     )
     cell_hosts: Annotated[
         tuple[str, ...],
@@ -51,7 +51,7 @@ class RegistrySettings(ServiceSettings):
         Field(
             description="Hosts of the servers that operators may name as cells, separated by "
             "commas, such as `composition-*`. The services show these servers their secrets. "
-            "Without any only the composition of `SKYWAY_COMPOSITION_URL` can be named."
+            "Without hosts, only the composition of `SKYWAY_COMPOSITION_URL` can be a cell."
         ),
     ] = ()
     drones_per_provider: int = Field(
@@ -69,7 +69,7 @@ class RegistrySettings(ServiceSettings):
     @field_validator("cell_hosts", "mqtt_drone_url", mode="before")
     @classmethod
     def _part(cls, value: object) -> object:
-        """The members of a text with commas."""
+        """The parts of a text between its commas."""
         if isinstance(value, str):
             return tuple(part.strip() for part in value.split(",") if part.strip())
         return value

@@ -1,6 +1,6 @@
 """The accounts of NATS and what each may read and write, as a file that its configuration includes.
 
-NATS calls a topic a subject: its levels are parted by dots, and its wildcards are ``*`` and ``>``.
+NATS calls a topic a subject. Dots separate its levels, and its wildcards are ``*`` and ``>``.
 """
 
 import json

@@ -45,7 +45,7 @@ def add_command(
     url: Annotated[str, typer.Option(help="The SKYWAY_CELL_URL of its server.")],
     data: DataOption = None,
 ) -> None:
-    """Let a server of its own serve a network; publish the network after that."""
+    """Give a network a server of its own; publish the network after that."""
     _show(_call(data_folder(data), "PUT", network, _ServerPlace(url=url)))
 
 
@@ -63,9 +63,7 @@ def open_command(network: _NetworkArgument, data: DataOption = None) -> None:
 
 @cell_app.command("copy")
 def copy_command(
-    source: Annotated[
-        str, typer.Option("--from", help="URL of the database of the server that is left.")
-    ],
+    source: Annotated[str, typer.Option("--from", help="URL of the old server's database.")],
     target: Annotated[str, typer.Option("--to", help="URL of the new server's database.")],
 ) -> None:
     """Copy the database of an idle server of composition, on a machine that reaches both."""
@@ -87,7 +85,7 @@ def move_command(
     url: Annotated[str, typer.Option("--to", help="The SKYWAY_CELL_URL of the new server.")],
     data: DataOption = None,
 ) -> None:
-    """Let another server serve a closed network, after its database was copied; then it is open."""
+    """Move a closed network to another server with a copy of its database, and open it again."""
     _show(_call(data_folder(data), "POST", f"{network}/moves", _ServerPlace(url=url)))
     typer.echo("stop the old server now: its database is out of date")
 

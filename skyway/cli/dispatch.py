@@ -1,6 +1,6 @@
 """`skyway dispatch`: reads a fleet problem, and prints the plan of its whole fleet.
 
-The dispatcher is imported only by this command, because that takes time.
+Only this command imports the dispatcher, because the import takes time.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from skyway.errors import InvalidInput
 if TYPE_CHECKING:
     from skyway.dispatch.plan import FleetCosts, FleetPlan, FleetTrip
 
-#: The exit code when the problem could not be read.
+#: The exit code if the problem cannot be read.
 _UNREADABLE = 2
 
 
@@ -27,11 +27,11 @@ def dispatch_command(
     ] = 10.0,
     rounds: Annotated[
         int | None,
-        typer.Option(min=0, help="Rounds of the search instead of a time; then it is repeatable."),
+        typer.Option(min=0, help="Rounds of the search instead of a budget; repeatable."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Where the chance of the search begins.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the search's random numbers.")] = 0,
     bound: Annotated[
-        bool, typer.Option("--bound", help="Prove how good the best possible plan could be.")
+        bool, typer.Option("--bound", help="Prove a lower bound on the objective of every plan.")
     ] = False,
     json: Annotated[bool, typer.Option("--json", help="Print the plan as JSON.")] = False,
 ) -> None:

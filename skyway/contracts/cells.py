@@ -1,7 +1,7 @@
 """Cells: which server of composition serves which network.
 
-The registry keeps the table of cells. Gateway and composition read it every second. A network that
-is not in the table is served by the composition of `SKYWAY_COMPOSITION_URL`.
+The registry keeps the table of cells. Gateway and composition read it every second. The composition
+of `SKYWAY_COMPOSITION_URL` serves each network that is not in the table.
 """
 
 import re
@@ -18,13 +18,13 @@ from skyway.json_model import JsonModel, WireModel
 #: Where the registry answers with the table.
 CELLS: Final = "/internal/cells"
 
-#: Where a server of composition answers what it holds and what it does.
+#: Where a server of composition answers with its data and its unfinished work.
 CELL_WORK: Final = "/internal/cell-work"
 
-#: Names the network of a request, and the generation of its row that the sender has read.
+#: Names the network of a request, and the generation of the network's row that the sender read.
 CELL_HEADER: Final = "Skyway-Cell"
 
-#: A closed cell accepts no new requests. Its drones finish what they have begun.
+#: A closed cell accepts no new requests. Its drones finish their missions.
 CellState = Literal["OPEN", "CLOSED"]
 
 CellUrl = Annotated[
@@ -45,14 +45,15 @@ class NetworkCell(JsonModel):
     network_id: Annotated[NetworkId, Field(description="Network that the cell serves.")]
     url: CellUrl
     state: Annotated[
-        CellState, Field(description="Whether the cell accepts new requests, or finishes its work.")
+        CellState,
+        Field(description="OPEN accepts new requests. CLOSED only finishes the work it has."),
     ]
     generation: Annotated[
         int, Field(ge=1, description="Grows with each change of the table of cells.")
     ]
     closed_at: Annotated[
         datetime | None,
-        Field(description="Since when it accepts no new requests, wall time; null while it does."),
+        Field(description="When the cell was closed, wall time; null while the cell is open."),
     ] = None
 
     @property
@@ -93,9 +94,9 @@ class NamedCell:
 
 
 class CellWork(WireModel):
-    """What a server of composition holds and does, for the move of its cells to another server."""
+    """The data and the unfinished work of a server, for the move of its cells to another server."""
 
-    cell_url: Annotated[str | None, Field(description="Its SKYWAY_CELL_URL.")]
+    cell_url: Annotated[str | None, Field(description="The server's SKYWAY_CELL_URL.")]
     network_ids: Annotated[
         tuple[NetworkId, ...], Field(description="The networks in its database.")
     ]

@@ -1,8 +1,8 @@
-"""The dispatcher: which drone flies which requests in which order, so that all come soon.
+"""The dispatcher decides which drone flies which requests in which order, for early deliveries.
 
 Start with `optimise`; `problem` defines the input, `plan` the result. `schedule` plans a given
-order with the exact planner (`trips`), `search` looks for better orders, `bound` proves how good
-the best possible plan could be.
+order with the exact planner (`trips`), `search` looks for better orders, and `bound` proves a lower
+bound on the cost of every plan.
 """
 
 from skyway.dispatch.optimise import optimise

@@ -1,10 +1,10 @@
 """Proves that no fleet plan of a problem has a lower objective than this bound.
 
-The bound is a Lagrangian relaxation (Fisher 1981). Each request gets a price, and each drone flies
-the trips that cost least after the prices of their requests. Every plan costs at least the sum of
-all prices and of what the drones' best trips cost then. Any prices prove such a bound; good prices
-are found by subgradient steps. Trips are those of `estimates`, never longer than real ones.
-docs/dispatch.md gives the proof.
+The bound is a Lagrangian relaxation (Fisher 1981). Each request gets a price. Each drone flies the
+trips that cost least, where each visit of a request earns its price. Every plan costs at least the
+sum of all prices and of these least costs. This holds for any prices; subgradient steps find good
+ones. `estimates` gives the trips, which are never longer than real trips. docs/dispatch.md gives
+the proof.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,18 +20,20 @@ from skyway.dispatch.walks import LONGEST_S, Start, Walks, has_short_trips, star
 from skyway.planner.kernels.fleet_bound import fill_future, least_walk
 from skyway.planner.kernels.memory import Floats, Longs
 
-#: With more nodes only the first trip of each drone is looked at with its own times.
+#: With more nodes, only the first trip of each drone is computed with its own times.
 _MOST_NODES_FOR_TWO: Final = 400
 
-#: Steps without a better bound until the step is halved, and the shortest step. Our own choice.
+#: After so many steps without a better bound the step is halved. The search ends at the shortest
+#: step. Our own choice.
 _MOST_FAILURES: Final = 15
 _SHORTEST_STEP: Final = 0.005
 
-#: The most cells of all steps together, about a minute, and the least steps. Our own choice.
+#: The most cells of all steps together, about a minute, and the least number of steps. Our own
+#: choice.
 _MOST_CELLS: Final = 2e9
 _LEAST_STEPS: Final = 20
 
-#: How much of each direction is that of the steps before.
+#: The share of the earlier directions in each direction.
 _MEMORY: Final = 0.6
 
 #: The horizon, as a multiple of the last delivery of the good plan.
@@ -58,7 +60,7 @@ def lower_bound_s(
     upper
         The costs of a good plan; they guide the steps.
     is_over
-        Ends the steps; it is asked with their number.
+        Called with the number of steps; True ends them.
     """
     if not problem.requests or problem.prices.delivery <= 0 or not upper.delivered_s:
         return 0.0
@@ -99,8 +101,8 @@ class _Relaxation:
         self._most_steps = max(_LEAST_STEPS, int(_MOST_CELLS / cells))
         self._sources = sources
         prices = problem.prices
-        # Above the first no trip may cost less than nothing behind the horizon; above the second
-        # it is better not to serve the request.
+        # The first value: with a higher price, a trip after the horizon could cost less than 0.
+        # The second value: with a higher price, leaving the request unserved would cost less.
         self._most = np.array(
             [
                 each.weight
@@ -172,7 +174,7 @@ class _Relaxation:
 
 
 def _alone_s(problem: FleetProblem, estimates: Estimates, kinds: Sequence[int]) -> float:
-    """The objective if each request was served alone by the whole fleet, or left."""
+    """The least objective if the whole fleet served each request alone, or left it unserved."""
     total_s = 0.0
     for number, request in enumerate(problem.requests):
         first_s = min(
@@ -186,5 +188,5 @@ def _alone_s(problem: FleetProblem, estimates: Estimates, kinds: Sequence[int]) 
 
 
 def _has_slow_loads(problem: FleetProblem) -> bool:
-    """Whether no model flies faster with a load; then sharing serves no request sooner."""
+    """Whether no model flies faster with a load; then no shared trip serves a request sooner."""
     return all(each.model.speed_full_mps <= each.model.speed_empty_mps for each in problem.drones)

@@ -1,4 +1,4 @@
-"""Checks a fleet plan: every trip by the planner's own `verify`, and no pad or drone twice."""
+"""Checks a fleet plan: `verify` accepts each trip, and no pad or drone is used twice."""
 
 from collections.abc import Iterator
 
@@ -45,7 +45,7 @@ def _violations(problem: FleetProblem, plan: FleetPlan) -> Iterator[str]:
 def _follow_drones(
     problem: FleetProblem, plan: FleetPlan
 ) -> Iterator[tuple[int, PlannedTrip | str]]:
-    """The drone's number and the trip, or what is wrong with its place behind the trip before."""
+    """The drone's number and its trip, or why the trip cannot follow the drone's trip before it."""
     drones = {each.drone_id: number for number, each in enumerate(problem.drones)}
     requests = {each.request_id: number for number, each in enumerate(problem.requests)}
     slots = [
@@ -57,7 +57,7 @@ def _follow_drones(
             yield -1, f"there is no drone {each.drone_id!r}"
             return
         slot = slots[drone]
-        # Moments are rounded up to milliseconds from sums in different order.
+        # Both moments are rounded up to milliseconds; their parts were added in another order.
         if abs(round(each.start_s * 1000) - slot.at_ms) > 1:
             yield drone, f"starts at {each.start_s}, the drone is free at {slot.at_ms / 1000}"
             return
@@ -87,7 +87,7 @@ def _fault_of_sharing(problem: FleetProblem, pool: tuple[int, ...]) -> str | Non
     if len(pool) > problem.most_pooled:
         return f"{len(pool)} requests share it, the limit is {problem.most_pooled}"
     if not all(each.pooling for each in shared):
-        return "a request shares it that does not allow pooling"
+        return "one of its requests does not allow pooling"
     if len({each.source for each in shared}) > 1:
         return "its requests have different pick-ups"
     return None

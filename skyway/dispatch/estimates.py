@@ -1,7 +1,7 @@
-"""Estimates of all trips of a fleet problem, as if every pad was free.
+"""Estimates of all trips of a fleet problem, as if every pad were free.
 
-They are lower bounds: the shortest ways, the charge at the fastest rate of the curve, and no time
-at closed places. The order search reads them, and the bound of the whole plan is proven from them.
+Estimates are lower bounds: they take the shortest paths, charge at the fastest rate of the curve,
+and never wait for a closure to end. The order search and the bound of the whole plan use them.
 """
 
 import math
@@ -22,7 +22,7 @@ from skyway.planner.kernels.fleet_trips import NEED, SECONDS, estimate_trip
 from skyway.planner.kernels.memory import Floats, Longs
 from skyway.planner.kernels.ways import lengths_from
 
-#: Seconds and joules of what cannot be flown; infinite ones would not add up.
+#: Seconds and joules of a flight that is not possible. Sums and differences need a finite number.
 OUT_OF_REACH: Final = 1e12
 
 
@@ -35,11 +35,12 @@ class TripEstimate:
     ends
         Places where the trip may end.
     least
-        ``(ends, 3)``: by end the least seconds, need and joules, each by itself.
+        ``(ends, 3)``: for each end the least seconds, the least need and the least joules. They may
+        belong to different orders.
     best, best_end
-        Seconds, need and joules of the order of least need, and the place where it ends.
+        Seconds, need and joules of the order with the least need, and the place where it ends.
     early_s
-        By member of the pool: how long before the end it is served in that order.
+        For each member of the pool: how long before the end of that order it is served.
     """
 
     ends: Longs
@@ -87,12 +88,12 @@ class Estimates:
         return found
 
     def credit_s(self, kind: int, soc: float) -> float:
-        """The need that this charge covers, down to the reserve."""
+        """The part of the need that this charge covers until the reserve is reached."""
         model = self.models[kind]
         return (soc - model.reserve_soc) * model.battery_j * self.s_per_j[kind]
 
     def least_s(self, kind: int, pool: Pool, *, station_id: StationId, soc: float) -> float:
-        """No trip that begins there with this charge ends in fewer seconds."""
+        """The least seconds of a trip that begins at this station with this charge."""
         trip = self.trip(kind, pool)
         source = self.place_of[self._problem.requests[pool[0]].source]
         seconds, need, _ = self._approaches[kind][self.place_of[station_id], source]
@@ -166,7 +167,7 @@ def _rates(model: DroneModel, masses_kg: Sequence[float]) -> tuple[Floats, Float
 
 
 def _places(problem: FleetProblem) -> tuple[StationId, ...]:
-    """Every station where a drone is free, and where packages change hands."""
+    """Every station where a drone is free, or where packages are picked up or handed over."""
     found = dict.fromkeys(each.station_id for each in problem.drones)
     for request in problem.requests:
         found[request.source] = None

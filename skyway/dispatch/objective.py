@@ -82,12 +82,11 @@ def lateness_of(due_s: float | None, moment_s: float) -> float:
 
 
 class Limits:
-    """What a plan must keep: promises, the requests of each provider, and no more unserved.
+    """What a plan must keep: promises, fairness, and the number of unserved requests.
 
-    `latest_s` is by request, `flown` the least requests by provider.
-
-    A promise may be passed by the tolerance, and where the arrival order passes it, as far as there
-    and by the tolerance.
+    `latest_s` is the latest delivery of each request with a promise: the promise plus the
+    tolerance, or the delivery in the arrival order plus the tolerance if that is later. `flown` is
+    the least number of requests that each provider flies.
     """
 
     def __init__(self, problem: FleetProblem, arrival: Costs) -> None:
@@ -102,7 +101,7 @@ class Limits:
         self._unserved = arrival.unserved
 
     def are_kept(self, costs: Costs) -> bool:
-        """Whether a plan with these costs keeps all of them."""
+        """Whether a plan with these costs keeps all limits."""
         return (
             costs.unserved <= self._unserved
             and costs.delivered_s.keys() >= self._served

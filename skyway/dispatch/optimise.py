@@ -1,7 +1,7 @@
 """Optimise: from a fleet problem to a fleet plan that costs no more than the arrival order.
 
-This is the dispatcher's front door, and the file to read first. `problem` says what is asked,
-`plan` what comes out; docs/dispatch.md explains the method.
+This is the file to read first. `problem` defines the input, and `plan` the result;
+docs/dispatch.md explains the method.
 """
 
 from collections.abc import Sequence
@@ -21,10 +21,11 @@ from skyway.errors import SkywayError
 from skyway.planner.kernels.memory import Longs
 from skyway.planner.stop import processor_stopwatch
 
-#: Where no budget is given, seconds of processor time.
+#: Seconds of processor time if the caller gives no budget.
 DEFAULT_BUDGET_S = 10.0
 
-#: One round of annealing gets at most so many steps for each second of the budget: half of it.
+#: One round of annealing makes at most so many steps for each second of the budget. They use about
+#: half of the budget.
 _STEPS_PER_S = 150_000
 
 #: The most steps of a lower bound.
@@ -41,20 +42,21 @@ def optimise(
 ) -> FleetPlan:
     """The best fleet plan that the search finds.
 
-    The plan never costs more than the arrival order, and keeps each promise as far as the arrival
-    order does, within the problem's tolerance. Every trip has passed the planner's `verify`.
+    The plan never costs more than the arrival order. A request with a promise is delivered before
+    the promise, or no later than in the arrival order, within the problem's tolerance. Every trip
+    has passed the planner's `verify`.
 
     Parameters
     ----------
     budget_s
-        Seconds of processor time. The arrival order and the last round are always ended.
+        Seconds of processor time. The arrival order and a round that has begun are always finished.
     rounds
         Ends the search after so many rounds instead. Then the same seed gives the same plan on
         every machine.
     seed
-        Where the search's chance begins.
+        The seed of the search's random numbers.
     proves
-        Also prove a lower bound of the objective, which needs some seconds more.
+        Also prove a lower bound of the objective, which takes some more seconds.
     """
     search = searched(problem, budget_s=budget_s, rounds=rounds, seed=seed)
     bound_s = _bound_s(search) if proves else None
@@ -106,7 +108,7 @@ def searched(
 
 
 class FleetPlanRejected(SkywayError):
-    """A fleet plan breaks rules: a defect of the dispatcher. `faults` says which."""
+    """A fleet plan breaks rules, a defect of the dispatcher. `faults` names the broken rules."""
 
     def __init__(self, faults: Sequence[str]) -> None:
         super().__init__("; ".join(faults))
@@ -126,5 +128,5 @@ def _bound_s(search: OrderSearch) -> float:
 
 
 def _chance(seed: int) -> Longs:
-    """The first state of the kernels' chance: never 0, and far apart for near seeds."""
+    """The first state of the random numbers: never 0, and very different for similar seeds."""
     return np.array([(seed * 0x9E3779B97F4A7C15 + 0x1234567) % (2**62) + 1], np.int64)

@@ -1,4 +1,4 @@
-"""Which pads the trips of a fleet plan hold, as it is made trip by trip."""
+"""Which pads the trips of a fleet plan hold, while the plan is made trip by trip."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -21,7 +21,7 @@ class HeldPad(NamedTuple):
 
 
 class FleetPads:
-    """The pads that are held; between two drones on one pad lies the gap."""
+    """The pads that are held, with a gap between two drones on one pad."""
 
     def __init__(self, problem: FleetProblem) -> None:
         self._network = problem.network
@@ -38,7 +38,7 @@ class FleetPads:
         )
 
     def copy(self) -> "FleetPads":
-        """The same pads, to be changed."""
+        """A copy of these pads that can be changed by itself."""
         other = object.__new__(FleetPads)
         other._network, other._gap_ms = self._network, self._gap_ms
         other._held = {station_id: [*held] for station_id, held in self._held.items()}
@@ -72,7 +72,7 @@ class FleetPads:
         )
 
     def book(self) -> PadBook:
-        """All that is held, with the gaps, as the planner reads it."""
+        """All held pads with their gaps, as a pad book for the planner."""
         rows = [self.widened(each) for held in self._held.values() for each in held]
         columns = np.array(rows, np.int64).reshape(-1, 4).T
         return PadBook.of_arrays(
@@ -96,7 +96,7 @@ class FleetPads:
 class Reserved:
     """Tracks which pads the planner's ledger has reserved, so that no part is reserved twice.
 
-    Sessions with their gaps may overlap one another; the ledger refuses that.
+    Sessions with their gaps may overlap, and the ledger refuses overlapping reservations.
     """
 
     def __init__(self, given: PadBook) -> None:
@@ -113,7 +113,7 @@ class Reserved:
         self.parts: list[list[int]] = []
 
     def clear(self) -> None:
-        """Begin again with what is given."""
+        """Begin again with the reservations that were given."""
         self._now, self.parts = self._copied(), []
 
     def new_parts(self, session: Longs) -> Longs:

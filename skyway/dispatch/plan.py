@@ -1,4 +1,4 @@
-"""The fleet plan: the trips of each drone, what they cost, and what is proven of that."""
+"""The fleet plan: the trips of each drone, their costs, and the proven lower bound of the costs."""
 
 from collections.abc import Callable
 from typing import Annotated, Literal
@@ -43,7 +43,8 @@ class FleetCosts(JsonModel):
 
     total_s: Annotated[float, Field(description="The objective.")]
     mean_delivery_s: Annotated[
-        float | None, Field(description="From when a request came to its last delivery.")
+        float | None,
+        Field(description="Mean time from the arrival of a request to its last delivery."),
     ]
     lateness_s: Annotated[float, Field(description="Sum of lateness, by weight.")]
     energy_j: float
@@ -52,7 +53,7 @@ class FleetCosts(JsonModel):
 
     @classmethod
     def of(cls, problem: FleetProblem, costs: Costs) -> "FleetCosts":
-        """These costs for people and JSON."""
+        """These costs in the form for people and JSON."""
         served = costs.delivered_s
         waited_s = [moment_s - problem.requests[one].known_s for one, moment_s in served.items()]
         return cls(
@@ -66,10 +67,11 @@ class FleetCosts(JsonModel):
 
 
 class FleetPlan(JsonModel):
-    """Trips by drone and start; `arrival_order` is what first come, first served would cost.
+    """Trips, ordered by drone and start. `arrival_order` is the cost of first come, first served.
 
-    `lower_bound_s`: no plan of the problem has a lower objective. `gap` is the share of the
-    objective that is not proven, 0 to 1. Both are null where no bound was asked for.
+    `lower_bound_s`: no plan of the problem has a lower objective. `gap` is the difference between
+    the objective and this bound, as a share of the objective, 0 to 1. Both are null if no bound was
+    requested.
     """
 
     costs: FleetCosts
@@ -79,7 +81,7 @@ class FleetPlan(JsonModel):
     trips: tuple[FleetTrip, ...]
     unserved: tuple[UnservedRequest, ...]
     method: Literal["arrival order", "search"]
-    rounds: Annotated[int, Field(description="Orders that the exact planner planned whole.")]
+    rounds: Annotated[int, Field(description="Orders that the exact planner planned completely.")]
 
     @classmethod
     def of(

@@ -28,8 +28,8 @@ class PlannedTrip:
     """One trip of one drone; moments are milliseconds of the problem's time.
 
     `delivered_ms` is by request, in the order of `pool`. `end` is where, when and with what charge
-    the drone is free after its last hand-over. `pads` are the sessions of the plan, maybe on other
-    pads of the same station. `found` makes the plan.
+    the drone is free after its last hand-over. `pads` are the sessions of the plan; a session may
+    have moved to another pad of its station. `found` makes the plan.
     """
 
     pool: Pool
@@ -64,7 +64,7 @@ class PlannedTrip:
         return cls(pool, slot, delivered_ms, end, plan.energy_j or 0.0, pads)
 
     def moved(self, slot: Slot, pads: tuple[HeldPad, ...]) -> Self:
-        """The same trip from another moment on, on these pads."""
+        """The same trip with another start, on these pads."""
         by_ms = slot.at_ms - self.slot.at_ms
         return replace(
             self,

@@ -7,18 +7,18 @@ from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.problem import MAX_DESTINATIONS, FleetProblem
 from skyway.ids import StationId
 
-#: The most shared trips that are looked at. Our own choice: their estimates need half a second.
+#: The most shared trips that are considered. Our own choice: their estimates take half a second.
 _MOST_POOLS: Final = 20_000
 
-#: The most destinations of a shared trip. Our own choice: more make estimates and plans slow.
+#: The most destinations of a shared trip. Our own choice: with more, estimates and plans are slow.
 _MOST_DESTINATIONS: Final = 6
 
 
 def shared_pools(problem: FleetProblem) -> list[Pool]:
     """Sets of two and more requests that may share a trip, small sets first.
 
-    They allow pooling, have the same pick-up, and the lightest drone model that is able to lift
-    the heaviest payload lifts them all. Their windows are left to the planner.
+    All requests of a set allow pooling and have the same pick-up, and the strongest drone model of
+    the fleet can lift them together. The planner checks their windows later.
     """
     limit_kg = max(each.model.max_payload_kg for each in problem.drones)
     by_source: dict[StationId, list[int]] = {}

@@ -1,8 +1,8 @@
-"""What the dispatcher is asked: a fleet, the requests that have not started, and prices.
+"""The input of the dispatcher: a fleet, the requests that have not started, and prices.
 
-Moments are seconds since time 0, the moment at which the problem is asked. What has started is not
-part of the problem: a drone that flies is given by where, when and with what charge it is free
-again, and its pads by `pad_reservations`. docs/dispatch.md describes all fields.
+Moments are seconds from now. Trips that have started are not part of the problem: a drone that
+flies is given by where, when and with what charge it is free again, and its pads are in
+`pad_reservations`. docs/dispatch.md describes all fields.
 """
 
 from collections import Counter
@@ -63,7 +63,7 @@ class FleetDrone(JsonModel):
 
 
 class CurrentTrip(JsonModel):
-    """What the current plan says of a request: its drone, and the start of its trip."""
+    """The drone of a request in the current plan, and the start of its trip."""
 
     drone_id: DroneId
     start_s: Seconds
@@ -72,9 +72,10 @@ class CurrentTrip(JsonModel):
 class FleetRequest(JsonModel):
     """A request that has not started.
 
-    `deadline_s` has a price and may be missed. `promised_s` is what the customer was promised: the
-    plan may pass it by the problem's tolerance, or where the arrival order passes it too. Windows
-    of the pick-up and of packages are never missed.
+    A delivery after `deadline_s` is possible, and has a price. `promised_s` is the moment that the
+    customer was promised: the plan may deliver later than the promise by the problem's tolerance,
+    or as late as the arrival order plus the tolerance. Windows of the pick-up and of packages are
+    never missed.
     """
 
     request_id: _Id
@@ -103,7 +104,7 @@ class FleetRequest(JsonModel):
 
     @property
     def due_s(self) -> float | None:
-        """The deadline or the promise, the earlier one; None without both."""
+        """The earlier one of deadline and promise; None if the request has neither."""
         given = [each for each in (self.deadline_s, self.promised_s) if each is not None]
         return min(given, default=None)
 
@@ -114,21 +115,24 @@ class FleetRequest(JsonModel):
 
 
 class Prices(JsonModel):
-    """What counts in the objective, in seconds of one request of weight 1."""
+    """The prices in the objective, whose unit is one second of a request of weight 1."""
 
     delivery: Annotated[
-        _Price, Field(description="For each second from when a request came to its last delivery.")
+        _Price,
+        Field(description="For each second from a request's arrival to its last delivery."),
     ] = 1.0
     lateness: Annotated[
-        _Price, Field(description="For each second after a deadline or a promise, besides that.")
+        _Price,
+        Field(description="In addition, for each second after a deadline or a promise."),
     ] = 1.0
     energy_s_per_kwh: Annotated[_Price, Field(description="For each kWh of all flights.")] = 0.0
     move_s: Annotated[
         _Price,
-        Field(description="For each request that another drone flies than in the current plan."),
+        Field(description="For each request whose drone is not its drone in the current plan."),
     ] = 0.0
     unserved_s: Annotated[
-        _Price, Field(description="For each request without a trip, besides its age.")
+        _Price,
+        Field(description="For each request without a trip, in addition to the request's age."),
     ] = 1e6
 
 
@@ -251,6 +255,6 @@ def read_fleet_problem(document: Any) -> FleetProblem:  # any JSON value, as jso
     Raises
     ------
     InvalidProblem
-        With all faults of the document, by field, the first `MAX_FAULTS` of them.
+        Lists the faults of the document by field, at most `MAX_FAULTS`.
     """
     return read_with_network(FleetProblem, document)

@@ -14,10 +14,10 @@ from skyway.planner.kernels.fleet_costs import KEY_BITS
 from skyway.planner.kernels.fleet_order import price_rows
 from skyway.planner.kernels.fleet_records import FleetEstimates, Rows
 
-#: What a second after a latest moment costs: no order passes one to gain something else.
+#: The price of a second after a latest moment. It is so high that no order gains by being late.
 _NEVER_LATE = 1e4
 
-#: What each request costs that a provider flies too few, seconds.
+#: The price of each request that a provider has to fly for fairness and does not fly, seconds.
 _NEVER_UNFAIR = 1e6
 
 
@@ -40,7 +40,7 @@ class Board:
         self._most = len(problem.requests) + 1
 
     def limit(self, limits: Limits) -> None:
-        """Let the kernels keep these limits too, as far as estimates can."""
+        """Let the kernels keep these limits too, as far as the estimates show them."""
         latest_s = self.fleet.latest_s.copy()
         for number, moment_s in limits.latest_s.items():
             latest_s[number] = min(latest_s[number], moment_s)
@@ -68,7 +68,7 @@ class Board:
 
 
 def _key(pool: Pool) -> int:
-    """As `key_of` of the kernels."""
+    """The same key as `key_of` of the kernels."""
     key = 0
     for member in pool:
         key = key << KEY_BITS | member + 1
@@ -76,7 +76,7 @@ def _key(pool: Pool) -> int:
 
 
 def _window_end_s(request: FleetRequest) -> float:
-    """When the last window of its hand-overs ends."""
+    """The latest end of the windows of its hand-overs; inf if a hand-over has no window."""
     ends_s = [math.inf if each.latest_s is None else each.latest_s for each in request.packages]
     return max(ends_s)
 

@@ -1,4 +1,4 @@
-"""A schedule: the trips of all drones, planned one after another around the pads held before.
+"""A schedule: the trips of all drones, planned one after another around the pads of earlier trips.
 
 `Sequences` say which drone flies which requests in which order; `Scheduler` plans them.
 """
@@ -54,14 +54,14 @@ class Calendar:
         self.trips: list[DroneTrip] = []
 
     def plan(self, pool: Pool, drone: int) -> PlannedTrip | None:
-        """The trip of this drone behind its trips so far, None without one; it is not added."""
+        """The trip of this drone after its trips so far, not added yet; None if it has no plan."""
         return self._planner.plan(pool, drone, self.slots[drone], self._pads, self._new_pads)
 
     def add_where_first(self, pool: Pool) -> NotPlanned | None:
-        """Add the trip whose last delivery is first among all drones; the reason if there is none.
+        """Add the trip of the drone that delivers earliest; the reason if no drone has a trip.
 
-        Of equal trips the one of less energy is added. A drone that by its estimate ends later than
-        the best trip so far is not planned.
+        If two trips deliver at the same moment, the trip that uses less energy is added. A drone is
+        not planned if its estimate ends later than the best trip so far.
         """
         best: tuple[tuple[int, float, int], PlannedTrip] | None = None
         for least_ms, drone in sorted(
@@ -81,7 +81,7 @@ class Calendar:
         return None
 
     def _least_end_ms(self, pool: Pool, drone: int) -> float:
-        """The trip of this drone does not end before."""
+        """The moment before which no trip of this drone ends."""
         kind, slot = self._planner.model_of[drone], self.slots[drone]
         return slot.at_ms + 1000 * self._estimates.least_s(
             kind, pool, station_id=slot.station_id, soc=slot.soc
@@ -106,16 +106,17 @@ class Scheduler:
         self.pricing = Pricing(problem)
 
     def arrival_order(self) -> Schedule:
-        """The schedule that books one request after another, as they came.
+        """The schedule that books the requests in the order in which they came.
 
-        Each request gets the drone that delivers it first, then the one that uses less energy.
+        Each request gets the drone that delivers it first; if two are equal, the drone that uses
+        less energy.
         """
         calendar = Calendar(self.planner, self.estimates)
         unserved = self._added(calendar, range(len(self.problem.requests)))
         return self.priced(calendar.trips, unserved)
 
     def alone_s(self, number: int) -> float:
-        """When this request would be served if the whole fleet served it alone; inf if never."""
+        """When this request is served if the fleet has no other request; inf if never."""
         calendar = Calendar(self.planner, self.estimates)
         if calendar.add_where_first((number,)) is not None:
             return math.inf
@@ -124,8 +125,8 @@ class Scheduler:
     def planned(self, sequences: Sequences) -> Schedule:
         """The schedule of these sequences; the drone that is free first is planned next.
 
-        Requests that are missing, or have no plan at their place, are added as in the arrival
-        order.
+        Requests that are missing, or that have no plan at their place in the sequence, are added
+        at the end as in the arrival order.
         """
         calendar = Calendar(self.planner, self.estimates)
         waiting = [(slot.at_ms, drone) for drone, slot in enumerate(calendar.slots)]
@@ -146,7 +147,7 @@ class Scheduler:
         return self.priced(calendar.trips, self._added(calendar, missing))
 
     def current(self) -> Schedule | None:
-        """The schedule of the current plan, with all other requests added; None without one."""
+        """The schedule of the current plan with all other requests added; None without a plan."""
         numbers = {each.drone_id: number for number, each in enumerate(self.problem.drones)}
         trips: dict[tuple[int, float], list[int]] = {}
         for number, request in enumerate(self.problem.requests):
@@ -167,7 +168,7 @@ class Scheduler:
         return Schedule(trips, unserved, self.pricing.costs(trips, unserved))
 
     def _added(self, calendar: Calendar, numbers: Iterable[int]) -> dict[int, NotPlanned]:
-        """Add these requests as they came; returns the requests that have no trip."""
+        """Add these requests in the order of arrival; returns the requests that have no trip."""
         requests = self.problem.requests
         unserved = {}
         for number in sorted(numbers, key=lambda one: (requests[one].known_s, one)):

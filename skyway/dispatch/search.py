@@ -1,8 +1,8 @@
-"""Searches for a better schedule: orders by their estimates, and plans each with the exact planner.
+"""Searches for a better schedule: estimates find a good order, the exact planner plans its trips.
 
-Each round destroys and repairs the best order so far: simulated annealing over the estimates of
-trips changes it, from a heat that falls from round to round and rises again. The exact planner then
-plans all its trips around one another's pads, and the schedule that really costs less is kept.
+Each round changes the best order so far by simulated annealing over the estimates of trips. The
+first heat differs from round to round. Then the exact planner plans all trips of the new order
+around each other's pads. The search keeps the new schedule if it costs less.
 """
 
 from collections.abc import Callable
@@ -15,24 +15,25 @@ from skyway.dispatch.schedule import Schedule, Scheduler
 from skyway.planner.kernels.fleet_order import anneal
 from skyway.planner.kernels.memory import Longs
 
-#: Steps of the first annealing for each request, and the most of any. Our own choice.
+#: Steps of the first round for each request, and the most steps of any round. Our own choice.
 _FIRST_STEPS: Final = 4_000
 MOST_STEPS: Final = 400_000
 
 #: Steps of each later round for each request.
 _STEPS: Final = 800
 
-#: The heats of the rounds, as shares of a request's mean cost: the first one, then in turn.
+#: The first heat of each round, as a share of the mean cost of a request: one value for the first
+#: round, then these values in turn.
 _FIRST_HEAT: Final = 0.5
 _HEATS: Final = (0.2, 0.05, 0.5, 0.1, 0.02)
 
-#: The last heat of each round, as a share of the first.
+#: The last heat of each round, as a share of its first heat.
 _COLD: Final = 0.01
 
 
 @dataclass(slots=True)
 class OrderSearch:
-    """An anytime search; `best` is the best schedule so far that keeps the limits."""
+    """A search that can end after any round; `best` is the best schedule that keeps the limits."""
 
     scheduler: Scheduler
     board: Board
@@ -44,7 +45,7 @@ class OrderSearch:
     rounds: int = 0
 
     def run(self, is_over: Callable[[int], bool]) -> None:
-        """Search until it is over; it is asked with the number of rounds so far."""
+        """Search until `is_over` returns True for the number of rounds so far."""
         requests = len(self.scheduler.problem.requests)
         if requests == 0:
             return

@@ -1,6 +1,6 @@
 """Plans single trips of a fleet plan with the exact planner, around the pads that are held.
 
-This is the one place of the dispatcher that calls the planner.
+Only this file of the dispatcher calls the planner.
 """
 
 import math
@@ -22,11 +22,11 @@ from skyway.scheduling.stays import Slot
 
 
 class TripPlanner:
-    """Plans trips of one fleet problem, and caches the plans that no held pad disturbs.
+    """Plans trips of one fleet problem, and caches the plans that need no held pad.
 
-    A plan that is best with every pad free is also best among held pads, as long as its own
-    sessions find pads. So most trips of a search come from the cache. Windows, closures, dated
-    zones and opening hours make plans depend on their moment: then nothing is cached.
+    The best plan with every pad free is also the best plan among held pads if its own sessions find
+    free pads. So most trips of a search come from the cache. With windows, closures, dated zones or
+    opening hours a plan depends on its moment, so nothing is cached.
     """
 
     def __init__(self, problem: FleetProblem) -> None:
@@ -56,7 +56,7 @@ class TripPlanner:
         )
 
     def begin(self) -> None:
-        """Forget the pads that trips hold."""
+        """Release all pads that trips hold."""
         self._ledger.release(np.array(self._reserved.parts, np.int64).reshape(-1, 4))
         self._reserved.clear()
 
@@ -65,7 +65,8 @@ class TripPlanner:
     ) -> PlannedTrip | None:
         """The trip that serves these requests from this slot on, and delivers earliest.
 
-        None without a trip. `new` are pads that are held since the last call; they are removed.
+        None if no plan exists or is found. `new` are the pads that are held since the last call;
+        the list is empty afterwards.
         """
         if self._is_timeless:
             undisturbed = self._undisturbed(pool, drone, slot)
@@ -98,7 +99,7 @@ class TripPlanner:
             delivered_ms.append(booked_until_ms(max(ends_s[first:last])))
             first = last
         model = self.problem.drones[drone].model
-        # The charge is summed up in another order than in the steps of the plan.
+        # Sums in another order than in the plan's steps may end a rounding error below the reserve.
         soc = max(model.reserve_soc, float(found.end_soc[0]))
         end = Slot(ids[int(found.end_row[0])], booked_until_ms(float(found.end_s[0])), soc)
         pads = tuple(
@@ -136,7 +137,7 @@ class TripPlanner:
     def plan_of(self, trip: PlannedTrip) -> Plan:
         """The plan of a trip that was planned here, on the pads that it holds.
 
-        Its seconds count from the trip's slot. No trip may hold pads meanwhile (`begin`).
+        Its seconds count from the trip's slot. No trip may hold pads then: call `begin` before.
         """
         if trip.found is None:
             raise ValueError(f"the trip of {trip.pool} was not planned by this planner")
@@ -174,7 +175,7 @@ class TripPlanner:
         return NotPlanned(plan.infeasibility.code, plan.infeasibility.detail)
 
     def problem_of(self, pool: Pool, drone: int, slot: Slot) -> Problem:
-        """The planner's problem of these requests from this slot on; held pads are not in it."""
+        """The planner's problem of these requests from this slot on, without held pads."""
         model = self.problem.drones[drone].model
         whole, since_s = self.problem, slot.at_ms / 1000
         requests = [whole.requests[each] for each in pool]

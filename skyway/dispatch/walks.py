@@ -1,4 +1,4 @@
-"""What the drones of each model may fly, as the arrays from which a bound is proven."""
+"""The trips that the drones of each model may fly, as the arrays from which a bound is proven."""
 
 import math
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ LONGEST_S: Final = 12_000 * _WIDTH_S
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where a drone begins, when, and the moment of its need then; seconds."""
+    """Where and when a drone begins. Its charge covers the need from `charged_s` to `free_s`."""
 
     kind: int
     place: int
@@ -36,7 +36,7 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class Walks:
-    """What the kernels read of one drone model."""
+    """The arrays of one drone model for the kernels."""
 
     nodes: Nodes
     approach: Floats
@@ -57,7 +57,7 @@ def starts_of(problem: FleetProblem, estimates: Estimates, kinds: Sequence[int])
 
 
 def has_short_trips(estimates: Estimates, kinds: Sequence[int], pools: Sequence[Pool]) -> bool:
-    """Whether some trip may be shorter than a bucket; then buckets prove nothing."""
+    """Whether a trip may be shorter than a bucket; then buckets prove nothing."""
     return any(
         estimates.trip(kind, pool).least[:, NEED].min() < _WIDTH_S
         for kind in set(kinds)
@@ -95,7 +95,7 @@ def walks_of(
 
 
 def _least_share_flown(model: DroneModel, s_per_j: float) -> float:
-    """The least share of any need that is time of flight or work, not of charging."""
+    """The least share of a need that is flight or work, not charging."""
     shares = [1.0 / (1.0 + s_per_j * flight_power_w(model, model.max_payload_kg))]
     if model.stop_j > 0:
         shares.append(model.stop_s / (model.stop_s + s_per_j * model.stop_j))

@@ -1,4 +1,4 @@
-"""Warming: compile the dispatcher, or load it from disk, before it is needed.
+"""Compiles the dispatcher, or loads it from disk, before it is needed.
 
 ``python -m skyway.dispatch.warm`` leaves the compiled dispatcher on disk.
 """
@@ -9,7 +9,7 @@ from skyway.planner.warm import MODEL, STATIONS, line_network
 
 
 def warm() -> None:
-    """Plan a small fleet that needs every part of the dispatcher; takes long the first time."""
+    """Plan a small fleet that uses every part of the dispatcher; the first time takes long."""
     first, middle, last = STATIONS
     request = {"source": first, "pooling": True}
     optimise(

@@ -1,8 +1,8 @@
 """Compose many trips: thousands of exact plans in one compiled call.
 
-Each trip is planned on its own, with the pads as they stand in the ledger: by the same search as
-`compose`, with the same proof. A caller that books trips reserves their sessions in the ledger and
-calls again.
+Each trip is planned on its own, around the pads that the ledger has reserved. The search and the
+proof are the same as those of `compose`. A caller that books trips reserves their sessions in the
+ledger and calls again.
 """
 
 from skyway.planner.kernels.handles import handle_of
@@ -19,10 +19,10 @@ from skyway.planner.planned_trips import PlannedTrips, new_found, with_room
 from skyway.planner.stop import OutOfTime, Stop, never
 from skyway.planner.trips import Trips
 
-#: Labels after which a trip's search is given up. Our own choice: about 0.1 s.
+#: The most labels of the search for one trip. Our own choice: about 0.1 s.
 LABELS_PER_TRIP = 1 << 17
 
-#: Labels between two looks at the stop: about 20 ms.
+#: Labels between two calls of `stop`: about 20 ms.
 _LABELS_PER_CALL = 1 << 15
 
 
@@ -38,16 +38,16 @@ def compose_many(
     Parameters
     ----------
     ledger
-        The pads as they stand, and the terms that the trips have in common.
+        The reserved pads, and the terms that the trips have in common.
     stop
         Ends the work early.
     labels_per_trip
-        Labels after which a trip is left with the best plan so far, or as unknown.
+        The most labels for one trip. Then its outcome is the best plan so far, or UNKNOWN.
 
     Returns
     -------
     PlannedTrips
-        A row for each trip; the plan of one is made by `PlannedTrips.plan`.
+        A row for each trip; `PlannedTrips.plan` makes the plan of one trip.
 
     Raises
     ------

@@ -23,14 +23,14 @@ from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
 from skyway.units import TIME_TOLERANCE_S
 
-#: Factors by which the bound is raised to find a plan soon, and then better ones (Likhachev, Gordon
-#: and Thrun 2003, ARA*). Our own choice.
+#: The bound is multiplied by these factors, one after another, to find a plan soon and then better
+#: plans (Likhachev, Gordon and Thrun 2003, ARA*). Our own choice.
 _HASTE = (5.0, 3.0, 2.0, 1.7, 1.5, 1.3)
 
-#: The part of all labels that may be made before these searches: one of so many.
+#: These searches begin when the limit's labels divided by this number are made.
 ROOM_BEFORE_HASTE = 8
 
-#: How many labels the first of these searches may make, and each of the others.
+#: The most labels of a search before a plan is found, and of a search for a better plan.
 _LABELS_FOR_ANY_PLAN = 1 << 16
 _LABELS_FOR_A_BETTER_PLAN = 1 << 15
 

@@ -61,7 +61,7 @@ def new_memory(trees: int, ranks: int = 0, *, room: Room = AMPLE) -> Memory:
 def enlarged(memory: Memory, *, trees: int | None = None) -> Memory:
     """The same memory with twice the room in each array that is half full.
 
-    `trees` is the new number of trees; None leaves it and makes something else larger.
+    `trees` is the new number of trees; None keeps their number and enlarges another array.
     """
     count = memory.counts
     before = memory.radius.size

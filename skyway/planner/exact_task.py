@@ -27,13 +27,13 @@ _TOLERANCE_S = TIME_TOLERANCE_S / 2
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """How the exact search works; other values than the default measure what a part is worth.
+    """How the exact search works; values other than the default measure the use of a part.
 
-    `bound` is what guides it: flying and charging, flying alone, or nothing. `dominance` leaves out
-    labels that are no better than labels of the same set of delivered packages or, in full, of a
-    larger set; or none. `charging` is decided as late as possible, or on arrival at the pad: then
-    it is the number of levels tried on each pad, and the plan is no longer proven to be the best.
-    After `labels_before_haste` labels an unfinished search looks for any plan, to have one.
+    `bound` guides the search: flying and charging, flying alone, or nothing. `dominance` leaves out
+    labels that are no better than labels of the same set of delivered packages; "full" also
+    compares with larger sets. `charging` is decided as late as possible, or on arrival at the pad:
+    then it is the number of levels tried on each pad, and the plan is not proven to be the best.
+    After `labels_before_haste` labels an unfinished search first looks for any plan.
     """
 
     bound: Literal["full", "flight", "none"] = "full"
@@ -186,10 +186,10 @@ def task_of(
 
 
 def _compares_masks(situation: Situation) -> bool:
-    """Whether a drone with less on board can follow all plans of one with more.
+    """Whether a drone with less on board can follow all plans of a drone with more.
 
-    A light drone must not be slower or use more. With closures or windows it must not be too early
-    either: then nothing is compared.
+    A drone with less on board must not be slower or use more energy. With closures or windows it
+    could be too early, so sets are not compared.
     """
     model = situation.model
     return (

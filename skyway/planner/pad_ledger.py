@@ -1,4 +1,4 @@
-"""The pads as they stand: a calendar that trips change between two calls of `compose_many`."""
+"""The reserved pads, which a caller changes between two calls of `compose_many`."""
 
 from collections.abc import Iterable
 
@@ -14,26 +14,26 @@ from skyway.planner.kernels.records import Book
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.trip_terms import TripTerms
 
-#: Bytes that the trees of destinations may fill before all are dropped. Our own choice.
+#: The most bytes of the trees of destinations; then all trees are dropped. Our own choice.
 _MOST_TREE_BYTES = 1 << 28
 #: Bytes of a tree for each place: a distance and the three columns of its heap.
 _BYTES_PER_PLACE = 32
 
 
 class PadIsTaken(SkywayError):
-    """A session to reserve meets a reservation, or a session to release is not reserved."""
+    """A session to reserve overlaps a reservation, or a session to release is not reserved."""
 
     def __init__(self, session: Longs, detail: str) -> None:
         row, pad, from_ms, until_ms = session.tolist()
-        super().__init__(f"station row {row}, pad {pad}, {from_ms} to {until_ms} ms {detail}")
+        super().__init__(f"station row {row}, pad {pad}, {from_ms} to {until_ms} ms: {detail}")
         self.session = session
 
 
 class PadLedger:
-    """The reservations of pads, and the memory of the searches among them.
+    """The reservations of pads, and the memory of the searches.
 
-    Changing a station's reservations costs some microseconds, and only that station's free windows
-    are found again. A ledger is for one thread: threads that plan in parallel need a ledger each.
+    A change of a station's reservations costs some microseconds, because only that station's free
+    windows are computed again. A ledger is for one thread: each thread needs a ledger of its own.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class PadLedger:
         self.notes = handle_of(self.memory)
 
     def reserve(self, sessions: Longs) -> None:
-        """Reserve these sessions ``(k, 4)``: station row, pad, first and last millisecond.
+        """Reserve these sessions ``(k, 4)``: station row, pad, start and end in milliseconds.
 
         Raises
         ------
@@ -69,7 +69,7 @@ class PadLedger:
                 break
             self._set_held(_with_room(self._held, 2 * (self._used + len(sessions))))
         if ended >= 0:
-            raise PadIsTaken(sessions[ended], "meets a reservation")
+            raise PadIsTaken(sessions[ended], "the session overlaps a reservation")
         self._used += len(sessions)
 
     def release(self, sessions: Longs) -> None:
@@ -82,11 +82,11 @@ class PadLedger:
         """
         ended = held_pads.release(self.held, self._used, sessions, self.notes)
         if ended >= 0:
-            raise PadIsTaken(sessions[ended], "is not reserved")
+            raise PadIsTaken(sessions[ended], "the session is not reserved")
         self._used -= len(sessions)
 
     def book(self, rows: Iterable[int] | None = None) -> PadBook:
-        """All reservations as they stand now; only those at these station rows where given."""
+        """All current reservations; with `rows`, only the reservations at these station rows."""
         columns, used = self._held, self._used
         held = PadBook(
             columns.station[:used],

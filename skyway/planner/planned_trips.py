@@ -1,4 +1,4 @@
-"""What `compose_many` found: a row for each trip, and the plan of a trip when it is asked for."""
+"""The result of `compose_many`: a row for each trip, and the plan of a trip on request."""
 
 import math
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from skyway.planner.verify import PlanRejected, verify
 if TYPE_CHECKING:
     from skyway.planner.pad_ledger import PadLedger
 
-#: Acts and sessions of a local trip; more room is made where that is not enough.
+#: Acts and sessions of a short trip; the arrays grow if that is not enough.
 _ACTS_PER_TRIP = 16
 _SESSIONS_PER_TRIP = 4
 
@@ -33,12 +33,12 @@ _LONG_AGO_MS = -OPEN_MS
 
 
 class TripOutcome(IntEnum):
-    """What is found for a trip, in `PlannedTrips.outcome`.
+    """The outcome of a trip, in `PlannedTrips.outcome`.
 
-    PROVEN: its earliest plan. FEASIBLE: a plan, and the labels were used up before the proof.
-    UNKNOWN: the labels were used up without a plan. NO_PLAN: proven that there is none, for lack of
-    range, pads or time. OVERWEIGHT: heavier than the drone can lift. UNREACHABLE: no path leads
-    there, or a place is closed for good. `PlannedTrips.plan` gives the detail.
+    PROVEN: the earliest plan. FEASIBLE: a plan, but the labels were used up before the proof.
+    UNKNOWN: the labels were used up before a plan was found. NO_PLAN: a proof that no plan exists,
+    for lack of range, pads or time. OVERWEIGHT: the drone cannot lift the packages. UNREACHABLE: no
+    path leads to a place, or a place is closed for good. `PlannedTrips.plan` gives the detail.
     """
 
     PROVEN = kernel.PROVEN
@@ -50,7 +50,7 @@ class TripOutcome(IntEnum):
 
 
 def new_found(trips: Trips) -> Found:
-    """Empty columns for what is found for these trips."""
+    """Empty columns for the results of these trips."""
     count, packages = len(trips), len(trips.destination_row)
     acts, sessions = _ACTS_PER_TRIP * count + 64, _SESSIONS_PER_TRIP * count + 64
     return Found(
@@ -71,7 +71,7 @@ def new_found(trips: Trips) -> Found:
 
 
 def with_room(found: Found) -> Found:
-    """The same with twice the room for acts and sessions."""
+    """The same results with twice the room for acts and sessions."""
     larger = {
         name: np.concatenate([getattr(found, name), np.empty_like(getattr(found, name))])
         for name in ("act_link", "act_value", "session")
@@ -133,7 +133,7 @@ class PlannedTrips:
     def sessions(self, trip: int) -> Longs:
         """The pads that this trip holds ``(k, 4)``, for `PadLedger.reserve`.
 
-        A row is a station row, a pad, and the milliseconds from and until which it is held.
+        Each row is a station row, a pad, and the start and end of the session in milliseconds.
         """
         offsets = self.found.session_offsets
         return self.found.session[offsets[trip] : offsets[trip + 1]]
@@ -188,10 +188,10 @@ class PlannedTrips:
         return pattern.model_copy(update=fields)
 
     def plan(self, trip: int) -> Plan:
-        """The plan of this trip, verified against the pads as they stand now.
+        """The plan of this trip, verified against the current reservations of the ledger.
 
-        Its seconds count from the trip's own start. The trip's sessions may be reserved by now.
-        Without a plan the reason is worked out for the pads as they stand now.
+        Its seconds count from the trip's own start. The trip's own sessions may be reserved by now.
+        If the trip has no plan, the reason is found with the current reservations.
 
         Raises
         ------
@@ -208,7 +208,7 @@ class PlannedTrips:
                 problem, airspace=terms.airspace, booked=booked.seen_from(booked.zero_ms + start_ms)
             )
         sessions = self.sessions(trip)
-        # One pad has to fit a full recharge, whose end may be a rounding error after the session's.
+        # A full recharge needs one pad, and may end a rounding error after its session.
         slack_ms = 1 if problem.recharge_policy == "full" else 0
         own = _only(sessions, terms.network.columns.pads, slack_ms=slack_ms).seen_from(start_ms)
         situation = Situation.of(problem, terms.airspace, own)
@@ -241,9 +241,9 @@ def _limit_s(moment_s: float, start_s: float) -> float | None:
 
 
 def _only(sessions: Longs, pads: Ints, *, slack_ms: int) -> PadBook:
-    """A book in which the pads of these stations are free for these sessions alone.
+    """A book in which the pads of these stations are free only during these sessions.
 
-    `slack_ms` is for how long they stay free after a session.
+    The pads stay free for `slack_ms` after each session.
     """
     taken = []
     for row in sorted(set(sessions[:, 0].tolist())):

@@ -32,8 +32,8 @@ class TripTerms:
     """What many trips have in common, prepared once.
 
     `pattern` is a problem with the network, closures and rules of all trips; its drone and packages
-    mean nothing. Trips name their drone model by its number in `models`. All moments are seconds
-    from one zero, which is `start_at` where the network has dated zones or opening hours.
+    are not used. Trips name their drone model by its number in `models`. All moments are seconds
+    from one common zero. If the network has dated zones or opening hours, the zero is `start_at`.
     """
 
     pattern: Problem

@@ -18,7 +18,7 @@ _MS_PER_S = 1000.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trips:
-    """Trips as columns; station rows and the moments are those of the `TripTerms`.
+    """Trips as columns; rows of stations and moments are as in the `TripTerms`.
 
     Parameters
     ----------
@@ -28,14 +28,15 @@ class Trips:
     source_row
         ``(n,)``: where the packages are.
     are_on_board
-        ``(n,)`` bool: loading takes no time then, and needs no open station.
+        ``(n,)`` bool: whether the drone has the packages; then loading takes no time, and needs no
+        open station.
     pickup_not_before_s, pickup_latest_s, latest_delivery_s
-        ``(n,)``, infinite without a limit. A trip that cannot deliver by its latest moment is left
-        quickly: a caller that looks for a better trip sets what is to be beaten.
+        ``(n,)``, infinite without a limit. The search of a trip that cannot deliver by its latest
+        moment ends quickly. So a caller that looks for a better trip sets the moment to beat.
     package_offsets
         ``(n + 1,)`` int64: the packages of trip i are those from its offset to the next.
     destination_row, mass_kg, not_before_s, latest_s
-        ``(m,)`` by package; its window as in a problem.
+        ``(m,)`` by package; windows as in a problem.
     """
 
     start_row: Ints
@@ -72,9 +73,9 @@ class Trips:
         not_before_s: npt.ArrayLike = -np.inf,
         latest_s: npt.ArrayLike = np.inf,
     ) -> Self:
-        """These columns; one value for all rows may stand for a column.
+        """Trips of these columns; each argument is a column, or one value for all rows.
 
-        Moments of start are rounded up to whole milliseconds.
+        `start_s` is rounded up to whole milliseconds.
         """
         offsets = np.ascontiguousarray(package_offsets, np.int64)
         trips, packages = len(offsets) - 1, int(offsets[-1])
@@ -134,9 +135,9 @@ class Trips:
             rows = getattr(self, name)
             _refuse(name, (rows < 0) | (rows >= stations), f"there are {stations} stations")
         low = reserve[self.model] - CHARGE_TOLERANCE
-        _refuse("soc", ~((self.soc >= low) & (self.soc <= 1.0)), "outside the reserve to 1")
-        _refuse("start_s", ~((self.start_s >= 0.0) & np.isfinite(self.start_s)), "before the zero")
-        _refuse("mass_kg", ~(self.mass_kg >= 0.0), "is not 0 kg or more")
+        _refuse("soc", ~((self.soc >= low) & (self.soc <= 1.0)), "not between the reserve and 1")
+        _refuse("start_s", ~((self.start_s >= 0.0) & np.isfinite(self.start_s)), "not 0 s or more")
+        _refuse("mass_kg", ~(self.mass_kg >= 0.0), "not 0 kg or more")
         each = np.diff(self.package_offsets)
         _refuse("package_offsets", each < 1, "a trip needs a package")
         for trip in np.flatnonzero(each > MAX_TRIP_DESTINATIONS).tolist():

@@ -19,8 +19,9 @@ class DatabaseSettings(BaseSettings):
     database_url: str = Field(
         repr=False,
         description="`sqlite:///FILE` or `postgresql://...`: the database of this service alone. "
-        "Several servers, parted by commas: the primary is used. `?connections=8`: connections to "
-        "write, and as many to read (1 to 64). `?pooling=transaction`: behind PgBouncer.",
+        "With several servers, separated by commas, the primary is used. `?connections=8`: "
+        "connections to write, and as many to read (1 to 64). `?pooling=transaction`: behind "
+        "PgBouncer.",
     )
 
     @classmethod
@@ -58,7 +59,8 @@ class ServiceSettings(ArchiveSettings):
     mqtt_url: str = Field(
         repr=False,
         description="`mqtt://HOST:PORT` or `mqtts://...`: the broker's listener for services. "
-        "Several, parted by commas, for the nodes of a cluster; NATS's begin with `mqtt+nats://`.",
+        "For a cluster the addresses of all nodes, separated by commas; with NATS each begins with "
+        "`mqtt+nats://`.",
     )
     mqtt_ca_file: Path | None = Field(
         default=None,

@@ -1,4 +1,4 @@
-"""A server of composition serves its own networks, and hands its database over when it is idle."""
+"""A server of composition serves only its own networks, and its idle database can be copied."""
 
 from collections.abc import Awaitable, Callable
 from typing import Any
@@ -33,7 +33,7 @@ def cell(url: str = OURS, *, generation: int = 2, is_open: bool = True) -> Netwo
 
 @pytest.fixture
 def wall() -> dict[str, float]:
-    """Seconds of the clock by which the table becomes old."""
+    """Seconds of the clock that measures the age of the table."""
     return {"s": 0.0}
 
 
@@ -67,7 +67,7 @@ async def test_a_request_for_an_own_network_is_answered(composition: Any, serve:
     await serve(cell())
 
     assert (await read_network(composition, "row;2")).status_code == 200
-    # The body is no query, so only the entrance has let it in.
+    # The entrance admits the request; then its empty body is refused.
     assert (await quote(composition, "row;2")).status_code == 422
 
 
@@ -75,11 +75,11 @@ async def test_a_request_for_an_own_network_is_answered(composition: Any, serve:
     ("cells", "header", "reason"),
     [
         ((cell(OTHERS),), "row;2", "served by http://others"),
-        ((), "row;2", "served by no server"),
+        ((), "row;2", "served by the server of networks without a cell"),
         ((cell(generation=5),), "row;2", "read the table again"),
     ],
 )
-async def test_a_request_by_another_table_is_misdirected(
+async def test_a_request_that_follows_an_old_or_foreign_row_is_refused(
     composition: Any, serve: Serve, cells: tuple[NetworkCell, ...], header: str, reason: str
 ) -> None:
     await serve(*cells)
@@ -90,7 +90,7 @@ async def test_a_request_by_another_table_is_misdirected(
     assert reason in refused.json()["detail"]
 
 
-async def test_a_server_reads_the_table_when_a_request_knows_a_newer_one(
+async def test_a_server_reads_the_table_when_a_request_names_a_newer_row(
     composition: Any, serve: Serve
 ) -> None:
     tables = [CellTable(cells=()), CellTable(cells=(cell(generation=4),))]
@@ -124,7 +124,7 @@ async def test_a_network_is_published_only_at_its_own_server(
     assert (elsewhere.status_code, without.status_code, of_default.status_code) == (421, 201, 421)
 
 
-async def test_a_closed_cell_begins_nothing_and_still_answers(
+async def test_a_closed_cell_accepts_no_new_request_and_answers_others(
     composition: Any, serve: Serve
 ) -> None:
     await serve(cell(is_open=False))
@@ -136,7 +136,7 @@ async def test_a_closed_cell_begins_nothing_and_still_answers(
     assert (await read_network(composition, "row;2")).status_code == 200
 
 
-async def test_a_cell_that_cannot_read_the_table_begins_nothing(
+async def test_a_cell_that_cannot_read_the_table_accepts_no_new_request(
     composition: Any, serve: Serve, wall: dict[str, float]
 ) -> None:
     await serve(cell())
@@ -147,7 +147,7 @@ async def test_a_cell_that_cannot_read_the_table_begins_nothing(
 
 
 class Everything:
-    """A `Reception` that reads everybody's messages."""
+    """A `Reception` that reads the messages of every drone."""
 
     def is_ours(self, ids: tuple[str, ...]) -> bool:
         return True
@@ -190,7 +190,7 @@ async def test_the_work_of_a_server_names_missions_messages_and_rows(composition
     assert busy.unsent > 0
 
 
-async def test_a_copy_holds_every_row_and_may_be_made_again(
+async def test_a_copy_has_every_row_and_can_be_repeated(
     composition: Any, sqlite_url: str, package: str
 ) -> None:
     target_url = f"{sqlite_url}.copy"

@@ -1,4 +1,4 @@
-"""docs/dispatch.md: its example is run and its picture drawn, and it names every field."""
+"""The example and the picture of docs/dispatch.md are right, and the page names every field."""
 
 import re
 import runpy

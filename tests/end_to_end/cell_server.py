@@ -1,4 +1,4 @@
-"""A further server of composition beside a running system, as the cell of some networks."""
+"""A second server of composition beside a running system, as the cell of some networks."""
 
 import os
 import signal

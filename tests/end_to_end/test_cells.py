@@ -46,7 +46,7 @@ def run(system: LocalSystem, *arguments: str) -> Result:
 
 
 def refusal(system: LocalSystem, *arguments: str) -> str:
-    """Why `skyway cell` refuses."""
+    """The reason with which `skyway cell` refuses."""
     done = run(system, *arguments)
     assert done.exit_code == 1, done.output
     return done.output

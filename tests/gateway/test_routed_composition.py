@@ -83,7 +83,7 @@ async def test_a_silent_cell_is_named(gateway: Gateway, cell: FakeComposition) -
     assert "the cell corridor" in answer.json()["detail"]
 
 
-async def test_a_closed_cell_gets_no_new_requests_and_those_that_wait_are_booked_later(
+async def test_a_closed_cell_gets_no_new_requests_and_waiting_ones_are_booked_later(
     gateway: Gateway, cell: FakeComposition
 ) -> None:
     waiting = await gateway.accepted()
@@ -125,7 +125,7 @@ async def test_a_call_goes_to_the_server_of_the_network_or_station_in_its_path(
     ]
 
 
-async def test_an_id_without_a_network_is_asked_of_each_server_in_turn(
+async def test_each_server_is_asked_in_turn_about_an_id_without_a_network(
     gateway: Gateway, cell: FakeComposition
 ) -> None:
     gateway.peers.unknown_at = {"composition"}

@@ -1,4 +1,4 @@
-"""The cached table of cells, and to which server each call goes."""
+"""The cached table of cells decides to which server each call goes."""
 
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, field
@@ -202,7 +202,7 @@ async def test_stations_of_two_servers_are_found_and_do_not_reach_each_other(
     assert found.unreachable == ("s-s1",)
 
 
-async def test_a_station_is_not_unknown_while_a_server_is_silent(
+async def test_a_lookup_fails_if_only_a_silent_server_may_know_the_station(
     clients: CellClients, around: Servers
 ) -> None:
     around.cells = [cell(NORTH, "north")]

@@ -31,7 +31,7 @@ def test_without_the_setting_an_enrolment_names_no_broker() -> None:
     assert RegistrySettings.load().mqtt_drone_url == ()
 
 
-def test_an_address_that_is_no_broker_is_refused_by_its_variable(
+def test_a_wrong_broker_address_is_refused_with_the_name_of_its_setting(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("SKYWAY_MQTT_DRONE_URL", "mqtt://one:1883,two:1883")

@@ -1,4 +1,4 @@
-"""The console's files: read once, compressed once when first asked for, each with its checksum."""
+"""The console's files: read once, compressed at the first request, each with its checksum."""
 
 import base64
 import gzip

@@ -1,8 +1,9 @@
-"""Passes calls on to the servers of composition: to one, to each in turn, or to all.
+"""Passes calls on to the servers of composition: to one, to one after another, or to all.
 
-A path with a network or a station goes to the server of that network. A path with another id, such
-as a mission's, goes to each server until one knows the id. A list is made of the lists of all
-servers; the header `Skyway-Silent-Cells` names the servers whose part is missing.
+A call whose path has a network or a station goes to the server of that network. A call with another
+id, such as a mission's, goes to one server after another until one knows the id. A list is merged
+from the lists of all servers; the header `Skyway-Silent-Cells` names the servers whose part is
+missing.
 """
 
 import contextlib
@@ -24,14 +25,14 @@ from skyway_gateway.forward.merged_lists import COUNTED, MERGED, merged_counts, 
 from skyway_gateway.forward.table import Forwarded
 from skyway_gateway.routed_composition import NetworkFinder
 
-#: Names the servers that gave no answer to a list.
+#: The header that names the servers whose part of a list is missing.
 SILENT_HEADER: Final = "Skyway-Silent-Cells"
 
 #: The calls whose body names a network.
 _NAMED_IN_BODY: Final = ("/v1/zones", "/v1/ground-stops")
 _PROBLEMS: Final = "/v1/compositions"
 
-#: A problem with a larger body has a network of its own, which any server can plan on.
+#: A problem with a larger body contains its own network, so any server can plan it.
 _LARGEST_REFERENCE_BYTES: Final = 1024 * 1024
 
 _DEFAULT_LIMIT: Final = 50
@@ -50,7 +51,7 @@ class ForwardToCells:
         Raises
         ------
         ServiceUnavailable
-            The server that would know does not answer; the error names its cell.
+            A server does not answer, and no other server knows the id; the error names its cell.
         """
         client: ServiceClient | None = None
         if not self.servers.has_cells:
@@ -86,7 +87,7 @@ class ForwardToCells:
         Raises
         ------
         InvalidInput
-            A ground stop names no network: the servers could not all begin it together.
+            A ground stop names no network. Servers cannot begin it together in one transaction.
         """
         if int(request.headers.get("content-length", 0)) > _LARGEST_REFERENCE_BYTES:
             return self.servers.default
@@ -103,8 +104,8 @@ class ForwardToCells:
     async def _first_that_knows(
         self, request: Request, row: Forwarded, caller: Caller | None
     ) -> Response:
-        """The first answer that is not 404; the id is in one cell alone."""
-        await request.body()  # kept by the request, so that each server gets it
+        """The first answer that is not 404; only one cell can know the id."""
+        await request.body()  # the request keeps its body, so that each server gets it
         silent: ServiceUnavailable | None = None
         unknown: Response | None = None
         for client in self.servers.every().values():
@@ -150,7 +151,7 @@ class ForwardToCells:
 
 
 def _network_named(body: bytes, row: Forwarded) -> NetworkId | None:
-    """The network that a body names; None if it names none, or is not what its server expects."""
+    """The network that a body names; None if it names none, or has another form than expected."""
     try:
         document = json.loads(body)
         if row.path == _PROBLEMS:
@@ -162,6 +163,6 @@ def _network_named(body: bytes, row: Forwarded) -> NetworkId | None:
 
 
 async def _close(answer: Response | None) -> None:
-    """End an answer that nobody gets."""
+    """End an answer that is not passed on."""
     if isinstance(answer, StreamingResponse) and hasattr(answer.body_iterator, "aclose"):
         await answer.body_iterator.aclose()

@@ -1,7 +1,7 @@
-"""One page of the pages of all servers of composition, in the order that each of them uses.
+"""Merges the pages of all servers of composition into one page in the same order.
 
-A cursor is the sort key of the last item seen. It means the same at every server, so every server
-gets the caller's cursor, and the merged page has a cursor of the same form.
+A cursor is the sort key of the last item on a page. It means the same at every server, so every
+server gets the caller's cursor, and the merged page has a cursor of the same form.
 """
 
 from collections import Counter
@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from skyway.runtime.http.paging import encode_cursor
 
-#: A JSON object of our own services: valid, so that no member is checked again.
+#: A JSON object from our own services, which is valid and is not checked again.
 _Json = dict[str, Any]
 
 
@@ -40,12 +40,12 @@ MERGED: Final[Mapping[str, ListOrder]] = {
 #: The counts that may span networks: objects of numbers.
 COUNTED: Final = frozenset({"/v1/stats/missions"})
 
-#: What shares in sums are shares of: of the time of so many pads or drones.
+#: The member that weights a share: the number of pads or drones that the share belongs to.
 _SHARED_BY: Final = ("pads", "drones")
 
 
 def merged_page(pages: Sequence[_Json], order: ListOrder, *, limit: int) -> _Json:
-    """The first items of all pages, at most `limit`; members beside the items are the first's."""
+    """The first items of all pages, at most `limit`; other members come from the first page."""
     items = sorted(
         (item for page in pages for item in page["items"]),
         key=lambda item: str(item[order.member]),
@@ -61,7 +61,7 @@ def merged_page(pages: Sequence[_Json], order: ListOrder, *, limit: int) -> _Jso
 
 
 def merged_counts(answers: Sequence[_Json]) -> _Json:
-    """The sums of all objects of numbers; other members are the first's."""
+    """The sums of all objects of numbers; other members come from the first answer."""
     merged = dict(answers[0])
     for name, value in answers[0].items():
         if isinstance(value, dict):
@@ -73,7 +73,7 @@ def merged_counts(answers: Sequence[_Json]) -> _Json:
 
 
 def _total(totals: Iterable[_Json]) -> _Json:
-    """The sums of numbers. A share is weighted by the pads or drones that it is a share of."""
+    """The sums of numbers. A share is weighted by the number of its pads or drones."""
     parts = list(totals)
     merged = {name: sum(each[name] or 0 for each in parts) for name in parts[0]}
     if "utilisation" in merged:

@@ -108,7 +108,7 @@ class Deliveries:
 class World:
     """Missions, stations, closures and alarms, from all servers of composition.
 
-    What a silent server has said last stays in the picture, which names the server.
+    The last data of a server that does not answer stays in the picture, which names the server.
     """
 
     clients: Callable[[], Mapping[str, ServiceClient]]

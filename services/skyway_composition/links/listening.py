@@ -1,8 +1,9 @@
 """Since when this process has received and handled every message of its drones.
 
 A drone's silence proves something only to a process that has listened all the time. A process that
-was started later, lost its connection, was frozen or dropped messages may have missed an answer. So
-may a process that did not own the drone all the time: another replica has handled its messages.
+was started later, lost its connection, was frozen or dropped messages may have missed an answer. A
+process that did not own the drone all the time may have missed one too, because another replica
+handled the drone's messages.
 """
 
 from datetime import datetime, timedelta

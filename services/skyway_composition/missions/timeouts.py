@@ -51,7 +51,7 @@ _LEAST_WALL_S: Final = 10.0
 
 @dataclass(frozen=True, slots=True)
 class OverdueMissions:
-    """Judges missions whose time is over: only the owner of a drone has listened to it."""
+    """Judges overdue missions of own drones: only the owner of a drone has listened to it."""
 
     db: Database
     clock: FleetClock

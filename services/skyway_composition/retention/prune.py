@@ -50,7 +50,7 @@ def start_pruning(
     clock: FleetClock,
     settings: CompositionSettings,
 ) -> None:
-    """Start to delete, at the leader, what is older than the settings keep."""
+    """Start the loop in which the leader deletes rows that are older than the settings keep."""
     kept = _span(settings.closure_days), _span(settings.alarm_days)
     pruning = Pruning(db, clock, *kept)
     step = LeaderStep(membership, pruning.step)

@@ -54,7 +54,7 @@ class EnrolledDrone(WireModel):
     position: Position | None = None
     soc: Soc
     mqtt: BrokerLogin
-    #: Where the broker listens; a cloud of an older version names no address.
+    #: The addresses of the broker; an older version of the cloud names none.
     mqtt_urls: tuple[str, ...] = ()
     certificate: ClientCertificate | None = None
     #: The drone's own key, with which it signs; a drone of an older version has none.

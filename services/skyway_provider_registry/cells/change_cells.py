@@ -1,7 +1,7 @@
-"""Adds, closes, opens and moves cells, after the servers of composition have been asked.
+"""Asks the servers of composition, and then adds, closes, opens and moves cells.
 
 A move loses nothing: it needs an old server that has finished its work, and a new server whose
-database holds the same rows.
+database holds the same number of rows in each table.
 """
 
 from collections.abc import Collection, Sequence
@@ -20,22 +20,22 @@ from skyway.runtime.errors import Conflict, NotFound, RowRefused
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.cells import store
 
-#: A server may not know for ten seconds that a cell is closed, and a booking takes twenty at most.
+#: A server may notice only after 10 s that a cell is closed. A booking takes at most 20 s.
 _BOOKINGS_END_WITHIN: Final = timedelta(seconds=30)
 
 
 @dataclass(frozen=True, slots=True)
 class CellChanges:
-    """Changes the table; every refusal says what to do."""
+    """Changes the table of cells; every refusal says what to do."""
 
     db: Database
     servers: CellClients
     clock: FleetClock
-    #: Patterns of the hosts that may be named.
+    #: Patterns of the hosts that operators may name.
     hosts: Collection[str]
 
     async def add(self, network_id: NetworkId, *, url: str) -> NetworkCell:
-        """The cell of a network at this server; a repeated call changes nothing.
+        """Add a cell for a network at this server; a repeated call changes nothing.
 
         Raises
         ------
@@ -63,7 +63,7 @@ class CellChanges:
         try:
             async with self.db.write() as tx:
                 await store.add(tx, network_id, url=url)
-        except RowRefused:  # another call has changed the table in between
+        except RowRefused:  # another call has added the cell in the meantime
             return await self.add(network_id, url=url)
         return await self._changed(network_id)
 
@@ -84,9 +84,9 @@ class CellChanges:
         return await self._changed(network_id)
 
     async def move(self, network_id: NetworkId, *, url: str) -> NetworkCell:
-        """The cell of a network, which is open at another server from now on.
+        """Move the cell of a network to another server, and open it there.
 
-        All cells of the old server move together, because they share its database.
+        All cells of the old server move together, because they share one database.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class CellChanges:
             )
 
     async def _changed(self, network_id: NetworkId) -> NetworkCell:
-        """The cell after a change; this process knows the change when the caller does."""
+        """The cell after a change; this process reads the change before the caller gets it."""
         await self.servers.refresh()
         return await self._cell(network_id)
 

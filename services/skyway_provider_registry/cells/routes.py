@@ -1,4 +1,4 @@
-"""The table of cells over REST: operators change it, gateway and composition read it."""
+"""The table of cells over REST: operators change the table, gateway and composition read it."""
 
 from typing import Annotated
 
@@ -17,7 +17,7 @@ from skyway_provider_registry.cells.change_cells import CellChanges
 
 
 class CellPlace(JsonModel):
-    """At which server a network is served."""
+    """The server that serves a network."""
 
     url: CellUrl
 
@@ -59,7 +59,7 @@ def cell_routes(*, db: Database, gate: ServiceGate, changes: CellChanges) -> Ser
     async def put_cell(
         network_id: NetworkId, caller: Annotated[Caller, Depends(gate)], place: CellPlace
     ) -> NetworkCell:
-        """Let this server serve the network; a network that is published elsewhere must move."""
+        """Let this server serve the network. A network at another server must be moved instead."""
         caller.must_be("operator")
         return await changes.add(network_id, url=place.url)
 
@@ -67,7 +67,7 @@ def cell_routes(*, db: Database, gate: ServiceGate, changes: CellChanges) -> Ser
     async def update_cell(
         network_id: NetworkId, caller: Annotated[Caller, Depends(gate)], change: CellStateChange
     ) -> NetworkCell:
-        """Close a cell to new requests, or open it again; missions are flown to their end."""
+        """Close a cell to new requests, or open it again. Drones finish their missions."""
         caller.must_be("operator")
         return await changes.set_state(network_id, change.state)
 
@@ -88,7 +88,7 @@ def cell_routes(*, db: Database, gate: ServiceGate, changes: CellChanges) -> Ser
     async def move_cell(
         network_id: NetworkId, caller: Annotated[Caller, Depends(gate)], place: CellPlace
     ) -> NetworkCell:
-        """Let another server serve the network, when its database holds the same.
+        """Move the network to another server, which has a copy of the old server's database.
 
         The cell must be closed, and its server must have finished its work. All cells of the old
         server move together. They are open afterwards.

@@ -31,12 +31,12 @@ async def of(connection: AsyncConnection, network_id: NetworkId) -> NetworkCell 
 async def refuse_another_cell(
     connection: AsyncConnection, current: NetworkId | None, network_id: NetworkId
 ) -> None:
-    """Go on only if a drone that is at home in one network may have its home in another.
+    """Go on only if a drone may move its home from its current network to this network.
 
     Raises
     ------
     Conflict
-        OTHER_CELL: another server serves that network. It has no record of the drone.
+        OTHER_CELL: another server serves this network, and has no record of the drone.
     """
     urls = {each.network_id: each.url for each in await every(connection)}
     if current is not None and urls.get(current) != urls.get(network_id):
@@ -48,21 +48,21 @@ async def refuse_another_cell(
 
 
 async def add(tx: Tx, network_id: NetworkId, *, url: str) -> None:
-    """Add the cell of a network; RowRefused if the network has one."""
+    """Add the cell of a network; RowRefused if the network already has a cell."""
     generation = await _next_generation(tx)
     row = {"network_id": network_id, "url": url, "state": "OPEN", "generation": generation}
     await tx.execute(cells.insert().values(row))
 
 
 async def close(tx: Tx, cell: NetworkCell, *, wall_at: datetime) -> bool:
-    """Close a cell; False if it has changed since it was seen."""
+    """Close a cell; False if the cell has changed since it was read."""
     return await _change(tx, cell, state="CLOSED", closed_wall_ms=moment_to_ms(wall_at))
 
 
 async def open_at(tx: Tx, seen: Collection[NetworkCell], *, url: str) -> bool:
-    """Open these cells at a server; False if one of them has changed since it was seen.
+    """Open these cells at a server; False if one of them has changed since it was read.
 
-    The caller leaves the block without a commit after False.
+    After False the caller must leave the block without a commit.
     """
     in_order = sorted(seen, key=lambda each: each.network_id)
     done = [

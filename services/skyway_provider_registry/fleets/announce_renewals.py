@@ -38,7 +38,7 @@ class CompositionNotice:
     servers: CellClients
 
     async def __call__(self, renewals: Renewals, network_id: NetworkId | None) -> None:
-        """Post the renewals to the network's server, or to all if the network is not known.
+        """Post the renewals to the network's server, or to all servers if the network is not known.
 
         Raises
         ------

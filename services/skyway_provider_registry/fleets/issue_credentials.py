@@ -89,7 +89,7 @@ class Credentials(JsonModel):
     mqtt: Annotated[MqttAccount, Field(description="account at the broker")]
     mqtt_urls: Annotated[
         tuple[str, ...],
-        Field(description="addresses of the broker's nodes; empty if the operator names none here"),
+        Field(description="addresses of the broker's nodes; empty if the operator names none"),
     ]
     certificate: Annotated[
         ClientCertificate | None,

@@ -85,12 +85,12 @@ class ServiceLook:
 #: What each service said, by its name.
 Looks = Mapping[str, ServiceLook]
 
-#: The service that may have several databases: its own, and those of cells.
+#: The service that may have several databases: its own, and the databases of cells.
 _OF_CELLS: Final = "composition"
 
 
 def cell_name(number: int) -> str:
-    """How the database of a cell is called, beside the services; numbered from 1."""
+    """The name of a cell's database, beside the names of services; numbered from 1."""
     return f"{_OF_CELLS} of cell {number}"
 
 

@@ -1,9 +1,8 @@
-"""The least cost of what drones may still fly, when each request brings in its own price.
+"""The least cost of the trips of drones, when each visit of a request earns the request's price.
 
-This is the pricing problem of a Lagrangian relaxation: drones fly trips in a row, a trip may come
-again (though not right after itself), and each visit of a request is paid its price. Moments are
-those of the need (see `fleet_records`), in buckets, rounded down. So what is found is never more
-than the true least cost.
+This is the pricing problem of a Lagrangian relaxation. A drone flies one trip after another, and
+may repeat a trip, though not immediately. Moments are those of the need (see `fleet_records`), in
+buckets, rounded down. So the result is never more than the true least cost.
 """
 
 from typing import NamedTuple
@@ -15,13 +14,13 @@ from skyway.planner.kernels.memory import Floats, Longs, int64
 
 
 class Nodes(NamedTuple):
-    """Trips by their last place: a trip that may end at two places is two nodes.
+    """Trips with their last place: a trip that may end at two places gives two nodes.
 
     - By node: `pool`, `source` (its number among all sources), `end` place, `least` ``(nodes, 3)``
       seconds, need and joules from the pick-up to the end.
     - By node and member: `member`, -1 for none, and `served` ``(nodes, members, 2)``, seconds and
       need from the pick-up until the member is served at the earliest.
-    - By request: `weight`, `known_s`, `due_s`, and `price`, its reward.
+    - By request: `weight`, `known_s`, `due_s`, and `price`, which each visit earns.
     - `rates`: the price of a second, of a second of lateness, of a joule.
     - `hand_over_s` between two trips.
     """
@@ -41,7 +40,9 @@ class Nodes(NamedTuple):
 
 
 class Future(NamedTuple):
-    """The least cost from a place and a bucket on, the best and the best with another first trip.
+    """The least cost from a place and a bucket on, with the best next trip.
+
+    The last axis holds the best trip, and the best trip of another pool.
 
     - `cost` ``(places, buckets + 1, 2)``, at most 0, and `first`, the next node, -1 to stop.
     - By source: `trip_cost` ``(sources, buckets + 1, 2)`` and `trip`, the node chosen, -1 for none.
@@ -60,7 +61,7 @@ class Future(NamedTuple):
 
 @kernel
 def trip_cost(nodes: Nodes, node: int, flown_s: float, charged_s: float) -> float:
-    """The cost of a trip whose drone is at the pick-up then, less the prices of its requests."""
+    """The cost of a trip from these moments at the pick-up, less the prices of its requests."""
     cost = nodes.rates[2] * nodes.least[node, 2]
     for number in range(nodes.member.shape[1]):
         request = nodes.member[node, number]
@@ -78,7 +79,7 @@ def trip_cost(nodes: Nodes, node: int, flown_s: float, charged_s: float) -> floa
 
 @kernel
 def _bucket(future: Future, moment_s: float) -> int:
-    """The bucket of a moment; the one past the last for all later moments."""
+    """The bucket of a moment; for all moments after the horizon the bucket after the last one."""
     last = future.cost.shape[1] - 1
     return max(int64(0), min(last, int64((moment_s - future.first_s) / future.width_s)))
 
@@ -163,7 +164,7 @@ def _fill_place(
 
 @kernel
 def _least_after(nodes: Nodes, future: Future, node: int, bucket: int) -> float:
-    """The least cost after this node, whose trip does not come again next."""
+    """The least cost after this node, if the next trip is another trip."""
     place = nodes.end[node]
     first = future.first[place, bucket, 0]
     if first < 0:
@@ -212,7 +213,7 @@ def least_walk(
     charged_s
         The moment of its need: `free_s` less what its charge covers.
     depth
-        1 or 2: how many first trips are looked at with their own times, not by buckets.
+        1 or 2: the number of first trips that are computed with their own times, not by buckets.
     """
     least, first, second = 0.0, int64(-1), int64(-1)
     for one in range(nodes.pool.size):

@@ -1,4 +1,4 @@
-"""What the trips of drones cost, by their estimates, and which requests may share a trip."""
+"""The costs of the trips of drones, by their estimates, and the number of a shared trip."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ def key_of(members: Longs) -> int:
 
 @kernel
 def pool_of(fleet: FleetEstimates, members: Longs) -> int:
-    """The pool of these requests, -1 if they may not share a trip."""
+    """The number of the pool of these requests, -1 if they may not share a trip."""
     key = key_of(members)
     place = np.searchsorted(fleet.key, key)
     if place < fleet.key.size and fleet.key[place] == key:
@@ -32,7 +32,7 @@ def pool_of(fleet: FleetEstimates, members: Longs) -> int:
 
 @kernel
 def cost_of_trip(fleet: FleetEstimates, drone: int, pool: int, end_s: float) -> float:
-    """What the requests of a trip cost that ends at this moment, without its energy."""
+    """The cost of the requests of a trip that ends at this moment, without energy."""
     kind, prices = fleet.kind[drone], fleet.prices
     cost = 0.0
     for number in range(fleet.members.shape[1]):
@@ -52,7 +52,7 @@ def cost_of_trip(fleet: FleetEstimates, drone: int, pool: int, end_s: float) -> 
 
 @kernel
 def cost_of_row(fleet: FleetEstimates, drone: int, row: Longs, length: int) -> float:
-    """What the trips of one drone cost, by their estimates."""
+    """The cost of the trips of one drone, by their estimates."""
     kind = fleet.kind[drone]
     place = fleet.start[drone]
     flown_s = fleet.free_s[drone]
@@ -79,7 +79,7 @@ def cost_of_row(fleet: FleetEstimates, drone: int, row: Longs, length: int) -> f
 
 @kernel
 def requests_in(fleet: FleetEstimates, row: Longs, length: int) -> int:
-    """How many requests the trips of a row serve."""
+    """The number of requests that the trips of a row serve."""
     count = int64(0)
     for number in range(length):
         for member in fleet.members[row[number]]:
@@ -89,7 +89,7 @@ def requests_in(fleet: FleetEstimates, row: Longs, length: int) -> int:
 
 @kernel
 def shortage_cost(fleet: FleetEstimates, flown: Longs) -> float:
-    """What it costs that providers fly too few requests."""
+    """The cost of requests that providers have to fly for fairness and do not fly."""
     missing = int64(0)
     for provider in range(flown.size):
         missing += max(int64(0), fleet.least_flown[provider] - flown[provider])

@@ -1,7 +1,7 @@
-"""The steps of the order search: single trips, tails and requests change places.
+"""The steps of the order search, which move single trips, the last trips of drones, or requests.
 
-Each step writes the new rows of one or two drones and returns their lengths; the first is -1 where
-the step is not possible. The second is 0 where both drones are the same.
+Each step writes the new rows of one or two drones and returns their lengths. The first length is -1
+if the step is not possible. The second length is 0 if both drones are the same.
 """
 
 import numpy as np
@@ -50,7 +50,7 @@ def _insert(row: Longs, length: int, at: int, pool: int) -> int:
 
 @kernel
 def copy_row(row: Longs, length: int, into: Longs) -> int:
-    """Copy so many trips of a row; returns the length."""
+    """Copy the first trips of a row, as many as `length`; returns the length."""
     for number in range(length):
         into[number] = row[number]
     return length
@@ -93,7 +93,7 @@ def exchange(
 def exchange_tails(
     rows: Rows, chance: Longs, one: int, other: int, first: Longs, second: Longs
 ) -> tuple[int, int]:
-    """Exchange all trips of two drones from some place on."""
+    """Exchange the last trips of two drones, from a place in each row on."""
     if one == other:
         return int64(-1), int64(0)
     one_length, other_length = rows.length[one], rows.length[other]

@@ -1,8 +1,8 @@
 """Improves the order of a fleet's trips by simulated annealing over their estimates.
 
-Ropke and Pisinger (2006) and Kirkpatrick, Gelatt and Vecchi (1983) describe the parts: single
-trips and whole tails move between drones, requests join and leave shared trips, and a worse order
-is accepted with a chance that falls.
+Single trips move between drones, two drones exchange their last trips, and requests join and leave
+shared trips (Ropke and Pisinger 2006). A worse order is accepted with a chance that falls
+(Kirkpatrick, Gelatt and Vecchi 1983).
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ from skyway.planner.kernels.memory import Longs, int64
 
 @entrance
 def price_rows(fleet: FleetEstimates, rows: Rows) -> float:
-    """Write what each drone's trips cost; returns the sum."""
+    """Write the cost of each drone's trips; returns the sum."""
     for drone in range(rows.length.size):
         rows.cost[drone] = cost_of_row(fleet, drone, rows.pool[drone], rows.length[drone])
     return rows.cost.sum()
@@ -34,12 +34,13 @@ def price_rows(fleet: FleetEstimates, rows: Rows) -> float:
 def anneal(
     fleet: FleetEstimates, rows: Rows, chance: Longs, steps: int, hot_s: float, cold_s: float
 ) -> float:
-    """Improve the rows by so many steps; returns their cost, which ends at the best one found.
+    """Improve the rows by this many steps; afterwards they are the best rows found. Their cost.
 
     Parameters
     ----------
     hot_s, cold_s
-        A step that costs this much more is accepted with a chance of 1/e, at first and at last.
+        A step that costs this much more is accepted with a chance of 1/e, at the beginning and at
+        the end.
     """
     drones = rows.length.size
     first, second = np.empty(rows.pool.shape[1], np.int64), np.empty(rows.pool.shape[1], np.int64)

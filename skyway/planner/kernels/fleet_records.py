@@ -1,9 +1,9 @@
-"""What the kernels of the dispatcher read: estimates of trips, and the prices of requests.
+"""The input of the dispatcher's kernels: estimates of trips, and the prices of requests.
 
 A *pool* is a set of requests that may share a trip; its number counts from 0. A *place* is a
-station where a drone is free, packages are picked up or handed over. A *kind* is a drone model.
-Flying needs seconds, and charge that pads give back in further seconds: the *need* of a flight is
-its time and the time to charge its energy at the fastest rate of the curve.
+station where a drone is free, or where packages are picked up or handed over. A *kind* is a drone
+model. The *need* of a flight is its time plus the time to charge its energy at the fastest rate of
+the charge curve.
 """
 
 from typing import NamedTuple
@@ -12,20 +12,20 @@ from skyway.planner.kernels.memory import Floats, Longs
 
 
 class FleetEstimates(NamedTuple):
-    """Estimates of all trips, as if every pad was free.
+    """Estimates of all trips, as if every pad were free.
 
     - By drone: `kind`, `start` place, `free_s`, and `credit_s`, the need that its charge covers.
     - `approach` ``(kinds, places, places, 3)``: seconds, need and joules of the empty flight.
     - By kind and pool: `flight` ``(kinds, pools, 3)`` seconds, need and joules from the pick-up to
-      the last hand-over, with both; `end` place; `early_s` ``(kinds, pools, members)``, how long
+      the end of the last hand-over; `end` place; `early_s` ``(kinds, pools, members)``, how long
       before the end of the trip each member is served.
     - By pool: `source` place, and `members` ``(pools, members)``, requests in rising order, -1 for
       none. `key` is made of the members (`key_of`), rising, and `pool_of_key` its pool.
-    - By request: `weight`, `known_s`, `ready_s`, before which it is not loaded, `due_s` and
-      `latest_s` (inf without), `planned` drone or -1.
-    - `provider` by drone, and by provider `least_flown`, the requests that it has to fly.
+    - By request: `weight`; `known_s`; `ready_s`, the earliest loading; `due_s` and `latest_s` (inf
+      without a limit); `planned`, its drone in the current plan or -1.
+    - By drone `provider`, and by provider `least_flown`, the least requests that it has to fly.
     - `prices`: delivery, lateness, joule, move, each second after `latest_s`, and each request that
-      a provider flies too few.
+      a provider has to fly and does not fly.
     - `hand_over_s` is between two trips of a drone.
     """
 

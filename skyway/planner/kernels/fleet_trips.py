@@ -29,14 +29,14 @@ def estimate_trip(
     apart_m
         ``(k + 1, k)``, from destination to destination; the last row is from the pick-up.
     s_per_m, j_per_m
-        ``(2**k,)``, for the packages on board when these destinations are served.
+        ``(2**k,)``, by the set of served destinations, with the packages that are still on board.
     stops
         Seconds and joules of one hand-over with its landing.
     s_per_j
         The least seconds on a pad for one joule.
     least
-        ``(k, 3)``, written: by last destination, the least seconds, need and joules, each by
-        itself over all orders.
+        ``(k, 3)``, written: by last destination, the least seconds, the least need and the least
+        joules. They may belong to different orders.
     best
         ``(3,)``, written: seconds, need and joules of the order of least need.
     served_s

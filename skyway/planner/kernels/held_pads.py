@@ -1,7 +1,7 @@
-"""Pads that are held and released between two searches: a pad book that can be changed.
+"""Holds and releases pads between two searches, in a pad book that can be changed.
 
-Its arrays have room for more reservations. The rows that are not used come last, with a station row
-after all others, so that a search reads the book like any other.
+The arrays of the book have room for more reservations. Unused rows come last, with a station row
+after all others, so that a search reads this book like any other book.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from skyway.planner.kernels.pads import end_of, first_of
 from skyway.planner.kernels.places import slot_of
 from skyway.planner.kernels.records import Book
 
-# The station row of what is not used, after all rows of a network.
+# The station row of unused rows, after all rows of a network.
 UNUSED = np.iinfo(np.int32).max
 
 # Why sessions were not held or released.
@@ -21,10 +21,10 @@ NO_ROOM = -2
 
 @entrance
 def hold(known: Book, held: Book, used: int, sessions: Longs, memory: Memory) -> int:
-    """Enter these sessions ``(k, 4)``: station row, pad, first and last millisecond.
+    """Enter these sessions ``(k, 4)``: station row, pad, start and end in milliseconds.
 
-    Returns -1, or the number of the first session whose pad is held already; then none is
-    entered. `used` rows are in use before.
+    Returns -1, or the number of the first session whose pad is already held; then none is
+    entered. `used` is the number of rows in use before.
     """
     if used + sessions.shape[0] > held.station.size:
         return NO_ROOM
@@ -42,7 +42,7 @@ def hold(known: Book, held: Book, used: int, sessions: Longs, memory: Memory) ->
 
 @entrance
 def release(held: Book, used: int, sessions: Longs, memory: Memory) -> int:
-    """Remove these sessions; returns -1, or the number of the first that is not held."""
+    """Remove these sessions; returns -1, or the number of the first session that is not held."""
     for number in range(sessions.shape[0]):
         if _place_in(held, used - number, sessions[number]) < 0:
             for before in range(number):
@@ -56,7 +56,7 @@ def release(held: Book, used: int, sessions: Longs, memory: Memory) -> int:
 
 @kernel
 def _is_held(book: Book, session: Longs) -> bool:
-    """Whether a reservation of this book meets the session."""
+    """Whether a reservation of this book overlaps the session."""
     first = first_of(book, session[0])
     for index in range(first, end_of(book, session[0], first)):
         if (
@@ -70,7 +70,7 @@ def _is_held(book: Book, session: Longs) -> bool:
 
 @kernel
 def _insert(book: Book, used: int, session: Longs) -> None:
-    """Enter a session where the order by station, pad and start puts it."""
+    """Enter a session at its place in the order by station, pad and start."""
     index = int64(used)
     while index > 0 and _is_after(book, index - 1, session):
         book.station[index] = book.station[index - 1]
@@ -121,7 +121,7 @@ def _place_in(book: Book, used: int, session: Longs) -> int:
 
 @kernel
 def _forget_windows(memory: Memory, row: int) -> None:
-    """Let the free windows of this station be found again."""
+    """Mark the free windows of this station, so that they are computed again."""
     slot = slot_of(row, memory.table.size)
     while memory.table[slot] != 0:
         place = memory.table[slot] - 1

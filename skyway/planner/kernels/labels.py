@@ -47,7 +47,7 @@ DOMINATED = -1
 FULL_MEMORY = -2
 TOO_LATE = -3
 
-# Instead of a place in a list: a label of the list dominates.
+# Returned instead of a place in a list: a label of the list dominates.
 _BEATEN = -2
 
 # The share of a wait for a window by which the queue orders labels that wait for it.
@@ -160,8 +160,8 @@ def note_goal(memory: Memory, label: int, delivered_s: float) -> None:
 def is_behind(task: Task, memory: Memory, label: int) -> bool:
     """Whether a label at the same place dominates this one, and has delivered one package more.
 
-    Only with `compares_masks`: then a drone with less to carry can follow any plan of another drone
-    and leave out what it has delivered.
+    Only with `compares_masks`: then a drone with less on board can follow any plan of another drone
+    and leave out the packages that it has delivered.
     """
     state, row = memory.link[label, STATE], memory.label[label]
     is_flown = memory.link[label, KIND] == FLOWN
@@ -233,7 +233,7 @@ def _compare(
 ) -> int:
     """Remove the labels that this row dominates from a list; `_BEATEN` if one dominates the row.
 
-    Otherwise returns the label behind which the row belongs, -1 if it is the first.
+    Otherwise returns the label after which the row belongs, -1 if the row is the first.
     """
     needed_j = row[LAST_LEVEL] - row[USED] - task.rounding_j
     behind, before = NONE, NONE

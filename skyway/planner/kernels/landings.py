@@ -71,7 +71,7 @@ def fly_over(
 def stand(search: Search, label: int) -> bool:
     """Enter the labels of a drone that lands and recharges here; False when the memory is full.
 
-    The search does so when the label's turn comes. Most labels never have a turn.
+    The search does so when it takes the label from the queue. Most labels never leave the queue.
     """
     memory = search.memory
     state = memory.link[label, STATE]

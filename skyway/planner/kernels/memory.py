@@ -29,7 +29,7 @@ INWARD: Final = int64(0)
 OUTWARD: Final = int64(1)
 
 # Rows of `Memory.counts`: how much of each array is in use, and whether one is full. `STALE` counts
-# windows of stations whose reservations have changed since.
+# the windows that are out of date because reservations of their station have changed.
 PLACES: Final = 0
 ARCS: Final = 1
 WINDOWS: Final = 2

@@ -69,8 +69,8 @@ class Task(NamedTuple):
 
     `finish_j` is the energy that must remain above the reserve after the last delivery. The charge
     curve leads through `curve_s`, `curve_j`. `levels` are the levels tried on each pad, 0 if
-    charging is decided as late as possible. Only with `prunes` are dominated labels left out, and
-    only with `compares_masks` labels behind a drone that has delivered more (see `labels`).
+    charging is decided as late as possible. `prunes` leaves out dominated labels, and
+    `compares_masks` leaves out labels behind a drone that has delivered more (see `labels`).
 
     With `may_pass` the problem has windows. Destination j may be handed over from moments between
     `start_from_s` and `start_until_s`, rows ``start_offsets[j]`` to ``start_offsets[j + 1]``; the
@@ -194,7 +194,7 @@ class TripRows(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What the kernels find for trips, written one trip after another.
+    """The results for trips, which the kernels write one trip after another.
 
     `counts` ``(3,)``: how many trips are done, and how many rows of `act_link` and `session` are
     used. By trip: `outcome`, `end_row`, `labels`, `end_s`, `left_j`, `used_j`, and the
@@ -202,7 +202,7 @@ class Found(NamedTuple):
 
     `act_link` holds each act's kind and segment row, `act_value` its level and the moment before
     which it may not begin (see `skyway.planner.exact_itinerary.Act`). A row of `session` is a
-    station row, a pad, and the milliseconds from and until which it is held.
+    station row, a pad, and the start and end of the session in milliseconds.
     """
 
     counts: Longs

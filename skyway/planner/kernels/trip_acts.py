@@ -1,4 +1,4 @@
-"""What a trip's best plan does: its acts, flown again for times, energy and pad sessions.
+"""The acts of a trip's best plan, which are flown again for times, energy and pad sessions.
 
 `skyway.planner.exact_itinerary` makes the steps of a plan from the same acts.
 """
@@ -43,7 +43,7 @@ _SAME_SHARE = 1e-3
 
 @kernel
 def keep_acts(search: Search, found: Found) -> int:
-    """Write the acts of the best plan, from the start on; their number, or -1 without room."""
+    """Write the acts of the best plan in order of time; their number, or -1 without room."""
     memory, task = search.memory, search.task
     count = int64(0)
     label = memory.counts[BEST]
@@ -79,7 +79,7 @@ def keep_acts(search: Search, found: Found) -> int:
 def fly_acts(
     search: Search, terms: Terms, trips: TripRows, found: Found, trip: int, drops: Drops
 ) -> bool:
-    """Fly the kept acts of this trip and write what comes of them; False without room."""
+    """Fly the acts of this trip and write the results; False without room."""
     task, memory = search.task, search.memory
     count = int64(drops.row.size)
     mask = int64(1) << count
@@ -132,8 +132,8 @@ def fly_acts(
 def _hold_pads(search: Search, found: Found, row: int, from_s: float, until_s: float) -> bool:
     """Write the sessions from one moment to another, pad after pad; False without room.
 
-    The pads are those that `PadCalendar` chooses: for a full recharge the first that is free all
-    the time, otherwise the pad that stays free longest.
+    The pads are those that `PadCalendar` chooses: for a full recharge the first pad that is free
+    for the whole time, otherwise the pad that stays free longest.
     """
     now_ms = int64(np.floor(from_s * _MS_PER_S + _MS_TOLERANCE))
     end_ms = int64(np.ceil(until_s * _MS_PER_S - _MS_TOLERANCE))
@@ -163,7 +163,7 @@ def _hold_pads(search: Search, found: Found, row: int, from_s: float, until_s: f
 
 @kernel
 def _free_until_ms(book: Book, row: int, pad: int, now_ms: int, end_ms: int) -> int:
-    """Until when the pad is free from now on, at most until the end; now if it is taken."""
+    """The moment until which the pad stays free, at most the end; now if the pad is taken."""
     first = first_of(book, row)
     free_ms = end_ms
     for index in range(first, end_of(book, row, first)):

@@ -1,4 +1,4 @@
-"""The task of one trip, made from its row; the same as `skyway.planner.exact_task` makes."""
+"""The task of one trip, made from its row; equal to the task of `skyway.planner.exact_task`."""
 
 from typing import NamedTuple
 
@@ -17,11 +17,12 @@ _TOLERANCE_S = TIME_TOLERANCE_S / 2
 
 
 class Drops(NamedTuple):
-    """The places where a trip changes packages: its destinations, and at last its source.
+    """The places of a trip where packages are handed over, and last its source.
 
-    `row` ``(k,)`` are the destinations, `mass_kg` ``(k,)`` what they receive. The acts there
-    begin from `from_s` until `until_s`, ``(k + 1,)``. `has_own` says that packages are for the
-    source, `may_pass` that the trip has windows, or one of its places opening hours.
+    `row` ``(k,)`` are the destinations, `mass_kg` ``(k,)`` the mass that each receives. The acts
+    there begin between `from_s` and `until_s`, ``(k + 1,)``. `has_own` says that a package is for
+    the source itself, `may_pass` that the trip has windows or that one of its places has opening
+    hours.
     """
 
     row: Ints
@@ -107,7 +108,7 @@ def task_of_trip(
             flight_end_s[number] = np.inf
     required = np.zeros(count, np.int32)
     need_per_m = needs_s * s_per_m + needs_s_per_j * j_per_m
-    # With windows the drone may have landed before it hands over.
+    # With windows the drone may land some time before it hands over.
     land_s, land_j = (0.0, 0.0) if drops.may_pass else (stop_s, stop_j)
     flight_after = np.empty((1 << count, count))
     need_after = np.empty((1 << count, count))
@@ -132,7 +133,8 @@ def task_of_trip(
     curve = slice(terms.curve_offsets[model], terms.curve_offsets[model + 1])
     source = trips.source[trip]
     finish_at_source_j = terms.to_pad_m[source] * j_per_m[-1] if count == 0 else 0.0
-    # See `exact_task`: a light drone is never slower, uses no more, and is never too early.
+    # See `exact_task`: a drone with less on board is never slower, uses no more energy, and is
+    # never too early.
     is_lighter_better = terms.speed_full_mps[model] <= terms.speed_empty_mps[model]
     compares_masks = is_lighter_better and not is_closed and not drops.may_pass
     return task_handle(
@@ -200,7 +202,7 @@ def _legs(terms: Terms, model: int, mass_kg: Floats) -> tuple[Floats, Floats]:
 def _starts(
     terms: Terms, trips: TripRows, trip: int, drops: Drops, loading_s: float
 ) -> tuple[Longs, Floats, Floats]:
-    """When each act may begin, by destination and at last the source; empty without windows."""
+    """When each act may begin, by destination and last the source; empty without windows."""
     count = int64(drops.row.size)
     if not drops.may_pass:
         return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
@@ -215,7 +217,7 @@ def _starts(
         row = drops.row[act] if act < count else trips.source[trip]
         takes_s = terms.dropoff_s if act < count else loading_s
         has_hours = terms.has_hours[row]
-        # A drone with its packages on board leaves the source also when it is closed.
+        # A drone with its packages on board may leave its source while the source is closed.
         if act == count and trips.on_board[trip] and not drops.has_own:
             has_hours = False
         first, end = terms.hours_offsets[row], terms.hours_offsets[row + 1]

@@ -1,4 +1,4 @@
-"""Many trips in one compiled call: each is planned by the same search as a single problem.
+"""Many trips in one compiled call, which plans each trip by the same search as a single problem.
 
 The memory of the search is kept from trip to trip: stations, free windows, and the trees of
 destinations. Only states, labels and the queue belong to one trip.
@@ -71,7 +71,7 @@ def plan_trips(
     labels_per_trip: int,
     labels_per_call: int,
 ) -> int:
-    """Plan the trips that are not done, until all are or something is full."""
+    """Plan the remaining trips; returns how the call ended: `ALL_DONE`, or why trips remain."""
     made = int64(0)
     while found.counts[DONE] < found.outcome.size:
         if made >= labels_per_call:
@@ -149,8 +149,8 @@ def _hopeless(closed: Closed, terms: Terms, trips: TripRows, trip: int, drops: D
 
 @kernel
 def _forget_search(memory: Memory) -> None:
-    """Remove the states and labels of the trip before, and windows if most are out of date."""
-    # The last state first: so the way to each of the others still has no gap.
+    """Remove the states and labels of the earlier trip, and windows if most are out of date."""
+    # The last state goes first, so that the table still finds each of the other states.
     for state in range(memory.counts[STATES] - 1, -1, -1):
         place, mask = memory.state[state, STATE_PLACE], memory.state[state, STATE_MASK]
         memory.state_table[slot_of_state(memory, place, mask)] = 0
@@ -170,7 +170,7 @@ def _forget_search(memory: Memory) -> None:
 def _ready_trees(
     skyway: Skyway, closed: Closed, memory: Memory, trips: TripRows, trip: int, drops: Drops
 ) -> int:
-    """Note the trees of this trip, grown as far as it reaches; as a call's end."""
+    """Grow the trees of this trip as far as the trip reaches; returns how it ended."""
     count = int64(drops.row.size)
     start, source = int64(trips.start[trip]), int64(trips.source[trip])
     approaches = start != source or drops.may_pass

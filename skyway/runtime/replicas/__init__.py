@@ -1,5 +1,6 @@
-"""The replicas of a service on one database: who lives, who leads, and who owns which drone.
+"""The replicas of a service on one database: which are live, which leads, which owns a drone.
 
 `share` decides from a list of live replicas. `replica_store` keeps this list in the database.
-`membership` joins it, reads it again and again, and remembers the earlier ones.
+`membership` adds this replica to the list, reads the list again and again, and remembers the
+earlier lists.
 """

@@ -1,4 +1,4 @@
-"""Keeps a replica among the live ones, and knows what it leads and owns now and has owned.
+"""Keeps a replica in the list of live replicas, and knows its drones now and before.
 
 With SQLite there is one process: it leads, owns every drone, and writes nothing.
 """
@@ -20,11 +20,11 @@ from skyway.runtime.replicas.share import Member, Replicas
 
 log = logging.getLogger(__name__)
 
-#: Seconds of wall time between two beats. A dead replica is replaced within `DEAD_AFTER_MS` and one
-#: beat: 2.8 s.
+#: Seconds of wall time between two beats. A dead replica is replaced within `DEAD_AFTER_MS` plus
+#: one beat: 2.8 s.
 _BEAT_EVERY_S: Final = 0.7
 
-#: The most changes that are remembered. An older moment counts as unknown.
+#: The most changes that are remembered. Before the oldest one, no drone counts as owned.
 _MOST_CHANGES: Final = 100
 
 _EVER: Final = datetime.min.replace(tzinfo=UTC)
@@ -46,17 +46,17 @@ class Membership:
         self._is_listening = False
         self._wake = Wake()
         alone = (Member(0, own_id, is_listening=True),) if store.has_one_process else ()
-        #: What was seen, and from which moment on, fleet time; the last one counts now.
+        #: Each list that was seen, with its first moment in fleet time; the last list counts now.
         self._seen = deque([(_EVER, Replicas(own_id, alone))], maxlen=_MOST_CHANGES)
 
     async def __aenter__(self) -> Self:
-        """Read who lives, so that this replica owns only its share from the first message on."""
+        """Read the live replicas, so that this one owns only its share from the beginning."""
         if not self._store.has_one_process:
             self._note(await self._store.living())
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        """Leave: the other replicas need not wait until this one counts as dead."""
+        """Leave the list, so that the others need not wait until this replica counts as dead."""
         if not self._store.has_one_process:
             with suppress(ServiceUnavailable):
                 await self._store.leave(self.own_id)
@@ -68,7 +68,7 @@ class Membership:
             loops.start("replicas", beats)
 
     async def step(self) -> bool:
-        """Step of a loop: say that this replica lives, and read which others do; always False."""
+        """Step of a loop: note that this replica is live, and read the others; always False."""
         self._note(await self._store.beat(self.own_id, is_listening=self._is_listening))
         return False
 
@@ -79,7 +79,7 @@ class Membership:
 
     @property
     def leads(self) -> bool:
-        """Whether this replica does now what one replica does for all."""
+        """Whether this replica now does the work that one replica does for all."""
         return self._now.leads
 
     @property
@@ -101,7 +101,7 @@ class Membership:
         return False
 
     async def gauges(self) -> list[Gauge]:
-        """How many replicas live, and whether this one leads."""
+        """The number of live replicas, and whether this replica leads."""
         alive = len(self._now.members)
         return [
             Gauge("skyway_replicas", "live replicas of this service, as this one sees them", alive),
@@ -124,10 +124,10 @@ class Membership:
 
 @dataclass(slots=True)
 class LeaderStep:
-    """A step of a loop that the leader does for all replicas; `begin` is called when it begins.
+    """A step of a loop that only the leader does; `begin` is called when it begins to lead.
 
-    A replica that has lost the lead does the step once more. It may have published something that
-    it had read before the new leader published something newer.
+    A replica that has lost the lead does the step once more. It may have published old data after
+    the new leader published newer data.
     """
 
     membership: Membership

@@ -1,7 +1,8 @@
 """The table of live replicas, and all its SQL. All times are of the database's clock.
 
-One statement says that a replica lives, deletes dead ones, and returns the living. Nothing belongs
-to a session, so a pooler may give each statement another connection.
+A beat is one statement: it notes that a replica is live, deletes dead replicas, and returns the
+live ones. Nothing belongs to a database session, so a pooler may give each statement another
+connection.
 """
 
 from collections.abc import Sequence
@@ -49,7 +50,7 @@ def replicas_table(metadata: MetaData) -> Table:
 
 
 class ReplicaStore:
-    """The live replicas of one service; on SQLite there is one process, and nothing is stored."""
+    """Stores the live replicas of one service; on SQLite, with one process, it stores nothing."""
 
     def __init__(self, db: Database, replicas: Table) -> None:
         self.has_one_process = db.dialect == "sqlite"
@@ -59,7 +60,7 @@ class ReplicaStore:
         self._leave = delete(replicas).where(replicas.c.replica_id == _OWN_ID)
 
     async def beat(self, own_id: str, *, is_listening: bool) -> tuple[Member, ...]:
-        """Keep a replica alive, delete the dead, and return the living."""
+        """Note that a replica is live, delete dead replicas, and return the live ones."""
         own = {"own_id": own_id, "is_listening": is_listening}
         return _members(await self._db.write_alone(self._beat, own))
 
@@ -85,7 +86,7 @@ def _beat(replicas: Table) -> CompoundSelect[*tuple[Any, ...]]:
         ["replica_id", "joined_wall_ms", "seen_wall_ms", "is_listening"],
         select(_OWN_ID, now_ms, now_ms, _IS_LISTENING),
     )
-    # After a failover the clock of another server may be behind.
+    # After a failover the clock of the new database server may be behind.
     joined_ms = func.least(replicas.c.joined_wall_ms, now_ms)
     own = (
         new.on_conflict_do_update(
@@ -113,7 +114,7 @@ def _beat(replicas: Table) -> CompoundSelect[*tuple[Any, ...]]:
 
 
 def _is_live(replicas: Table, now_ms: ColumnElement[int]) -> ColumnElement[bool]:
-    """Whether a replica was seen lately; a row of the future is damaged or of a wrong clock."""
+    """Whether a replica was seen lately; a row from the future has damage or a wrong clock."""
     return replicas.c.seen_wall_ms.between(now_ms - DEAD_AFTER_MS, now_ms + DEAD_AFTER_MS)
 
 

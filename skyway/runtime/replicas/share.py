@@ -1,7 +1,7 @@
 """Decides which replica leads and which replica owns a drone, from the list of live replicas.
 
-Replicas that see the same list decide the same. While their lists differ, two replicas may lead, or
-own a drone, or a drone may have no owner for a moment.
+Replicas that see the same list decide the same. While their lists differ, two replicas may lead or
+own the same drone, or a drone may have no owner for a moment.
 """
 
 from collections.abc import Iterable
@@ -10,7 +10,7 @@ from functools import cached_property
 from hashlib import blake2b
 from typing import Final
 
-#: The most drones of which is remembered whether they are owned, about 100 bytes each.
+#: The most drones whose ownership is cached, about 100 bytes each.
 _MOST_REMEMBERED: Final = 200_000
 
 
@@ -18,7 +18,7 @@ _MOST_REMEMBERED: Final = 200_000
 class Member:
     """A live replica, and when it joined, by the database's clock.
 
-    Only replicas that are connected to the broker are `is_listening`, and own drones.
+    `is_listening`: whether it is connected to the broker. Only then it owns drones.
     """
 
     joined_wall_ms: int
@@ -32,12 +32,12 @@ class Replicas:
 
     own_id: str
     members: tuple[Member, ...] = ()
-    #: What `owns` has answered: most messages are of drones that were asked about before.
+    #: The answers of `owns`: most messages are from drones that were asked about before.
     _owned: dict[str, bool] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def leads(self) -> bool:
-        """Whether this replica leads: it has joined before all others.
+        """Whether this replica leads: it joined before all others.
 
         So the lead changes only when the leader leaves.
         """
@@ -45,9 +45,9 @@ class Replicas:
 
     @cached_property
     def listeners(self) -> frozenset[str]:
-        """The replicas that share the drones: those that listen, and always this one.
+        """The replicas that share the drones: all that listen, and always this replica.
 
-        A replica that has just connected is not yet seen by the others, but must miss nothing.
+        The others may not see yet that this replica is connected, but it must miss no message.
         """
         listening = (each.replica_id for each in self.members if each.is_listening)
         return frozenset([self.own_id, *listening])
@@ -70,8 +70,8 @@ class Replicas:
 def owner_of(drone_id: str, replica_ids: Iterable[str]) -> str:
     """The replica with the largest hash of itself and the drone (rendezvous hashing).
 
-    A replica that joins or leaves changes only the owner of its own drones. Source: Thaler and
-    Ravishankar, "Using name-based mappings to increase hit rates", 1998.
+    When a replica joins or leaves, only the drones of this replica change their owner. Source:
+    Thaler and Ravishankar, "Using name-based mappings to increase hit rates", 1998.
     """
     return max(replica_ids, key=lambda each: (_weight(each, drone_id), each))
 

@@ -1,6 +1,6 @@
 """The URL of a database, and the parts of a PostgreSQL URL that only Skyway reads.
 
-``postgresql://user@host:5432/name`` may name several servers, parted by commas: the process
+``postgresql://user@host:5432/name`` may name several servers, separated by commas: the process
 connects to the one that is primary. Two parameters are for Skyway and not for the server:
 ``connections`` and ``pooling=transaction``.
 """

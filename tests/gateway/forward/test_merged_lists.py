@@ -1,4 +1,4 @@
-"""The lists of several servers as one list in pages."""
+"""The pages of several servers are merged into the pages of one list."""
 
 from typing import Any
 

@@ -286,7 +286,7 @@ def ids(keys: Iterable[Key]) -> set[str]:
     return {key.item_id for key in keys}
 
 
-async def test_what_a_silent_cell_said_last_stays_beside_what_the_others_say(
+async def test_the_last_data_of_a_silent_cell_stays_in_the_picture(
     gateway: Gateway,
 ) -> None:
     north, south = Fleet(await gateway.planned()), Fleet()

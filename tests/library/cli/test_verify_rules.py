@@ -187,7 +187,7 @@ def test_a_delivery_that_is_deleted_while_services_are_read_breaks_no_rule(
     assert still_broken(DELIVERY_RULES, looked, again) == []
 
 
-def test_the_facts_of_cells_are_those_of_one_composition(tmp_path: Path) -> None:
+def test_verify_reads_the_facts_of_all_cells_as_one_composition(tmp_path: Path) -> None:
     looks = {}
     for name, mission_ids in (
         ("composition", ("msn_1", "msn_4")),

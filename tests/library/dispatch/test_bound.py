@@ -1,4 +1,4 @@
-"""The lower bound against the best of all plans, on fleets so small that all can be planned."""
+"""Compares the lower bound with the best of all plans, on very small fleets."""
 
 from collections.abc import Iterator, Sequence
 from itertools import permutations

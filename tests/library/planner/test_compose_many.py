@@ -1,4 +1,4 @@
-"""Many trips in one call give what `compose` gives for each of them alone."""
+"""`compose_many` finds the same results as `compose` finds for each trip alone."""
 
 import contextlib
 import math
@@ -42,7 +42,7 @@ _OUTCOME_OF = {
 
 
 def ledger_of(problem: Problem, *, begins_s: float) -> PadLedger:
-    """The ledger whose zero lies so long before the problem's."""
+    """The ledger whose zero is this much earlier than the problem's zero."""
     start_at = problem.start_at
     terms = TripTerms.of(
         problem.network,
@@ -179,7 +179,7 @@ def test_sessions_of_a_plan_are_reserved_and_released(line: Problem) -> None:
     assert held.tolist() == [[row_b(line), 0, 600_000, 1_100_000]]
     assert (first.end_s[0], second.end_s[0]) == (1_700.0, 2_200.0)
     assert first.plan(0).delivery_time_s == 1_700.0
-    with pytest.raises(PadIsTaken, match="meets a reservation"):
+    with pytest.raises(PadIsTaken, match="overlaps a reservation"):
         ledger.reserve(held)
     ledger.release(held)
     assert compose_many(trips, ledger).end_s[0] == 1_700.0
@@ -210,7 +210,7 @@ def test_a_plan_whose_pad_another_trip_has_reserved_is_refused(line: Problem) ->
 @settings(max_examples=15)
 @given(st.data())
 def test_a_ledger_has_the_windows_of_its_reservations(data: st.DataObject) -> None:
-    """Sessions reserved and released in any order leave what a new ledger would hold."""
+    """After sessions are reserved and released in any order, the ledger equals a new ledger."""
     problem = make_busy_problem(data.draw(st.integers(0, 40)))
     ledger, trips = ledger_of(problem, begins_s=0.0), trips_of(problem, begins_s=0.0)
     stations = len(problem.network.row_of)

@@ -56,7 +56,7 @@ async def add(api: Any, network_id: str = "texas", *, url: str = NORTH) -> Any:
 
 @pytest.fixture
 def close(api: Any, clock: ManualClock) -> Any:
-    """Closes a cell, and waits until no booking can be under way."""
+    """Closes a cell, and waits until every booking that had begun is over."""
 
     async def closed(network_id: str = "texas") -> None:
         path = f"/v1/cells/{network_id}"
@@ -97,7 +97,7 @@ async def test_only_operators_change_the_table(api: Any) -> None:
 
 
 @pytest.mark.parametrize("url", ["north:8002", "http://north/", "http://nor th", "ftp://north"])
-async def test_an_address_that_is_none_is_refused(api: Any, url: str) -> None:
+async def test_a_text_that_is_no_address_is_refused(api: Any, url: str) -> None:
     assert (await add(api, url=url)).status_code == 422
 
 
@@ -138,7 +138,7 @@ async def test_a_server_must_know_its_own_address(api: Any, north: Server) -> No
     assert "SKYWAY_CELL_URL" in refused.json()["detail"]
 
 
-async def test_a_published_network_is_not_taken_from_its_server(
+async def test_a_cell_for_a_network_published_elsewhere_is_refused(
     api: Any, compositions: dict[str, Server]
 ) -> None:
     compositions["composition"].work = work(cell_url="http://composition")

@@ -151,7 +151,7 @@ async def test_a_rotated_key_is_a_renewal_when_it_is_first_used(
     assert composition.notified == [drone_id, drone_id]
 
 
-async def test_a_silent_cell_keeps_back_only_the_renewals_of_its_own_drones(
+async def test_a_silent_cell_delays_only_the_renewals_of_its_own_drones(
     api: Any, db: Database, clock: ManualClock, stations: Any
 ) -> None:
     stations.elsewhere = {"mcqueeney": "ohio"}

@@ -28,7 +28,7 @@ helm.sh/chart: {{ printf "%s-%s" .root.Chart.Name .root.Chart.Version | replace 
 {{ .Values.image.repository }}:{{ .Values.image.tag | default .Chart.AppVersion }}
 {{- end -}}
 
-{{/* The addresses of a broker outside, parted by commas. Arguments: outside, port. */}}
+{{/* The addresses of a broker outside, separated by commas. Arguments: outside, port. */}}
 {{- define "skyway.outsideBroker" -}}
 {{- $scheme := printf "%s%s" (ternary "mqtts" "mqtt" .outside.tls) (ternary "+nats" "" (eq .outside.kind "nats")) -}}
 {{- $urls := list -}}

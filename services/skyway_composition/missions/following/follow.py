@@ -4,8 +4,8 @@ A batch that fails is tried again, and then handled message by message. Messages
 handled are set aside (`skyway_composition.quarantine`); the other messages of their batch are
 handled.
 
-Each replica follows its own drones. When another replica is gone, it follows more drones, and asks
-for what it has missed.
+Each replica follows its own drones. When another replica is gone, this replica follows more drones,
+and asks for the messages that it has missed.
 """
 
 import asyncio
@@ -38,8 +38,8 @@ log = logging.getLogger(__name__)
 _TRIES = 3
 
 #: Seconds of wall time between two batches: messages that arrive meanwhile share one transaction.
-#: A drone often sends an acknowledgement and two states about the same change. Several replicas
-#: wait longer, up to the second time: together they begin as many transactions as one.
+#: A drone often sends an acknowledgement and two states about the same change. The pause grows with
+#: the number of replicas, up to the second value, so that together they begin few transactions.
 _PAUSE_S, _LONGEST_PAUSE_S = 0.1, 0.3
 
 #: The longest wait for drones of a replica that is gone, seconds of wall time; then it waits again.
@@ -183,10 +183,10 @@ class Follower:
 
 
 class GainedDrones:
-    """Catches up on drones that this replica owns since another replica is gone.
+    """Catches up on drones that this replica owns because another replica is gone.
 
-    Their messages of the last seconds were dropped here, and perhaps handled nowhere. States and
-    connections are retained by the broker, instructions are sent until they are answered, and
+    This replica dropped their messages of the last seconds, and perhaps no replica handled them.
+    The broker retains states and connections, instructions are repeated until drones answer, and
     drones keep their events until they are confirmed.
     """
 
@@ -206,7 +206,7 @@ class GainedDrones:
         self._is_behind = False
 
     async def step(self) -> bool:
-        """Catch up when drones were gained. Always True: this method itself waits for them."""
+        """Catch up when this replica gains drones. Always True: this method itself waits."""
         if not self._is_behind and not await self._membership.gained.wait(_LONGEST_WAIT_S):
             return True
         self._is_behind = True

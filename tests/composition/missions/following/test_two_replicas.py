@@ -168,7 +168,7 @@ async def test_a_flight_goes_on_when_the_owner_of_its_drone_is_killed(
 
     pair.broker.publish(*events[2:])
     await pair.one.handle_all()
-    await pair.other.handle_all()  # it was only frozen, and handles everything once more
+    await pair.other.handle_all()  # the other replica was only frozen, and handles all once more
 
     assert await composition.state_of(instruction.mission_id) == "COMPLETED"
     custody = await composition.rows("SELECT custodian_kind FROM custody ORDER BY seq")

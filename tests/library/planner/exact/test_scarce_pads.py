@@ -1,4 +1,4 @@
-"""Where nearly all pads are taken, what shortens the search changes no result."""
+"""Where nearly all pads are taken, methods that shorten the search do not change its result."""
 
 from random import Random
 
@@ -82,7 +82,7 @@ def test_comparing_larger_sets_of_deliveries_changes_only_the_effort() -> None:
     assert saved > 0
 
 
-def test_searching_for_any_plan_first_changes_no_time() -> None:
+def test_a_first_search_for_any_plan_does_not_change_the_delivery_time() -> None:
     for seed in range(20):
         problem = scarce_problem(seed)
 

@@ -41,7 +41,7 @@ def join(db: Database, clock: ManualClock) -> Join:
 
 
 async def pass_time(db: Database, *, by_ms: int) -> None:
-    """Let time pass at the database: everything in the table is older now."""
+    """Let time pass at the database by making all rows of the table older."""
     async with db.write() as tx:
         older = {
             each.name: each - by_ms for each in (REPLICAS.c.joined_wall_ms, REPLICAS.c.seen_wall_ms)

@@ -1,4 +1,4 @@
-"""Each drone has one owner, and a change of one replica moves only its own drones."""
+"""Each drone has one owner, and a replica that joins or leaves moves only its own drones."""
 
 from collections import Counter
 
@@ -46,7 +46,7 @@ def test_a_replica_that_joins_or_leaves_moves_only_its_own_drones(ids: set[str],
 def test_a_drone_has_an_owner_while_some_replicas_do_not_see_the_new_one(
     ids: set[str], data: st.DataObject
 ) -> None:
-    """A replica that has joined sees all; each other one sees it now or later."""
+    """The new replica sees all replicas. The others see the new replica now or later."""
     new = data.draw(st.sampled_from(sorted(ids)))
     late = data.draw(st.sets(st.sampled_from(sorted(ids)))) - {new}
     views = [
