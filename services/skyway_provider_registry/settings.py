@@ -50,8 +50,9 @@ class RegistrySettings(ServiceSettings):
         NoDecode,
         Field(
             description="Hosts of the servers that operators may name as cells, separated by "
-            "commas, such as `composition-*`. The services show these servers their secrets. "
-            "Without hosts, only the composition of `SKYWAY_COMPOSITION_URL` can be a cell."
+            "commas, such as `composition-*`. `*` stands for no dot. The services show these "
+            "servers their secrets. Without hosts, only the composition of "
+            "`SKYWAY_COMPOSITION_URL` can be a cell."
         ),
     ] = ()
     drones_per_provider: int = Field(

@@ -7,7 +7,7 @@ database holds the same number of rows in each table.
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
-from fnmatch import fnmatch
+from fnmatch import fnmatchcase
 from typing import Final
 from urllib.parse import urlsplit
 
@@ -139,7 +139,7 @@ class CellChanges:
     def _refuse_unknown_host(self, url: str) -> None:
         """Go on only if the services may show their secrets to the server at this address."""
         host = urlsplit(url).hostname or ""
-        if url != self.servers.default.url and not any(fnmatch(host, each) for each in self.hosts):
+        if url != self.servers.default.url and not any(_fits(host, each) for each in self.hosts):
             detail = f"the host {host} is not in SKYWAY_CELL_HOSTS of the registry"
             raise InvalidInput("url", detail)
 
@@ -157,6 +157,16 @@ class CellChanges:
     async def _work(self, url: str) -> CellWork:
         async with self.servers.default.at(url).adding(f"composition at {url}", {}) as client:
             return await client.call("GET", CELL_WORK, answer=CellWork)
+
+
+def _fits(host: str, pattern: str) -> bool:
+    """Whether a host has this pattern. `*` stands for no dot, because a domain may be anybody's.
+
+    Characters outside ASCII fit nothing: a name may have other dots, such as U+3002.
+    """
+    names, patterns = host.split("."), pattern.split(".")
+    is_as_long = host.isascii() and len(names) == len(patterns)
+    return is_as_long and all(map(fnmatchcase, names, patterns))
 
 
 def _refuse_another(cell: NetworkCell, url: str) -> None:
@@ -195,6 +205,12 @@ def _refuse_busy(cell: NetworkCell, moving: Sequence[NetworkCell], work: CellWor
 
 
 def _refuse_incomplete(cell: NetworkCell, old: CellWork, *, url: str, new: CellWork) -> None:
+    if set(old.network_ids) != set(new.network_ids):
+        raise Conflict(
+            "CELL_NOT_COPIED",
+            f"the networks at {cell.url} are {_names(old)}, and those at {url} are {_names(new)}: "
+            "copy the database (skyway cell copy), and try again",
+        )
     for table, rows in old.rows.items():
         found = new.rows.get(table)
         if found != rows:
@@ -203,3 +219,7 @@ def _refuse_incomplete(cell: NetworkCell, old: CellWork, *, url: str, new: CellW
                 f"{table} has {rows} rows at {cell.url} and {found} at {url}: copy the database "
                 "(skyway cell copy), and try again",
             )
+
+
+def _names(work: CellWork) -> str:
+    return ", ".join(work.network_ids) or "none"

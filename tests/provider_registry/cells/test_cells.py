@@ -101,17 +101,27 @@ async def test_a_text_that_is_no_address_is_refused(api: Any, url: str) -> None:
     assert (await add(api, url=url)).status_code == 422
 
 
-@pytest.mark.parametrize("url", ["http://evil", "http://north.evil", "http://north:80@evil"])
+@pytest.mark.parametrize(
+    "url",
+    [
+        "http://evil",
+        "http://north.evil",
+        "http://so.evil",
+        "http://so\u3002evil",
+        "http://north:80@evil",
+    ],
+)
 async def test_a_host_that_the_deployment_does_not_name_never_gets_a_secret(
     api: Any, compositions: dict[str, Server], url: str
 ) -> None:
-    compositions["evil"] = compositions["north.evil"] = Server(work(cell_url=url))
+    hosts = ("evil", "north.evil", "so.evil")
+    compositions.update({host: Server(work(cell_url=url)) for host in hosts})
 
     refused = await add(api, url=url)
 
     assert refused.status_code == 422
     assert "SKYWAY_CELL_HOSTS" in refused.json()["detail"]
-    assert compositions["evil"].asked == compositions["north.evil"].asked == 0
+    assert [compositions[host].asked for host in hosts] == [0, 0, 0]
 
 
 async def test_an_unknown_cell_cannot_be_closed_or_moved(api: Any) -> None:
@@ -208,6 +218,20 @@ async def test_a_cell_with_work_or_without_a_copy_does_not_move(
     assert await table(api) == [("texas", NORTH, "CLOSED")]
 
 
+async def test_a_cell_does_not_move_to_a_server_of_other_networks_with_as_many_rows(
+    api: Any, close: Any, north: Server, south: Server
+) -> None:
+    await add(api)
+    north.work, south.work = IDLE, work(cell_url=SOUTH, network_ids=("ohio",))
+    await close()
+
+    refused = await move(api)
+
+    assert (refused.status_code, refused.json()["code"]) == (409, "CELL_NOT_COPIED")
+    assert "texas" in refused.json()["detail"]
+    assert "ohio" in refused.json()["detail"]
+
+
 async def test_a_cell_moves_no_sooner_than_its_last_booking_has_ended(
     api: Any, clock: ManualClock, north: Server, south: Server
 ) -> None:
@@ -230,6 +254,7 @@ async def test_the_networks_of_one_server_move_together(
     await add(api)
     await add(api, "ohio")
     north.work = work(network_ids=("ohio", "texas"))
+    south.work = work(cell_url=SOUTH, network_ids=("ohio", "texas"))
     await close()
 
     refused = await move(api)
