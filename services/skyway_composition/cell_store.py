@@ -16,7 +16,11 @@ from skyway_composition.tables import (
     networks,
     offer_holds,
     outbox,
+    replicas,
 )
+
+#: The tables that are copied and compared. The live replicas belong to the server itself.
+HELD: Final = tuple(table for table in metadata.sorted_tables if table is not replicas)
 
 #: Changes that add no row. They differ if a row changed after the database was copied.
 _CHANGES: Final = {
@@ -52,9 +56,7 @@ async def unsent_messages(connection: AsyncConnection) -> int:
 
 async def rows(connection: AsyncConnection) -> dict[str, int]:
     """The number of rows of each table, and the numbers of changes that add no row."""
-    counts = {
-        table.name: select(func.count()).select_from(table) for table in metadata.sorted_tables
-    }
+    counts = {table.name: select(func.count()).select_from(table) for table in HELD}
     return {
         name: int((await connection.execute(query)).scalar_one() or 0)
         for name, query in (counts | _CHANGES).items()

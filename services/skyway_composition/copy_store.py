@@ -3,7 +3,7 @@
 One database may be SQLite and the other PostgreSQL. Everything is copied in one transaction.
 """
 
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator
 from typing import Any, Final
 
 from sqlalchemy import Table, delete, func, select, tuple_
@@ -11,8 +11,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.errors import SkywayError
 from skyway.runtime.sql.database import Database
-from skyway_composition.cell_store import network_ids, open_missions, unsent_messages
-from skyway_composition.tables import metadata
+from skyway_composition.cell_store import HELD, network_ids, open_missions, unsent_messages
+from skyway_composition.tables import alarms, closures, missions
 
 #: The number of rows that are read and written together.
 _TOGETHER: Final = 500
@@ -21,7 +21,7 @@ _TOGETHER: Final = 500
 async def copy_database(source: Database, target: Database) -> dict[str, int]:
     """Copy all rows of one database into another; the number of copied rows by table.
 
-    Rows of an earlier copy in the target are replaced.
+    Rows of an earlier copy in the target are replaced, unless a server has worked with them.
 
     Raises
     ------
@@ -32,10 +32,10 @@ async def copy_database(source: Database, target: Database) -> dict[str, int]:
     async with source.survey() as reading:
         await _must_be_idle(reading)
         async with target.write() as tx:
-            await _must_be_replaceable(tx.connection, await network_ids(reading))
-            for table in reversed(metadata.sorted_tables):
+            await _must_be_replaceable(tx.connection, reading)
+            for table in reversed(HELD):
                 await tx.execute(delete(table))
-            for table in metadata.sorted_tables:
+            for table in HELD:
                 copied[table.name] = 0
                 async for rows in _rows_of(reading, table):
                     await tx.execute(table.insert(), rows)
@@ -55,11 +55,19 @@ async def _must_be_idle(source: AsyncConnection) -> None:
         )
 
 
-async def _must_be_replaceable(target: AsyncConnection, copied: Sequence[str]) -> None:
-    own = set(await network_ids(target)) - set(copied)
+async def _must_be_replaceable(target: AsyncConnection, source: AsyncConnection) -> None:
+    own = set(await network_ids(target)) - set(await network_ids(source))
     if own or await open_missions(target):
         names = ", ".join(sorted(own)) or "missions that are not over"
         raise SkywayError(f"the other database has data of its own ({names}): name an empty one")
+    for table in (missions, closures, alarms):
+        newest = select(func.max(*table.primary_key.columns))
+        theirs, ours = [(await each.execute(newest)).scalar_one() for each in (target, source)]
+        if (theirs or "") > (ours or ""):
+            raise SkywayError(
+                f"the other database has newer {table.name} than this one: its server has worked "
+                "since an earlier copy. If the cell has not moved to it yet, name an empty one"
+            )
 
 
 async def _rows_of(source: AsyncConnection, table: Table) -> AsyncIterator[list[dict[str, Any]]]:

@@ -7,11 +7,13 @@ import pytest
 from skyway_composition.cell_store import rows
 from skyway_composition.copy_store import copy_database
 from skyway_composition.own_cells import OwnCells, OwnDrones
-from skyway_composition.tables import outbox
+from skyway_composition.tables import closures, outbox, replicas
 from sqlalchemy import text
 
 from skyway.cells import Cells
 from skyway.contracts.cells import CELL_HEADER, CELL_WORK, CellTable, CellWork, NetworkCell
+from skyway.contracts.mission import BookMissions
+from skyway.contracts.shortlist import Shortlist
 from skyway.errors import SkywayError
 from skyway.ids import DroneId, NetworkId
 from skyway.runtime.sql.database import Database
