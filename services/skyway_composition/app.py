@@ -76,7 +76,11 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
         # Paths are matched in this order, so the routes of every delivery come first.
         routers=[
             booking_routes(
-                gate=gate, bookings=parts.bookings, keeper=parts.keeper, no_shows=parts.no_shows
+                gate=gate,
+                bookings=parts.bookings,
+                keeper=parts.keeper,
+                no_shows=parts.no_shows,
+                own=parts.own_cells,
             ),
             tracking_routes(db=db, gate=gate),
             schedule_routes(db=db, gate=gate, clock=clock),

@@ -104,6 +104,21 @@ class OwnCells:
         if self.cells.age_s is None or self.cells.age_s > BOOKS_WITHIN_S:
             raise ServiceUnavailable(name, "the registry does not say whether it has moved")
 
+    async def refuse_unnamed(self, network_id: NetworkId) -> None:
+        """Begin something only if this server serves a network that the request did not name.
+
+        The sender has read no row of the network, but there may be one.
+
+        Raises
+        ------
+        Misdirected
+            Another server serves the network.
+        ServiceUnavailable
+            The cell is closed to new requests, or has not read the table for too long.
+        """
+        if (cell := self.cells.of(network_id)) is not None:
+            await self.refuse_misdirected(NamedCell(network_id, cell.generation), begins=True)
+
 
 @dataclass(frozen=True, slots=True)
 class OwnDrones:

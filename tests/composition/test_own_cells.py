@@ -148,6 +148,31 @@ async def test_a_cell_that_cannot_read_the_table_accepts_no_new_request(
     assert (await read_network(composition, "row;2")).status_code == 200
 
 
+@pytest.mark.parametrize(
+    ("row", "status"),
+    [(cell(OTHERS), 421), (cell(is_open=False), 503), (cell(), 200), (None, 200)],
+)
+async def test_a_gateway_that_has_not_read_the_row_of_a_network_books_only_at_its_open_server(
+    composition: Any, serve: Serve, make: Any, row: NetworkCell | None, status: int
+) -> None:
+    elsewhere = cell(OTHERS).model_copy(update={"network_id": NetworkId("north")})
+    await serve(*([elsewhere] if row is None else [row]), is_default=True)
+    booking = BookMissions(
+        attempt=1, request=make.request("c"), shortlist=Shortlist.of([make.candidate()])
+    )
+
+    answer = await composition(
+        "service:gateway",
+        "PUT",
+        "/internal/deliveries/dlv_1/missions",
+        booking.model_dump(mode="json"),
+    )
+
+    assert answer.status_code == status, answer.text
+    missions = await composition.rows("SELECT mission_id FROM missions")
+    assert bool(missions) == (status == 200)
+
+
 class Everything:
     """A `Reception` that reads the messages of every drone."""
 
@@ -226,3 +251,39 @@ async def test_a_busy_server_is_not_copied_and_other_data_is_not_replaced(
     async with Database(f"{sqlite_url}.other", outbox=outbox) as target:
         with pytest.raises(SkywayError, match="1 missions are not over"):
             await copy_database(composition.db, target)
+
+
+async def test_a_copy_that_its_server_has_worked_with_is_not_replaced(
+    composition: Any, sqlite_url: str, package: str
+) -> None:
+    target_url = f"{sqlite_url}.copy"
+    await migrate(target_url, package)
+    async with Database(target_url, outbox=outbox) as target:
+        body = {"until": None, "reason": "roof"}
+        await composition(OPERATOR, "POST", "/v1/stations/b/closures", body)
+        await copy_database(composition.db, target)
+        async with composition.db.write() as tx:
+            await tx.execute(closures.delete())
+
+        # The target has a closure that the source has not, as after a move.
+        with pytest.raises(SkywayError, match="newer closures"):
+            await copy_database(composition.db, target)
+
+
+async def test_the_live_replicas_of_a_server_are_neither_copied_nor_compared(
+    composition: Any, sqlite_url: str, package: str
+) -> None:
+    target_url = f"{sqlite_url}.copy"
+    await migrate(target_url, package)
+    seen = {"joined_wall_ms": 1, "seen_wall_ms": 1, "is_listening": True}
+    async with Database(target_url, outbox=outbox) as target:
+        for db, replica_ids in ((composition.db, ("a", "b")), (target, ("c",))):
+            async with db.write() as tx:
+                for each in replica_ids:
+                    await tx.execute(replicas.insert().values(replica_id=each, **seen))
+
+        await copy_database(composition.db, target)
+
+        async with composition.db.read() as source, target.read() as copied:
+            assert await rows(copied) == await rows(source)
+            assert (await copied.execute(replicas.select())).one().replica_id == "c"
