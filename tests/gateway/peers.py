@@ -1,5 +1,6 @@
 """A fake registry and composition that the gateway reaches over HTTP."""
 
+import asyncio
 import json
 import re
 from collections.abc import Awaitable, Callable
@@ -137,8 +138,9 @@ class Peers:
     registry: FakeRegistry
     composition: FakeComposition
     cells: dict[str, FakeComposition] = field(default_factory=dict)
-    #: Hosts that do not answer, those that know no id, and the lists of hosts.
+    #: Hosts that do not answer, that never finish, and that know no id, and the lists of hosts.
     away: set[str] = field(default_factory=set)
+    hanging: set[str] = field(default_factory=set)
     unknown_at: set[str] = field(default_factory=set)
     pages: dict[str, object] = field(default_factory=dict)
     seen: list[Forwarded] = field(default_factory=list)
@@ -150,6 +152,8 @@ class Peers:
             await request.aread()
             if request.url.host in self.away:
                 raise httpx.ConnectError("away")
+            if request.url.host in self.hanging:
+                await asyncio.Event().wait()
             composition = self.cells.get(request.url.host, self.composition)
             for pattern, act in self._acts(composition):
                 found = re.fullmatch(pattern, f"{service} {request.method} {request.url.path}")

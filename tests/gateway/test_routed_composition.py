@@ -1,7 +1,10 @@
 """With cells, the calls of deliveries go to the servers of their networks."""
 
+from collections.abc import AsyncIterator
+
 import pytest
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery
+from skyway_gateway.forward import cell_routes
 from skyway_gateway.network_store import read_cells
 
 from skyway.contracts.cells import CELL_HEADER, NetworkCell
@@ -144,6 +147,33 @@ async def test_each_server_is_asked_in_turn_about_an_id_without_a_network(
     assert asked == [(host, b'{"command":"HOLD"}') for host in ("composition", CELL_HOST)]
 
 
+async def test_a_call_does_not_wait_for_a_server_that_hangs_and_is_not_concerned(
+    gateway: Gateway, cell: FakeComposition, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cell_routes, "ANSWERS_WITHIN_S", 0.01)
+    gateway.peers.hanging = {"composition"}
+
+    found = await gateway.http.post(
+        "/v1/missions/msn_1/commands", json={"command": "HOLD"}, headers=gateway.operator
+    )
+
+    assert found.status_code == 200
+    assert [each.host for each in gateway.forwarded] == [CELL_HOST]
+
+
+async def test_a_problem_of_unknown_length_is_not_held_in_memory(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    async def parts() -> AsyncIterator[bytes]:
+        yield b'{"network": {"network_id": "corridor"}}'
+
+    named = {"network": {"network_id": "corridor"}}
+    await gateway.http.post("/v1/compositions", json=named, headers=gateway.customer)
+    await gateway.http.post("/v1/compositions", content=parts(), headers=gateway.customer)
+
+    assert [each.host for each in gateway.forwarded] == [CELL_HOST, "composition"]
+
+
 async def test_a_list_names_the_cells_whose_part_is_missing(
     gateway: Gateway, cell: FakeComposition
 ) -> None:
@@ -151,7 +181,7 @@ async def test_a_list_names_the_cells_whose_part_is_missing(
         "composition": {"items": [{"alarm_id": "alm_1"}, {"alarm_id": "alm_3"}]},
         CELL_HOST: {"items": [{"alarm_id": "alm_2"}]},
     }
-    whole = await gateway.http.get("/v1/alarms", headers=gateway.operator)
+    whole = await gateway.http.get("/v1/alarms?limit=50.0", headers=gateway.operator)
     gateway.peers.away = {CELL_HOST}
     part = await gateway.http.get("/v1/alarms", headers=gateway.operator)
 

@@ -6,6 +6,7 @@ from the lists of all servers; the header `Skyway-Silent-Cells` names the server
 missing.
 """
 
+import asyncio
 import contextlib
 import json
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from typing import Any, Final
 
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
+from pydantic import TypeAdapter
 
 from skyway.cells import ANSWERS_WITHIN_S, CellClients, ask_all
 from skyway.errors import InvalidInput
@@ -36,6 +38,8 @@ _PROBLEMS: Final = "/v1/compositions"
 _LARGEST_REFERENCE_BYTES: Final = 1024 * 1024
 
 _DEFAULT_LIMIT: Final = 50
+#: Reads a limit as the servers do: `5.0` is a whole number.
+_LIMIT: Final = TypeAdapter(int)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +93,9 @@ class ForwardToCells:
         InvalidInput
             A ground stop names no network. Servers cannot begin it together in one transaction.
         """
-        if int(request.headers.get("content-length", 0)) > _LARGEST_REFERENCE_BYTES:
+        length = request.headers.get("content-length")
+        # Without a length the body may be as large as the largest problem.
+        if row.path == _PROBLEMS and (length is None or int(length) > _LARGEST_REFERENCE_BYTES):
             return self.servers.default
         named = _network_named(await request.body(), row)
         if named is None and row.path == "/v1/ground-stops":
@@ -104,22 +110,39 @@ class ForwardToCells:
     async def _first_that_knows(
         self, request: Request, row: Forwarded, caller: Caller | None
     ) -> Response:
-        """The first answer that is not 404; only one cell can know the id."""
+        """The first answer that is not 404; only one cell can know the id.
+
+        The next server is asked when the one before does not know the id, or has not answered for
+        a while. So the call does not wait for a server that hangs and is not concerned.
+        """
         await request.body()  # the request keeps its body, so that each server gets it
+        path, servers = request.scope["path"], iter(self.servers.every().values())
         silent: ServiceUnavailable | None = None
         unknown: Response | None = None
-        for client in self.servers.every().values():
-            try:
-                answer = await client.forward(
-                    request, request.scope["path"], caller, timeout_s=row.timeout_s
+        asked: set[asyncio.Task[Response]] = set()
+        try:
+            while (server := next(servers, None)) is not None or asked:
+                if server is not None:
+                    asking = server.forward(request, path, caller, timeout_s=row.timeout_s)
+                    asked.add(asyncio.create_task(asking))
+                done, asked = await asyncio.wait(
+                    asked,
+                    timeout=None if server is None else ANSWERS_WITHIN_S,
+                    return_when=asyncio.FIRST_COMPLETED,
                 )
-            except ServiceUnavailable as error:
-                silent = error
-                continue
-            if answer.status_code != HTTPStatus.NOT_FOUND:
-                return answer
-            await _close(unknown)
-            unknown = answer
+                for each in done:
+                    try:
+                        answer = each.result()
+                    except ServiceUnavailable as error:
+                        silent = error
+                        continue
+                    if answer.status_code != HTTPStatus.NOT_FOUND:
+                        return answer
+                    await _close(unknown)
+                    unknown = answer
+        finally:
+            for each in asked:
+                each.cancel()
         if silent is not None or unknown is None:
             await _close(unknown)
             raise silent or ServiceUnavailable("composition", "it has no server")
@@ -143,7 +166,7 @@ class ForwardToCells:
         if row.path in COUNTED:
             merged = merged_counts(pages)
         else:
-            limit = int(request.query_params.get("limit", _DEFAULT_LIMIT))
+            limit = _LIMIT.validate_python(request.query_params.get("limit", _DEFAULT_LIMIT))
             merged = merged_page(pages, MERGED[row.path], limit=limit)
         silent = {SILENT_HEADER: "; ".join(answers.silent)} if answers.silent else {}
         body = json.dumps(merged, ensure_ascii=False).encode()
