@@ -52,7 +52,7 @@ def table_from(registry: ServiceClient) -> ReadTable:
 class Cells:
     """The table that this process read last; empty before the first read.
 
-    `keep` gets each table that differs from the table before, for the next start.
+    `keep` gets each table that differs from the table kept before, for the next start.
     """
 
     def __init__(
@@ -66,6 +66,7 @@ class Cells:
         self._keep = keep
         self._now = now
         self._cells: Mapping[NetworkId, NetworkCell] = {}
+        self._kept: Mapping[NetworkId, NetworkCell] = {}
         self._read_s: float | None = None
 
     def __iter__(self) -> Iterator[NetworkCell]:
@@ -95,16 +96,20 @@ class Cells:
         """
         began_s = self._now()
         table = await self._read()
-        before = self._cells
-        self.put(table)
+        self._cells = _by_network(table)
         self._read_s = began_s
-        if self._keep is not None and self._cells != before:
+        if self._keep is not None and self._cells != self._kept:
             await self._keep(table)
+            self._kept = self._cells
         return False
 
     def put(self, table: CellTable) -> None:
         """Use a stored table until the first read."""
-        self._cells = {each.network_id: each for each in table.cells}
+        self._cells = self._kept = _by_network(table)
+
+
+def _by_network(table: CellTable) -> Mapping[NetworkId, NetworkCell]:
+    return {each.network_id: each for each in table.cells}
 
 
 class CellClients:
@@ -144,8 +149,11 @@ class CellClients:
         ServiceUnavailable
             The table cannot be read; the cached table stays.
         """
-        await self.cells.refresh()
-        await self._open_new()
+        try:
+            await self.cells.refresh()
+        finally:
+            # Also of a table that was read and could not be kept.
+            await self._open_new()
         return False
 
     async def begin_with(self, table: CellTable) -> None:

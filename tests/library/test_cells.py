@@ -37,9 +37,12 @@ class Servers:
     misdirected: set[str] = field(default_factory=set)
     empty: set[str] = field(default_factory=set)
     is_unreadable: bool = False
+    cannot_keep: bool = False
     kept: list[CellTable] = field(default_factory=list)
 
     async def keep(self, table: CellTable) -> None:
+        if self.cannot_keep:
+            raise ServiceUnavailable("database", "away")
         self.kept.append(table)
 
     async def table(self) -> CellTable:
@@ -139,6 +142,20 @@ async def test_a_kept_table_is_used_until_the_table_can_be_read(
 
     assert first == ("north", "north;1")
     assert await who(clients.of(NORTH)) == ("elsewhere", "north;2")
+    assert around.kept == [CellTable(cells=tuple(around.cells))]
+
+
+async def test_a_table_that_could_not_be_kept_is_kept_later(
+    clients: CellClients, around: Servers
+) -> None:
+    around.cells = [cell(NORTH, "north")]
+    around.cannot_keep = True
+    with pytest.raises(ServiceUnavailable):
+        await clients.refresh()
+    assert await who(clients.of(NORTH)) == ("north", "north;1")
+    around.cannot_keep = False
+    await clients.refresh()
+
     assert around.kept == [CellTable(cells=tuple(around.cells))]
 
 
