@@ -116,6 +116,7 @@ class Membership:
         before, now = self._now, Replicas(self.own_id, members)
         if now == before:
             return
+        before.forget_owned()
         self._seen.append((self._clock.now(), now))
         log.info("replicas", extra={"alive": len(now.members), "leads": now.leads})
         if now.may_own_more_than(before):

@@ -37,11 +37,13 @@ class Replicas:
 
     @cached_property
     def leads(self) -> bool:
-        """Whether this replica leads: it joined before all others.
+        """Whether this replica leads: of those that listen, or else of all, it joined first.
 
-        So the lead changes only when the leader leaves.
+        So the lead changes only when the leader leaves. A leader without a connection to the broker
+        could announce neither stations nor networks, and nobody else would.
         """
-        return bool(self.members) and min(self.members).replica_id == self.own_id
+        able = [each for each in self.members if each.is_listening] or self.members
+        return bool(able) and min(able).replica_id == self.own_id
 
     @cached_property
     def listeners(self) -> frozenset[str]:
@@ -61,6 +63,10 @@ class Replicas:
             is_owned = owner_of(drone_id, self.listeners) == self.own_id
             self._owned[drone_id] = is_owned
         return is_owned
+
+    def forget_owned(self) -> None:
+        """Free what was remembered of each drone; `owns` computes it again."""
+        self._owned.clear()
 
     def may_own_more_than(self, before: "Replicas") -> bool:
         """Whether this replica may own drones that it did not own before."""

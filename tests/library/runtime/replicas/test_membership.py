@@ -102,7 +102,7 @@ async def test_a_replica_that_leaves_or_loses_the_broker_is_replaced_at_the_next
 
     first.set_listening(False)
     await beat(first, second)
-    assert [first.leads, second.leads] == [True, False]
+    assert [first.leads, second.leads] == [False, True]
     assert all(second.owns(each) for each in DRONES)
 
     async with AsyncExitStack() as stack:

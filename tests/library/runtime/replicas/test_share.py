@@ -56,11 +56,12 @@ def test_a_drone_has_an_owner_while_some_replicas_do_not_see_the_new_one(
     assert all(any(view.owns(drone_id) for view in views) for drone_id in DRONES)
 
 
-def test_a_replica_without_a_connection_leads_but_leaves_its_drones_to_the_others() -> None:
+def test_a_replica_without_a_connection_leaves_the_lead_and_its_drones_to_the_others() -> None:
     ids = {"a", "b", "c"}
     first, second, third = (seen_by(each, ids, listening={"b", "c"}) for each in sorted(ids))
 
-    assert first.leads
+    assert [each.leads for each in (first, second, third)] == [False, True, False]
+    assert seen_by("a", ids, listening=set()).leads
     assert all(second.owns(each) + third.owns(each) == 1 for each in DRONES)
 
 
