@@ -1,7 +1,7 @@
 """Verification: what must always hold in the registry's database (docs/reference/invariants.md).
 
-`RULES` are all rules: of drones with their accounts and keys, and of hints and change numbers, by
-which candidates are selected. `FACTS` are compared with composition's facts.
+`RULES` are all rules: of drones with their accounts and keys, of hints and change numbers, by which
+candidates are selected, and of the table of cells. `FACTS` are compared with composition's facts.
 """
 
 import sys
@@ -49,6 +49,21 @@ from skyway_provider_registry.tables import (
 )
 
 _LATEST_MS: Final = moment_to_ms(LATEST)
+
+_CELLS: Final = (
+    Rule(
+        "a cell has a generation, and is closed since a possible moment or open",
+        select(cells.c.network_id).where(
+            or_(
+                cells.c.generation < 1,
+                (cells.c.state == "CLOSED") != cells.c.closed_wall_ms.is_not(None),
+                ~cells.c.closed_wall_ms.between(0, _LATEST_MS),
+            )
+        ),
+        "Set `generation` to more than that of every other cell, and `closed_wall_ms` to NULL if "
+        "the cell is OPEN, or to now: until then the other services may read no table of cells.",
+    ),
+)
 
 _is_drone_account = broker_accounts.c.kind == "DRONE"
 
@@ -238,7 +253,13 @@ _DRONES: Final = (
 
 
 #: The most important rules first: those of storage say whether the others can be believed.
-RULES: Final[tuple[Rule, ...]] = (*storage_rules(metadata), _FORMS, *_DRONES, *_HINTS)
+RULES: Final[tuple[Rule, ...]] = (
+    *storage_rules(metadata),
+    _FORMS,
+    *_DRONES,
+    *_HINTS,
+    *_CELLS,
+)
 
 
 async def _hints(survey: Survey) -> AsyncIterator[AnyFacts]:
