@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
-from sqlalchemy import BigInteger, Text, bindparam, select, update
+from sqlalchemy import BigInteger, Text, bindparam, func, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId, NetworkId
@@ -66,15 +66,23 @@ async def note(tx: Tx, drone_id: DroneId, moment: RenewalMoment) -> None:
 
 
 async def due(
-    connection: AsyncConnection, *, until_wall_at: datetime, limit: int
+    connection: AsyncConnection,
+    *,
+    until_wall_at: datetime,
+    limit: int,
+    without: Collection[NetworkId | None] = (),
 ) -> Sequence[DueRenewal]:
-    """The renewals until this moment that were not announced, the oldest first."""
+    """The renewals until this moment that were not announced, the oldest first.
+
+    Those of drones at home in the networks `without` are left out.
+    """
     query = (
         select(renewals, drones.c.network_id)
         .join(drones, drones.c.drone_id == renewals.c.drone_id)
         .where(
             renewals.c.is_announced.is_(False),
             renewals.c.renewed_wall_ms <= moment_to_ms(until_wall_at),
+            func.coalesce(drones.c.network_id, "").not_in([each or "" for each in without]),
         )
         .order_by(renewals.c.renewed_wall_ms)
         .limit(limit)

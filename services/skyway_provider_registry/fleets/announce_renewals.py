@@ -66,23 +66,25 @@ class RenewalAnnouncer:
             A server of composition is away; the renewals of its drones wait.
         """
         until_wall_at = self.clock.wall_now() - _SETTLED_AFTER
-        async with self.db.read() as connection:
-            due = await renewal_store.due(
-                connection, until_wall_at=until_wall_at, limit=_MOST_AT_ONCE
-            )
-        if not due:
-            return False
-        by_network: dict[NetworkId | None, list[DueRenewal]] = defaultdict(list)
-        for each in due:
-            by_network[each.network_id].append(each)
-        silent: ServiceUnavailable | None = None
-        for network_id, some in by_network.items():
-            try:
-                await self._announce(some, network_id)
-            except ServiceUnavailable as error:
-                silent = error  # another network may have another server
-        if silent is not None:
-            raise silent
+        silent: dict[NetworkId | None, ServiceUnavailable] = {}
+        while True:
+            before = len(silent)
+            async with self.db.read() as connection:
+                due = await renewal_store.due(
+                    connection, until_wall_at=until_wall_at, limit=_MOST_AT_ONCE, without=silent
+                )
+            by_network: dict[NetworkId | None, list[DueRenewal]] = defaultdict(list)
+            for each in due:
+                by_network[each.network_id].append(each)
+            for network_id, some in by_network.items():
+                try:
+                    await self._announce(some, network_id)
+                except ServiceUnavailable as error:
+                    silent[network_id] = error  # another network may have another server
+            if len(due) < _MOST_AT_ONCE or len(silent) == before:
+                break  # else there may be other renewals behind those of a silent server
+        for first in silent.values():
+            raise first
         return len(due) == _MOST_AT_ONCE
 
     async def _announce(self, due: Sequence[DueRenewal], network_id: NetworkId | None) -> None:

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from skyway.cells import CellClients
-from skyway.contracts.drones import DRONE_ALARMS
+from skyway.contracts.drones import DRONE_ALARMS, DroneAlarm
+from skyway.ids import NetworkId
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.presence import jump_store
@@ -28,18 +29,25 @@ class AlarmAnnouncer:
         ServiceUnavailable
             A server of composition is away; the alarms about its drones wait.
         """
-        async with self.db.read() as connection:
-            waiting = await jump_store.waiting(connection, limit=_MOST_AT_ONCE)
-        silent: ServiceUnavailable | None = None
-        for alarm, network_id in waiting:
-            try:
-                # Without a network any server shows the alarm.
-                await self.servers.of(network_id).call("POST", DRONE_ALARMS, body=alarm)
-            except ServiceUnavailable as error:
-                silent = error  # another network may have another server
-                continue
-            async with self.db.write() as tx:
-                await jump_store.remove_waiting(tx, alarm)
-        if silent is not None:
-            raise silent
+        silent: dict[NetworkId | None, ServiceUnavailable] = {}
+        while True:
+            before = len(silent)
+            async with self.db.read() as connection:
+                waiting = await jump_store.waiting(connection, limit=_MOST_AT_ONCE, without=silent)
+            for alarm, network_id in waiting:
+                if network_id not in silent:
+                    try:
+                        await self._announce(alarm, network_id)
+                    except ServiceUnavailable as error:
+                        silent[network_id] = error  # another network may have another server
+            if len(waiting) < _MOST_AT_ONCE or len(silent) == before:
+                break  # else there may be other alarms behind those of a silent server
+        for first in silent.values():
+            raise first
         return len(waiting) == _MOST_AT_ONCE
+
+    async def _announce(self, alarm: DroneAlarm, network_id: NetworkId | None) -> None:
+        # Without a network any server shows the alarm.
+        await self.servers.of(network_id).call("POST", DRONE_ALARMS, body=alarm)
+        async with self.db.write() as tx:
+            await jump_store.remove_waiting(tx, alarm)

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Final
 
-from sqlalchemy import Row, select, update
+from sqlalchemy import Row, func, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drones import DroneAlarm
@@ -99,12 +99,16 @@ async def put_in_maintenance(tx: Tx, alarms: Sequence[DroneAlarm]) -> None:
 
 
 async def waiting(
-    connection: AsyncConnection, *, limit: int
+    connection: AsyncConnection, *, limit: int, without: Collection[NetworkId | None] = ()
 ) -> list[tuple[DroneAlarm, NetworkId | None]]:
-    """The alarms that composition does not have yet, each with the network of its drone."""
+    """The alarms that composition does not have yet, each with the network of its drone.
+
+    Those of drones at home in the networks `without` are left out.
+    """
     query = (
         select(waiting_alarms.c.alarm, drones.c.network_id)
         .join(drones, drones.c.drone_id == waiting_alarms.c.drone_id)
+        .where(func.coalesce(drones.c.network_id, "").not_in([each or "" for each in without]))
         .order_by(waiting_alarms.c.drone_id)
         .limit(limit)
     )

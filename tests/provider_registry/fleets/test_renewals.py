@@ -6,6 +6,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
+from skyway_provider_registry.fleets import announce_renewals
 from skyway_provider_registry.fleets.announce_renewals import RenewalAnnouncer
 from skyway_provider_registry.presence.follow import Recorder
 from skyway_provider_registry.verify import RULES
@@ -151,9 +152,16 @@ async def test_a_rotated_key_is_a_renewal_when_it_is_first_used(
     assert composition.notified == [drone_id, drone_id]
 
 
+@pytest.mark.parametrize("most", [1, 200])
 async def test_a_silent_cell_delays_only_the_renewals_of_its_own_drones(
-    api: Any, db: Database, clock: ManualClock, stations: Any
+    api: Any,
+    db: Database,
+    clock: ManualClock,
+    stations: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    most: int,
 ) -> None:
+    monkeypatch.setattr(announce_renewals, "_MOST_AT_ONCE", most)
     stations.elsewhere = {"mcqueeney": "ohio"}
     provider_id = await api.provider()
     drones = [
@@ -162,6 +170,7 @@ async def test_a_silent_cell_delays_only_the_renewals_of_its_own_drones(
     for drone in drones:
         path = f"/v1/providers/{provider_id}/drones/{drone['drone_id']}/credentials"
         await api(f"provider:{provider_id}", "DELETE", path)
+        clock.advance(timedelta(seconds=1))
     clock.advance(timedelta(seconds=3))
     silent = {"texas"}
     notified: list[str] = []
