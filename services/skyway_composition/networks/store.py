@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import Row, bindparam, insert, select, update
+from sqlalchemy import ColumnElement, Row, bindparam, collate, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import NetworkId, StationId
@@ -82,15 +82,21 @@ async def all_current(connection: AsyncConnection) -> list[VersionRow]:
     return [_version_row(row) for row in found]
 
 
+def by_bytes(connection: AsyncConnection, ids: ColumnElement[str]) -> ColumnElement[str]:
+    """Ids in the order of their bytes, in which the gateway merges lists of several servers.
+
+    A PostgreSQL database may sort by a language. SQLite sorts by bytes.
+    """
+    return collate(ids, "C") if connection.dialect.name == "postgresql" else ids
+
+
 async def current_after(
     connection: AsyncConnection, network_id: str, *, limit: int
 ) -> list[VersionRow]:
     """The current versions of the networks whose ids follow this id."""
+    ids = by_bytes(connection, networks.c.network_id)
     found = await connection.execute(
-        select(networks)
-        .where(networks.c.network_id > network_id)
-        .order_by(networks.c.network_id)
-        .limit(limit)
+        select(networks).where(ids > network_id).order_by(ids).limit(limit)
     )
     return [_version_row(row) for row in found]
 

@@ -22,6 +22,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.statistics import Span
 from skyway.ids import NetworkId, ProviderId
+from skyway_composition.networks.store import by_bytes
 from skyway_composition.tables import cut_steps, is_live, mission_steps, missions, outbox, stations
 
 _Row = Row[*tuple[Any, ...]]  # columns of every type
@@ -97,10 +98,11 @@ async def pads_page(
     after: str | None,
     limit: int,
 ) -> Sequence[_Row]:
-    """The sums of each station, in order of station ids, after a given id."""
-    statement = _stations(selection, network_id).order_by(stations.c.station_id).limit(limit)
+    """The sums of each station, in order of the bytes of station ids, after a given id."""
+    ids = by_bytes(connection, stations.c.station_id)
+    statement = _stations(selection, network_id).order_by(ids).limit(limit)
     if after is not None:
-        statement = statement.where(stations.c.station_id > after)
+        statement = statement.where(ids > after)
     return (await connection.execute(statement)).all()
 
 
