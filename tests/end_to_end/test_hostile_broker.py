@@ -136,7 +136,7 @@ def test_a_broker_that_forges_and_repeats_changes_nothing(system: Any) -> None:
         alarms = system.eventually(lambda: _alarms(system, attacker), "an alarm")
 
     assert ended["state"] == "COMPLETED"
-    assert {alarm["code"] for alarm in alarms} == {"FORGED_MESSAGES"}
+    assert {alarm["code"] for alarm in alarms} == {"FORGED_MESSAGES"}, alarms
     kept = system.operate("GET", "/v1/quarantine?limit=200")["items"]
     assert {each["reason"] for each in kept} == {"FORGED"}
     assert "ins_forged" not in json.dumps([each.decode() for each in attacker.of_kind("acks")])

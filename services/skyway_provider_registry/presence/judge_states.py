@@ -90,10 +90,15 @@ class StateJudge:
             reason = jumped or why_not_there(state, place)
             if reason is not None:
                 yield reason, state
-        if sample is not None:
+        if sample is not None and _is_newer(sample, last):
             reason = why_jumped(last, sample, received_at=now, margin=margin)
             if reason is not None:
                 yield reason, sample
+
+
+def _is_newer(sample: Telemetry, last: LastSeen) -> bool:
+    """Whether a sample is not an old one that comes again; its signature would be genuine."""
+    return sample.session >= last.session and (sample.session, sample.seq) > last.sample_order
 
 
 def _alarm(

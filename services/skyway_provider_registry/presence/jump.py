@@ -38,11 +38,13 @@ class Ahead:
 class LastSeen:
     """The last state of a drone, and when it was received in fleet time.
 
+    `sample_order` is the session and the `seq` of its last sample.
     The drone's own moments do not count: it could say that its last state is an hour old.
     """
 
     session: int
     seq: int
+    sample_order: tuple[int, int]
     received_at: datetime
     position: Position
     soc: float

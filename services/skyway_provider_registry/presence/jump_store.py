@@ -25,6 +25,8 @@ _LAST_SEEN: Final = (
         presence.c.drone_id,
         presence.c.state_session,
         presence.c.state_seq,
+        presence.c.sample_session,
+        presence.c.sample_seq,
         presence.c.state_seen_ms,
         presence.c.last_seen_ms,
         presence.c.longitude_deg,
@@ -74,6 +76,7 @@ def _last_seen(row: Row[*tuple[Any, ...]], models: Mapping[DroneModelId, DroneMo
     return LastSeen(
         session=row.state_session,
         seq=row.state_seq,
+        sample_order=(row.sample_session, row.sample_seq),
         received_at=ms_to_moment(received_ms),
         position=Position(row.longitude_deg, row.latitude_deg),
         soc=row.soc,

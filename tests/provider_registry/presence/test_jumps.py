@@ -245,6 +245,19 @@ async def test_an_old_state_is_not_judged(drone: WatchedDrone, state: Any) -> No
     assert await drone.state() == "AVAILABLE"
 
 
+@pytest.mark.parametrize(("session", "seq"), [(6, 99), (7, 1), (7, 2)])
+async def test_an_old_sample_that_comes_again_is_not_judged(
+    drone: WatchedDrone, sample: Any, session: int, seq: int
+) -> None:
+    """A broker could repeat it: the drone's signature on it is genuine."""
+    await drone.sends(TELEMETRY, sample(7, 2).model_copy(update={"position": HOME}))
+
+    far = {"position": east(90_000)}
+    await drone.sends(TELEMETRY, sample(session, seq).model_copy(update=far))
+
+    assert await drone.state() == "AVAILABLE"
+
+
 async def test_the_provider_puts_the_drone_back_where_it_says_it_is(
     drone: WatchedDrone, clock: ManualClock
 ) -> None:
