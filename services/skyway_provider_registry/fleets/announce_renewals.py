@@ -14,6 +14,7 @@ from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry import renewal_store
 from skyway_provider_registry.presence import sighting_store
+from skyway_provider_registry.presence.send_past_silent import Silent, send_past_silent
 from skyway_provider_registry.renewal_store import DueRenewal
 
 #: Wall time after a renewal. The broker has disconnected the earlier credentials by then (0.1 s),
@@ -65,27 +66,23 @@ class RenewalAnnouncer:
         ServiceUnavailable
             A server of composition is away; the renewals of its drones wait.
         """
+        return await send_past_silent(self._announce_due, most=_MOST_AT_ONCE)
+
+    async def _announce_due(self, silent: Silent) -> int:
         until_wall_at = self.clock.wall_now() - _SETTLED_AFTER
-        silent: dict[NetworkId | None, ServiceUnavailable] = {}
-        while True:
-            before = len(silent)
-            async with self.db.read() as connection:
-                due = await renewal_store.due(
-                    connection, until_wall_at=until_wall_at, limit=_MOST_AT_ONCE, without=silent
-                )
-            by_network: dict[NetworkId | None, list[DueRenewal]] = defaultdict(list)
-            for each in due:
-                by_network[each.network_id].append(each)
-            for network_id, some in by_network.items():
-                try:
-                    await self._announce(some, network_id)
-                except ServiceUnavailable as error:
-                    silent[network_id] = error  # another network may have another server
-            if len(due) < _MOST_AT_ONCE or len(silent) == before:
-                break  # else there may be other renewals behind those of a silent server
-        for first in silent.values():
-            raise first
-        return len(due) == _MOST_AT_ONCE
+        async with self.db.read() as connection:
+            due = await renewal_store.due(
+                connection, until_wall_at=until_wall_at, limit=_MOST_AT_ONCE, without=silent
+            )
+        by_network: dict[NetworkId | None, list[DueRenewal]] = defaultdict(list)
+        for each in due:
+            by_network[each.network_id].append(each)
+        for network_id, some in by_network.items():
+            try:
+                await self._announce(some, network_id)
+            except ServiceUnavailable as error:
+                silent[network_id] = error  # another network may have another server
+        return len(due)
 
     async def _announce(self, due: Sequence[DueRenewal], network_id: NetworkId | None) -> None:
         renewals = tuple(Renewal(drone_id=each.drone_id, at=each.at) for each in due)

@@ -9,6 +9,7 @@ from skyway.ids import NetworkId
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.presence import jump_store
+from skyway_provider_registry.presence.send_past_silent import Silent, send_past_silent
 
 #: The most alarms of one step.
 _MOST_AT_ONCE: Final = 20
@@ -29,22 +30,18 @@ class AlarmAnnouncer:
         ServiceUnavailable
             A server of composition is away; the alarms about its drones wait.
         """
-        silent: dict[NetworkId | None, ServiceUnavailable] = {}
-        while True:
-            before = len(silent)
-            async with self.db.read() as connection:
-                waiting = await jump_store.waiting(connection, limit=_MOST_AT_ONCE, without=silent)
-            for alarm, network_id in waiting:
-                if network_id not in silent:
-                    try:
-                        await self._announce(alarm, network_id)
-                    except ServiceUnavailable as error:
-                        silent[network_id] = error  # another network may have another server
-            if len(waiting) < _MOST_AT_ONCE or len(silent) == before:
-                break  # else there may be other alarms behind those of a silent server
-        for first in silent.values():
-            raise first
-        return len(waiting) == _MOST_AT_ONCE
+        return await send_past_silent(self._announce_waiting, most=_MOST_AT_ONCE)
+
+    async def _announce_waiting(self, silent: Silent) -> int:
+        async with self.db.read() as connection:
+            waiting = await jump_store.waiting(connection, limit=_MOST_AT_ONCE, without=silent)
+        for alarm, network_id in waiting:
+            if network_id not in silent:
+                try:
+                    await self._announce(alarm, network_id)
+                except ServiceUnavailable as error:
+                    silent[network_id] = error  # another network may have another server
+        return len(waiting)
 
     async def _announce(self, alarm: DroneAlarm, network_id: NetworkId | None) -> None:
         # Without a network any server shows the alarm.
