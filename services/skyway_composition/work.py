@@ -45,7 +45,7 @@ class Work:
         self._parts = parts
         self._mqtt = mqtt
         self._membership = parts.membership
-        self._instructions = MqttSender(db, mqtt, clock)
+        self._instructions = MqttSender(db, mqtt, clock, polls=self._membership.polls)
         self._reports = ReportSender(
             db,
             clients,
@@ -53,6 +53,7 @@ class Work:
             together={MISSION_REPORTS: MANY_MISSION_REPORTS},
             # To the registry a report is only a hint: our own index says which drones are busy.
             paces={"registry": hint_pace()},
+            polls=self._membership.polls,
         )
         self._listening = parts.listening
         self._handler = parts.handler
@@ -122,12 +123,9 @@ class Work:
             ("recompose", self._replanner.step, self._parts.stuck),
             ("calendars", self._calendars.step, self._parts.calendars),
         ):
-            woken = repeat(name, step, every_s=_STEP_EVERY_S, wake=wake, polls=self._leads)
-            loops.start(name, woken)
+            polls = self._membership.polls
+            loops.start(name, repeat(name, step, every_s=_STEP_EVERY_S, wake=wake, polls=polls))
         self._start_leading(loops)
-
-    def _leads(self) -> bool:
-        return self._membership.leads
 
     def _start_leading(self, loops: Loops) -> None:
         """Start the loops that only the leader runs, for all replicas."""

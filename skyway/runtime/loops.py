@@ -82,13 +82,18 @@ def missing_part(error: Exception) -> ServiceUnavailable | None:
     return None if None in parts else parts[0]
 
 
+def always() -> bool:
+    """Whether to poll now: yes."""
+    return True
+
+
 async def repeat(
     name: str,
     step: Callable[[], Awaitable[bool]],
     *,
     every_s: float,
     wake: Wake | None = None,
-    polls: Callable[[], bool] = lambda: True,
+    polls: Callable[[], bool] = always,
 ) -> Never:
     """Run `step` for ever: again immediately after True, else when woken or after `every_s`.
 

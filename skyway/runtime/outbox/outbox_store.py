@@ -99,9 +99,20 @@ async def waiting_messages(connection: AsyncConnection, outbox: Table) -> list[W
 
 
 def claim_due(table: Table, channel: str) -> Claiming:
-    """Claim due rows of a channel that are the oldest of their stream, without the `sent` rows."""
+    """Claim due rows of a channel that are the oldest of their stream, without the `sent` rows.
+
+    The column `has_next` says whether another row of the stream waits behind the row.
+    """
     is_due = and_(_is_oldest(table, channel), table.c.due_at_ms <= NOW_MS)
-    return Claiming.of(table, where=is_due, order_by=[table.c.id])
+    newer = table.alias("newer")
+    has_next = exists().where(
+        newer.c.channel == table.c.channel,
+        newer.c.stream == table.c.stream,
+        newer.c.id > table.c.id,
+    )
+    return Claiming.of(
+        table, where=is_due, order_by=[table.c.id], answers=[has_next.label("has_next")]
+    )
 
 
 def delete_sent(table: Table) -> Delete:

@@ -4,7 +4,7 @@ import asyncio
 import json
 import logging
 import time
-from collections.abc import Awaitable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Final, Protocol
 
@@ -12,7 +12,7 @@ from sqlalchemy import Row
 
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import MqttUnavailable, RemoteProblem, ServiceUnavailable
-from skyway.runtime.loops import Pace
+from skyway.runtime.loops import Pace, always
 from skyway.runtime.metrics import count, observe
 from skyway.runtime.outbox.stream_sender import (
     Retry,
@@ -61,7 +61,13 @@ class MqttSender:
     """Publishes this database's messages until the receiver or the broker confirms them."""
 
     def __init__(
-        self, db: Database, mqtt: MqttPort, clock: FleetClock, *, pace: Pace | None = None
+        self,
+        db: Database,
+        mqtt: MqttPort,
+        clock: FleetClock,
+        *,
+        pace: Pace | None = None,
+        polls: Callable[[], bool] = always,
     ) -> None:
         self._mqtt = mqtt
         self._sender = StreamSender(
@@ -72,6 +78,7 @@ class MqttSender:
             pace=pace or quick_pace(),
             lease_s=_MQTT_LEASE_S,
             ready=mqtt.wait_connected,
+            polls=polls,
         )
 
     async def run(self) -> None:
@@ -120,13 +127,14 @@ class ReportSender:
         *,
         together: Mapping[str, str] | None = None,
         paces: Mapping[str, Pace] | None = None,
+        polls: Callable[[], bool] = always,
     ) -> None:
         self._clients = clients
         self._together = together or {}
         self._batches: dict[tuple[str, str], _ReportBatch] = {}
         pace_of = {service: unhurried_pace() for service in clients} | dict(paces or {})
         self._senders = [
-            StreamSender(db, service, self._post, clock=clock, pace=pace_of[service])
+            StreamSender(db, service, self._post, clock=clock, pace=pace_of[service], polls=polls)
             for service in clients
         ]
         for service in clients:

@@ -11,13 +11,15 @@ import asyncio
 import heapq
 import logging
 from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
 from sqlalchemy import Row, Table
 
 from skyway.runtime.clock import FleetClock, sleep_wall
-from skyway.runtime.loops import Pace, Wake, repeat
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.loops import Pace, Wake, always, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import mint
 from skyway.runtime.outbox.outbox_store import claim_due, delete_and_claim, delete_sent, free_row
@@ -30,9 +32,13 @@ log = logging.getLogger(__name__)
 
 #: How long a row is claimed, seconds of wall time: longer than any single send takes.
 _LEASE_S: Final = 15.0
+#: The longest time for which a sent row stays in the table, seconds: until then the next look may
+#: delete it. If this process is killed meanwhile, the row is sent twice.
+_DELETED_WITHIN_S: Final = 0.3
 #: The most rows that are sent concurrently, each of another stream.
 _MOST_UNDER_WAY: Final = 64
-#: The longest time between two looks at the table, seconds: another replica may have written to it.
+#: The longest time between two looks at the table, seconds: a replica may have died before it sent
+#: what it had written or claimed. A sender may skip such looks while it does not poll.
 _LONGEST_PAUSE_S: Final = 1.0
 #: Rows that wait for longer than that are due at multiples of this, so that many are due together.
 _TOGETHER_MS: Final = 500
@@ -96,7 +102,10 @@ async def _no_wait() -> None:
 
 
 class StreamSender:
-    """Sends the rows of one channel until cancelled."""
+    """Sends the rows of one channel until cancelled.
+
+    `polls` says whether it looks at the table now although nothing has woken it.
+    """
 
     def __init__(
         self,
@@ -108,6 +117,7 @@ class StreamSender:
         pace: Pace,
         lease_s: float = _LEASE_S,
         ready: Callable[[], Awaitable[None]] = _no_wait,
+        polls: Callable[[], bool] = always,
     ) -> None:
         if db.outbox is None:
             raise RuntimeError("this database was opened without an outbox")
@@ -118,11 +128,13 @@ class StreamSender:
         self._clock = clock
         self._lease_s = lease_s
         self._ready = ready
+        self._polls = polls
         self._claimant = mint("snd")
         self._claims_are_free = False  # from the claims of the process that ran before
         self._wake = Wake()
         self._under_way: set[asyncio.Task[None]] = set()
         self._sent: list[int] = []  # rows that are sent, and still in the table
+        self._looks = 0
         self._waiting: list[_Waiting] = []  # a heap
         self._pace = pace
         self._claim = claim_due(self._table, channel)
@@ -134,10 +146,16 @@ class StreamSender:
         """Send for ever."""
         self._db.wake_when_sent(self._wake, channel=self._channel)
         self._count_failures(0)
-        async with asyncio.TaskGroup() as group:
-            await repeat(
-                f"outbox {self._channel}", lambda: self._step(group), every_s=_LONGEST_PAUSE_S
-            )
+        try:
+            async with asyncio.TaskGroup() as group:
+                await repeat(
+                    f"outbox {self._channel}", lambda: self._step(group), every_s=_LONGEST_PAUSE_S
+                )
+        finally:
+            if self._sent:
+                # Else the next rows of these streams would wait until our claims run out.
+                with suppress(ServiceUnavailable):
+                    await self._db.write_alone(self._delete, {"sent": self._sent})
 
     async def _free_all_claims(self) -> None:
         """A SQLite file has one process, so every earlier claimant is dead."""
@@ -153,7 +171,7 @@ class StreamSender:
         await self._pace.turn()
         rows = await self._next_rows()
         for row in rows:
-            task = group.create_task(self._deliver(row))
+            task = group.create_task(self._deliver(row, self._looks))
             self._under_way.add(task)
             task.add_done_callback(self._finished)
         await self._pause()
@@ -162,7 +180,7 @@ class StreamSender:
     def _finished(self, task: asyncio.Task[None]) -> None:
         was_full = len(self._under_way) == _MOST_UNDER_WAY
         self._under_way.discard(task)
-        if self._sent or was_full:
+        if was_full:
             self._wake.set()
 
     async def _next_rows(self) -> Sequence[Row[Any]]:
@@ -172,6 +190,7 @@ class StreamSender:
         claim runs out, and is sent again then.
         """
         await self._free_due()
+        self._looks += 1
         sent, self._sent = self._sent, []
         values = claim_values(
             limit=_MOST_UNDER_WAY - len(self._under_way),
@@ -206,22 +225,33 @@ class StreamSender:
             await self._db.write_alone(self._free, rows)
 
     async def _pause(self) -> None:
-        """Wait until a row is written, sent or due again, at most `_LONGEST_PAUSE_S`."""
-        pause_s = _LONGEST_PAUSE_S
-        if self._waiting:
-            pause_s = min((self._waiting[0].store_at_ms - self._now_ms()) / 1000, pause_s)
-        alarm = asyncio.create_task(self._wake_after(pause_s))
+        """Wait until a row is written, sent or due again, or until it is time to poll."""
+        alarm = asyncio.create_task(self._wake_when_due())
         try:
-            await self._wake.wait(_LONGEST_PAUSE_S)
+            while not await self._wake.wait(_LONGEST_PAUSE_S) and not self._polls():
+                pass
         finally:
             alarm.cancel()
 
-    async def _wake_after(self, duration_s: float) -> None:
-        await sleep_wall(self._clock, duration_s)
-        self._wake.set()
+    async def _wake_when_due(self) -> None:
+        """Wake this loop when a row is due again, or when it is time to poll, by the clock."""
+        while True:
+            pause_s = _LONGEST_PAUSE_S
+            if self._waiting:
+                pause_s = min((self._waiting[0].store_at_ms - self._now_ms()) / 1000, pause_s)
+            await sleep_wall(self._clock, pause_s)
+            if self._has_due() or self._polls():
+                self._wake.set()
+                return
 
-    async def _deliver(self, row: Row[Any]) -> None:
-        """Send one row and remember the outcome. After any error its claim runs out."""
+    def _has_due(self) -> bool:
+        return bool(self._waiting) and self._waiting[0].store_at_ms <= self._now_ms()
+
+    async def _deliver(self, row: Row[Any], look: int) -> None:
+        """Send a row that a look has found, and remember the outcome.
+
+        After any error its claim runs out.
+        """
         try:
             with tracing(row.traceparent, f"send to {self._channel}"):
                 retry = await self._send(row)
@@ -232,8 +262,21 @@ class StreamSender:
         count("skyway_outbox_sends", "rows sent, repeats too", channel=self._channel)
         if retry is None:
             self._sent.append(row.id)
+            # Another row may wait behind this one. A later look has passed that row over.
+            if row.has_next or look < self._looks:
+                self._wake.set()
+            elif len(self._sent) == 1:
+                self._delete_soon()
         else:
             self._keep(row, retry)
+
+    def _delete_soon(self) -> None:
+        """Let the next look delete what was sent; usually new rows cause this look anyway."""
+        asyncio.get_running_loop().call_later(_DELETED_WITHIN_S, self._wake_if_sent)
+
+    def _wake_if_sent(self) -> None:
+        if self._sent:
+            self._wake.set()
 
     def _count_failures(self, failures: int) -> None:
         count("skyway_outbox_failures", "sends that broke", failures, channel=self._channel)

@@ -82,6 +82,18 @@ class Membership:
         """Whether this replica now does the work that one replica does for all."""
         return self._now.leads
 
+    def polls(self) -> bool:
+        """Whether this replica looks for work that nothing has woken it for: `leads`, to pass on.
+
+        Each replica does the work that it was woken for; the leader finds what others left.
+        """
+        return self._now.leads
+
+    @property
+    def alive(self) -> int:
+        """How many replicas are live, as far as this one knows."""
+        return max(1, len(self._now.members))
+
     @property
     def listeners(self) -> int:
         """How many replicas share the drones."""
@@ -121,6 +133,25 @@ class Membership:
         log.info("replicas", extra={"alive": len(now.members), "leads": now.leads})
         if now.may_own_more_than(before):
             self.gained.set()
+
+
+@dataclass(slots=True)
+class PollsInTurn:
+    """Lets a replica poll in one of so many rounds as there are replicas; for one loop.
+
+    So all replicas together poll as often as one replica that is alone.
+    """
+
+    membership: Membership
+    _rounds: int = 0
+
+    def __call__(self) -> bool:
+        """Whether to poll in this round."""
+        self._rounds += 1
+        if self._rounds < self.membership.alive:
+            return False
+        self._rounds = 0
+        return True
 
 
 @dataclass(slots=True)

@@ -69,10 +69,12 @@ class Claiming:
         where: ColumnElement[bool],
         order_by: Sequence[Column[Any]],
         also: Mapping[str, ColumnElement[Any]] = _NO_VALUES,
+        answers: Sequence[ColumnElement[Any]] = (),
     ) -> Self:
         """Rows that meet a condition, in this order; the condition may be about `NOW_MS`.
 
-        The values of `also` are set in each row. Any: columns have the types of their table.
+        The values of `also` are set in each row; `answers` are returned with each row. Any: columns
+        have the types of their table.
         """
         key = [*table.primary_key]
         due = (
@@ -90,7 +92,7 @@ class Claiming:
             "claimed_by": bindparam("claimant", type_=Text),
             "claimed_until_ms": bindparam("until_ms", type_=BigInteger),
         }
-        return cls(claimed.values(new).returning(table), tuple(order_by))
+        return cls(claimed.values(new).returning(table, *answers), tuple(order_by))
 
     async def run(
         self, tx: Tx, *, limit: int, claimant: str, lease_s: float, clock: FleetClock
