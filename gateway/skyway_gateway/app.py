@@ -1,6 +1,5 @@
 """The gateway as an app: its routes, what it opens and closes, and its loops."""
 
-import secrets
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
@@ -9,8 +8,6 @@ from typing import Final
 from fastapi import FastAPI
 from starlette.middleware import Middleware
 
-from skyway.cells import READ_EVERY_S
-from skyway.contracts.topics import CONNECTION
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -20,12 +17,10 @@ from skyway.runtime.http.app import (
 )
 from skyway.runtime.http.identity import read_secret
 from skyway.runtime.http.metrics_routes import metrics_routes, readiness_gauges
-from skyway.runtime.loops import Loops, repeat
+from skyway.runtime.loops import Loops
 from skyway.runtime.metrics import GaugeSource
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient
-from skyway.runtime.outbox.senders import MqttSender, ReportSender
-from skyway.runtime.outbox.stream_sender import unhurried_pace
 from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
@@ -49,11 +44,10 @@ from skyway_gateway.forward.cell_routes import ForwardToCells
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.gauges import GatewayGauges
-from skyway_gateway.live.figures import LiveFigures
 from skyway_gateway.live.routes import live_routes
 from skyway_gateway.network_store import read_cells
 from skyway_gateway.notifications.delivery_events import EventStream
-from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
+from skyway_gateway.notifications.fleet_time import publish_clock
 from skyway_gateway.notifications.routes import (
     clock_routes,
     webhook_calls,
@@ -65,22 +59,12 @@ from skyway_gateway.notifications.secret_routes import secret_routes
 from skyway_gateway.parts import SERVICE, Parts
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.quotes.store import read_networks
-from skyway_gateway.retention.start_pruning import start_pruning
-from skyway_gateway.routed_composition import DeliveryReports
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tracking.link_routes import link_routes
 from skyway_gateway.tracking.page_routes import page_routes
+from skyway_gateway.work import start_work
 
 PACKAGE: Final = "skyway_gateway"
-
-#: Seconds of wall time between two steps of a loop that nothing has woken.
-_ACCOUNTS_EVERY_S: Final = 10.0
-_KEYS_EVERY_S: Final = 0.5
-_REFUSED_EVERY_S: Final = 10.0
-_SEAL_EVERY_S: Final = 600.0
-_OVERDUE_EVERY_S: Final = 1.0
-_SCHEDULED_EVERY_S: Final = 0.5
-_WAKES_EVERY_S: Final = 0.5
 
 
 def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
@@ -188,11 +172,12 @@ def build_app(settings: GatewaySettings) -> FastAPI:
     parts.vault.require_keys()
 
     async def on_connected() -> None:
+        parts.membership.set_listening(True)
         await publish_clock(mqtt, parts.anchor, mint)
 
     mqtt = MqttClient(
         settings.mqtt_url,
-        client_id=f"{SERVICE}-{secrets.token_hex(8)}",
+        client_id=parts.membership.own_id,
         user_name=SERVICE,
         password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
         tls=settings.mqtt_tls,
@@ -205,6 +190,7 @@ def build_app(settings: GatewaySettings) -> FastAPI:
         await migrate(settings.database_url, PACKAGE)
         async with AsyncExitStack() as opened:
             await opened.enter_async_context(parts.db)
+            await opened.enter_async_context(parts.membership)
             await take_over(parts)
             await opened.enter_async_context(parts.clients["registry"])
             await opened.enter_async_context(parts.servers)
@@ -212,40 +198,16 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             await opened.enter_async_context(parts.post)
             await opened.enter_async_context(mqtt)
             loops = await opened.enter_async_context(Loops())
-            messages = MqttSender(parts.db, mqtt, parts.clock, pace=unhurried_pace())
-            loops.start("messages", messages.run())
-            loops.start("cells", repeat("cells", parts.servers.refresh, every_s=READ_EVERY_S))
-            receivers = {"composition": DeliveryReports(parts.servers, parts.find)}
-            loops.start("reports", ReportSender(parts.db, receivers, parts.clock).run())
-            loops.start("webhooks", parts.sender.run())
-            loops.start("networks", parts.networks.run(mqtt))
-            loops.start("booking", parts.booking.run(parts.booker))
-            loops.start("connections", parts.waker.follow(mqtt.batches(CONNECTION)))
-            loops.start("live", parts.live.run())
-            figures = LiveFigures(parts.live, parts.all_clients, parts.gauges)
-            loops.start("live figures", figures.run())
-            loops.start("clock", repeat("clock", repeat_clock, every_s=CLOCK_EVERY_S))
-            _start_sweeping(loops, parts)
-            start_pruning(
-                loops,
-                parts.db,
-                parts.clock,
-                composition=parts.composition,
-                claimant=parts.booking.claimant,
-                settings=settings,
-            )
+            start_work(loops, parts, mqtt, settings)
             yield
-
-    async def repeat_clock() -> bool:
-        if mqtt.is_connected:
-            await publish_clock(mqtt, parts.anchor, mint)
-        return False
 
     async def readiness() -> dict[str, bool]:
         return {"database": await parts.db.is_answering(), "mqtt": mqtt.is_connected}
 
     inboxes = GaugeSource("mqtt", mqtt.gauges, kept_s=0.0)
-    parts.gauges.show(readiness_gauges(readiness), *GatewayGauges(parts).sources(), inboxes)
+    members = GaugeSource("replicas", parts.membership.gauges, kept_s=0.0)
+    own = (*GatewayGauges(parts).sources(), inboxes, members)
+    parts.gauges.show(readiness_gauges(readiness), *own)
     return gateway_app(parts, lifespan=lifespan, readiness=readiness)
 
 
@@ -270,27 +232,3 @@ async def take_over(parts: Parts) -> None:
     if parts.db.dialect == "sqlite":
         async with parts.db.write() as tx:
             await free_claims(tx)
-
-
-def _start_sweeping(loops: Loops, parts: Parts) -> None:
-    async def seal_old_secrets() -> bool:
-        await seal_secrets(parts.db, parts.vault, at=parts.clock.wall_now())
-        return False
-
-    keys = parts.keys
-    accounts = repeat(
-        "accounts", keys.close_orphaned_accounts, every_s=_ACCOUNTS_EVERY_S, wake=keys.wake
-    )
-    loops.start("accounts", accounts)
-    refused = parts.refused_logins
-    logins = repeat("refused keys", refused.write, every_s=_REFUSED_EVERY_S, wake=refused.wake)
-    loops.start("refused keys", logins)
-    loops.start("keys", repeat("keys", keys.end_expired_keys, every_s=_KEYS_EVERY_S))
-    late = repeat("overdue", parts.overdue_notifier.step, every_s=_OVERDUE_EVERY_S)
-    loops.start("overdue", late)
-    waker = parts.waker
-    wakes = repeat("wakes", waker.step, every_s=_WAKES_EVERY_S, wake=waker.noted)
-    loops.start("wakes", wakes)
-    due = repeat("scheduled", parts.schedule_opener.step, every_s=_SCHEDULED_EVERY_S)
-    loops.start("scheduled", due)
-    loops.start("secrets", repeat("secrets", seal_old_secrets, every_s=_SEAL_EVERY_S))

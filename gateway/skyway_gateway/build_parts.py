@@ -1,5 +1,6 @@
 """Builds the parts of the gateway from its settings; nothing is opened."""
 
+import secrets
 from collections.abc import Mapping
 from datetime import timedelta
 from functools import partial
@@ -16,6 +17,8 @@ from skyway.runtime.http.request_boundary import body_limits
 from skyway.runtime.limits import Budget, FairQueue, Meter, Slots
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import mint
+from skyway.runtime.replicas.membership import Membership
+from skyway.runtime.replicas.replica_store import ReplicaStore
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import session_store
 from skyway_gateway.access.keys import Keys
@@ -48,7 +51,7 @@ from skyway_gateway.quotes.make_quote import HoldLimits
 from skyway_gateway.quotes.store import keep_network
 from skyway_gateway.routed_composition import NetworkFinder, RoutedComposition
 from skyway_gateway.settings import GatewaySettings
-from skyway_gateway.tables import outbox
+from skyway_gateway.tables import outbox, replicas
 from skyway_gateway.tracking.pages import TrackingPages
 from skyway_gateway.tracking_links import TRACKING_PATHS, TrackingLinks
 
@@ -74,6 +77,7 @@ def build_parts(
 ) -> Parts:
     """The parts with these clients and this clock; nothing is opened."""
     db = Database(settings.database_url, outbox=outbox)
+    own_id = f"{SERVICE}-{secrets.token_hex(8)}"
     registry = RestRegistry(clients["registry"])
     cells = Cells(table_from(clients["registry"]), keep=partial(keep_cells, db))
     servers = CellClients(clients["composition"], cells)
@@ -98,6 +102,7 @@ def build_parts(
     refused_logins = RefusedLogins(db, clock, mint)
     return Parts(
         db=db,
+        membership=Membership(ReplicaStore(db, replicas), own_id=own_id, clock=clock),
         clock=clock,
         anchor=anchor,
         clients=clients,

@@ -16,6 +16,7 @@ from skyway.runtime.http.request_boundary import BodyLimit
 from skyway.runtime.limits import FairQueue, Slots
 from skyway.runtime.metrics import Gauges
 from skyway.runtime.minting import mint
+from skyway.runtime.replicas.membership import Membership
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.login_codes import LoginCodes
@@ -55,6 +56,7 @@ class Parts:
     """The parts of all rooms; a `Wake` lets one room wake the loop of another."""
 
     db: Database
+    membership: Membership
     clock: FleetClock
     anchor: AnchoredClock
     clients: Mapping[str, ServiceClient]

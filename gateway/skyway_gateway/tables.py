@@ -21,6 +21,7 @@ from sqlalchemy import (
 
 from skyway.runtime.idempotency_store import idempotency_table
 from skyway.runtime.outbox.outbox_store import outbox_table
+from skyway.runtime.replicas.replica_store import replicas_table
 from skyway.runtime.sql.claims import claim_columns
 from skyway_gateway import delivery_tables
 
@@ -29,6 +30,7 @@ metadata = delivery_tables.metadata
 
 outbox = outbox_table(metadata)
 idempotency = idempotency_table(metadata)
+replicas = replicas_table(metadata)
 
 #: Only the hash of a key is stored. Deleted keys stay, so that a restart does not add them again.
 api_keys = Table(

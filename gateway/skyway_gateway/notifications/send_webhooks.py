@@ -9,13 +9,14 @@ see that.
 import asyncio
 import logging
 import random
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Final, Never, get_args
 
 from skyway.ids import EventId
 from skyway.runtime.clock import FleetClock, sleep_wall
-from skyway.runtime.loops import MissingParts, Wake, repeat
+from skyway.runtime.loops import MissingParts, Wake, always, repeat
 from skyway.runtime.metrics import count, observe
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
@@ -84,13 +85,17 @@ class WebhookSender:
     _missing: MissingParts = field(default_factory=lambda: MissingParts("webhooks"))
     _claims_are_free: bool = False
 
-    async def run(self) -> Never:
-        """Notify until the process ends."""
+    async def run(self, *, polls: Callable[[], bool] = always) -> Never:
+        """Notify until the process ends; look at the table unasked only while it `polls`."""
         for outcome in get_args(Outcome):
             _count_attempts(0, outcome)
         async with asyncio.TaskGroup() as group:
             await repeat(
-                "webhooks", lambda: self._step(group), every_s=_LONGEST_PAUSE_S, wake=self.wake
+                "webhooks",
+                lambda: self._step(group),
+                every_s=_LONGEST_PAUSE_S,
+                wake=self.wake,
+                polls=polls,
             )
 
     async def _step(self, group: asyncio.TaskGroup) -> bool:

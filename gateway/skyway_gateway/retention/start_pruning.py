@@ -1,5 +1,6 @@
 """The loops of retention, as the settings ask for them."""
 
+from collections.abc import Awaitable, Callable
 from datetime import timedelta
 from typing import Final
 
@@ -16,6 +17,9 @@ _DELIVERIES_EVERY_S: Final = 2.0
 _LOGS_EVERY_S: Final = 60.0
 _EXPIRED_EVERY_S: Final = 600.0
 
+#: A step of a loop.
+Step = Callable[[], Awaitable[bool]]
+
 
 def start_pruning(
     loops: Loops,
@@ -25,10 +29,11 @@ def start_pruning(
     composition: Composition,
     claimant: str,
     settings: GatewaySettings,
+    led: Callable[[Step], Step],
 ) -> None:
-    """Start to delete what is older than the settings keep."""
+    """Start to delete what is older than the settings keep; `led` makes a step the leader's."""
     expired = ExpiredPruning(db, clock)
-    loops.start("sweep", repeat("sweep", expired.step, every_s=_EXPIRED_EVERY_S))
+    loops.start("sweep", repeat("sweep", led(expired.step), every_s=_EXPIRED_EVERY_S))
     if settings.delivery_days is not None:
         deliveries = DeliveryPruning(
             db,
@@ -37,7 +42,7 @@ def start_pruning(
             claimant=claimant,
             kept=timedelta(days=settings.delivery_days),
         )
-        step = repeat("old deliveries", deliveries.step, every_s=_DELIVERIES_EVERY_S)
+        step = repeat("old deliveries", led(deliveries.step), every_s=_DELIVERIES_EVERY_S)
         loops.start("old deliveries", step)
     logs = LogPruning(
         db,
@@ -45,7 +50,7 @@ def start_pruning(
         audit_kept=_span(settings.audit_days),
         attempts_kept=_span(settings.webhook_attempt_days),
     )
-    loops.start("old logs", repeat("old logs", logs.step, every_s=_LOGS_EVERY_S))
+    loops.start("old logs", repeat("old logs", led(logs.step), every_s=_LOGS_EVERY_S))
 
 
 def _span(days: float | None) -> timedelta | None:

@@ -13,7 +13,11 @@ from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.request import DeliveryRequest
 from skyway.geo import Position
 from skyway.runtime.verification.rule import Rule
-from skyway.runtime.verification.storage_rules import outbox_rules, storage_rules
+from skyway.runtime.verification.storage_rules import (
+    outbox_rules,
+    replica_rule,
+    storage_rules,
+)
 from skyway.runtime.verification.stored_forms import form_rule, read_fernet_token, read_sha256
 from skyway_gateway.access.scopes import Scope
 from skyway_gateway.deliveries.lifecycle.delivery import Proof, Refusal
@@ -31,6 +35,7 @@ from skyway_gateway.tables import (
     metadata,
     outbox,
     quotes,
+    replicas,
     session_links,
     sessions,
     webhooks,
@@ -79,6 +84,7 @@ _FORMS: Final = form_rule(
 RULES: Final[tuple[Rule, ...]] = (
     *storage_rules(metadata),
     *outbox_rules(outbox, channels=("composition", "mqtt")),
+    replica_rule(replicas),
     _FORMS,
     *DELIVERIES,
     *OFFERS,

@@ -13,6 +13,7 @@ from sqlalchemy import and_, exists, func, literal_column, or_, select
 from skyway.bounds import LATEST
 from skyway.contracts.topics import INSTRUCTIONS
 from skyway.runtime.verification.rule import Rule, Survey
+from skyway.runtime.verification.storage_rules import replica_rule
 from skyway.units import moment_to_ms
 from skyway_composition.tables import (
     cut_steps,
@@ -274,15 +275,5 @@ LINKS: Final = (
         ),
         "The registry knows the drone's provider. Correct the column that differs.",
     ),
-    Rule(
-        "a replica was seen since it joined",
-        select(replicas.c.replica_id).where(
-            or_(
-                replicas.c.joined_wall_ms < 0,
-                replicas.c.joined_wall_ms > replicas.c.seen_wall_ms,
-                replicas.c.seen_wall_ms > _LATEST_MS,
-            )
-        ),
-        "Delete the row of `replicas`: a replica that lives adds it again within a second.",
-    ),
+    replica_rule(replicas),
 )

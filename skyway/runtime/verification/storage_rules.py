@@ -89,6 +89,17 @@ def storage_rules(metadata: MetaData, *, triggers: Iterable[str] = ()) -> tuple[
     )
 
 
+def replica_rule(replicas: Table) -> Rule:
+    """The rule of a table of live replicas."""
+    joined_ms, seen_ms = replicas.c.joined_wall_ms, replicas.c.seen_wall_ms
+    is_wrong = or_(joined_ms < 0, joined_ms > seen_ms, seen_ms > moment_to_ms(LATEST))
+    return Rule(
+        "a replica was seen since it joined",
+        select(replicas.c.replica_id).where(is_wrong),
+        "Delete the row of `replicas`: a replica that lives adds it again within a second.",
+    )
+
+
 def name_of(table: Table, *values: object) -> str:
     """The name of a row: its table and its key."""
     return f"{table.name} {'/'.join(map(str, values))}"

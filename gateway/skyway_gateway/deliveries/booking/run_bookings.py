@@ -7,6 +7,7 @@ counts from the next look on, for deliveries that wait already too.
 
 import asyncio
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Final, Never
@@ -14,7 +15,7 @@ from typing import Final, Never
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.loops import MissingParts, Wake, repeat
+from skyway.runtime.loops import MissingParts, Wake, always, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.sql.database import Database
 from skyway_gateway.deliveries.booking.book import Booker
@@ -63,14 +64,18 @@ class BookingLoop:
         has_room = len(self._under_way) < self._most
         return self._booker is not None and has_room and not self._is_behind
 
-    async def run(self, booker: Booker) -> Never:
-        """Book until the process ends."""
+    async def run(self, booker: Booker, *, polls: Callable[[], bool] = always) -> Never:
+        """Book until the process ends; look at the queue unasked only while it `polls`."""
         async with self._group as group:
             group.create_task(repeat("hold", lambda: self._hold(booker), every_s=_HOLD_EVERY_S))
             self._booker = booker
             try:
                 await repeat(
-                    "book", lambda: self._step(booker), every_s=_LOOK_EVERY_S, wake=self.queued
+                    "book",
+                    lambda: self._step(booker),
+                    every_s=_LOOK_EVERY_S,
+                    wake=self.queued,
+                    polls=polls,
                 )
             finally:
                 self._booker = None
