@@ -1,12 +1,11 @@
 """The registry as an app: its routes, the things it opens and closes, and its loops."""
 
-import secrets
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Final, Never
 
 from fastapi import FastAPI
 
@@ -27,6 +26,7 @@ from skyway.runtime.idempotency_store import sweep
 from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.metrics import GaugeSource
 from skyway.runtime.mqtt.client import MqttClient
+from skyway.runtime.replicas.membership import LeaderStep, Membership
 from skyway.runtime.sql.migrations import migrate
 from skyway_provider_registry.candidates.routes import candidate_routes, service_state_routes
 from skyway_provider_registry.cells.routes import cell_routes
@@ -68,6 +68,8 @@ _PRESENCE_EVERY_S: Final = 0.5
 #: Seconds of wall time between two transactions of telemetry, and between two rounds of thinning.
 _TELEMETRY_EVERY_S: Final = 1.0
 _THINNING_EVERY_S: Final = 600.0
+#: The longest wait for drones of a replica that is gone, seconds of wall time; then it waits again.
+_LONGEST_WAIT_S: Final = 60.0
 
 
 def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
@@ -126,13 +128,18 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
 def build_app(settings: RegistrySettings) -> FastAPI:
     """The registry of these settings; the lifespan of the app opens everything."""
     parts = parts_in_life(settings)
-    servers = parts.servers
+    servers, membership = parts.servers, parts.membership
+
+    async def on_connected() -> None:
+        membership.set_listening(True)
+
     mqtt = MqttClient(
         settings.mqtt_url,
-        client_id=f"{SERVICE}-{secrets.token_hex(8)}",
+        client_id=membership.own_id,
         user_name=SERVICE,
         password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
         tls=settings.mqtt_tls,
+        on_connected=on_connected,
     )
 
     recorder = TelemetryRecorder(parts.db, parts.clock)
@@ -145,7 +152,11 @@ def build_app(settings: RegistrySettings) -> FastAPI:
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         parts.cloud_keys.read()  # without them no drone could be registered
         await migrate(settings.database_url, PACKAGE)
-        async with parts.db, servers, mqtt, Loops() as loops:
+        async with parts.db, membership, servers, mqtt, Loops() as loops:
+            membership.start(loops)
+            loops.start("listening", _notice_lost_connections(mqtt, membership))
+            gained = partial(_read_gained_drones, mqtt, membership)
+            loops.start("gained drones", repeat("gained drones", gained, every_s=1.0))
             await servers.begin_with(CellTable(cells=()))
             # First of all: without its accounts the broker refuses everybody, this service too.
             await parts.password_file.refresh()
@@ -160,28 +171,25 @@ def build_app(settings: RegistrySettings) -> FastAPI:
             parts.signatures.start(loops)
             loops.start("presence", repeat("presence", follower.step, every_s=1.0))
             loops.start("networks", parts.networks.run(mqtt))
-            _start_telemetry(loops, recorder, Thinning(parts.db, parts.clock, keep_times))
+            recording = repeat(
+                "telemetry", recorder.step, every_s=_TELEMETRY_EVERY_S, wake=recorder.wake
+            )
+            loops.start("telemetry", recording)
             loops.start(
                 "password file",
                 repeat("password file", parts.password_file.step, every_s=_PASSWORDS_EVERY_S),
             )
-            renewals = RenewalAnnouncer(parts.db, parts.clock, CompositionNotice(servers))
-            alarms = AlarmAnnouncer(parts.db, servers)
             loops.start("cells", repeat("cells", servers.refresh, every_s=READ_EVERY_S))
-            loops.start("alarms", repeat("alarms", alarms.step, every_s=1.0))
-            loops.start("renewals", repeat("renewals", renewals.step, every_s=1.0))
-            loops.start(
-                "idempotency",
-                repeat("idempotency", partial(_sweep, parts), every_s=_SWEEP_EVERY_S),
-            )
+            _start_leading(loops, parts, keep_times)
             yield
 
     async def readiness() -> dict[str, bool]:
         return {"database": await parts.db.is_answering(), "mqtt": mqtt.is_connected}
 
     inboxes = GaugeSource("mqtt", mqtt.gauges, kept_s=0.0)
+    members = GaugeSource("replicas", membership.gauges, kept_s=0.0)
     own = RegistryGauges(parts.db, parts.clock, recorder, settings.broker_password_file)
-    parts.gauges.show(readiness_gauges(readiness), *own.sources(), inboxes)
+    parts.gauges.show(readiness_gauges(readiness), *own.sources(), inboxes, members)
     return registry_app(parts, lifespan=lifespan, readiness=readiness)
 
 
@@ -199,13 +207,35 @@ def openapi_app() -> FastAPI:
     return registry_app(parts, lifespan=nothing_to_open, readiness=nothing_to_wait_for)
 
 
-def _start_telemetry(loops: Loops, recorder: TelemetryRecorder, thinning: Thinning) -> None:
-    """Start the loops that store telemetry and thin old telemetry."""
-    loops.start(
-        "telemetry",
-        repeat("telemetry", recorder.step, every_s=_TELEMETRY_EVERY_S, wake=recorder.wake),
-    )
-    loops.start("thinning", repeat("thinning", thinning.step, every_s=_THINNING_EVERY_S))
+def _start_leading(loops: Loops, parts: Parts, keep_times: KeepTimes) -> None:
+    """Start the loops that only the leader runs, for all replicas."""
+    renewals = RenewalAnnouncer(parts.db, parts.clock, CompositionNotice(parts.servers))
+    for name, step, every_s in (
+        ("thinning", Thinning(parts.db, parts.clock, keep_times).step, _THINNING_EVERY_S),
+        ("alarms", AlarmAnnouncer(parts.db, parts.servers).step, 1.0),
+        ("renewals", renewals.step, 1.0),
+        ("idempotency", partial(_sweep, parts), _SWEEP_EVERY_S),
+    ):
+        led = LeaderStep(parts.membership, step)
+        loops.start(name, repeat(name, led, every_s=every_s))
+
+
+async def _notice_lost_connections(mqtt: MqttClient, membership: Membership) -> Never:
+    """Let other replicas own the drones while this one is not connected to the broker."""
+    while True:
+        await mqtt.wait_connected()
+        await mqtt.wait_lost()
+        membership.set_listening(False)
+
+
+async def _read_gained_drones(mqtt: MqttClient, membership: Membership) -> bool:
+    """Get retained messages again when another replica is gone; always True: it waits itself.
+
+    No replica has stored what its drones sent in the last seconds. Telemetry is not retained.
+    """
+    if await membership.gained.wait(_LONGEST_WAIT_S):
+        mqtt.subscribe_again()
+    return True
 
 
 async def _sweep(parts: Parts) -> bool:

@@ -1,5 +1,6 @@
 """The parts of the registry; nothing is opened here."""
 
+import secrets
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +20,8 @@ from skyway.runtime.loops import Pace
 from skyway.runtime.metrics import Gauges
 from skyway.runtime.minting import Mint, mint
 from skyway.runtime.mqtt.signature_check import SignatureCheck
+from skyway.runtime.replicas.membership import Membership
+from skyway.runtime.replicas.replica_store import ReplicaStore
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile
 from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
@@ -32,6 +35,7 @@ from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.fleets.registration import CompositionStations, StationLookup
 from skyway_provider_registry.presence.judge_states import NoQuarantine
 from skyway_provider_registry.settings import BrokerKind, RegistrySettings
+from skyway_provider_registry.tables import replicas
 
 SERVICE: Final = "registry"
 
@@ -52,6 +56,7 @@ class Parts:
     """The things that the routes need."""
 
     db: Database
+    membership: Membership
     gate: ServiceGate
     metrics_gate: MetricsGate
     clock: FleetClock
@@ -108,8 +113,11 @@ def parts_in_life(settings: RegistrySettings) -> Parts:
         secrets_dir=settings.secrets_dir,
         broker_pid_file=settings.broker_pid_file,
     )
+    own_id = f"{SERVICE}-{secrets.token_hex(8)}"
+    membership = Membership(ReplicaStore(db, replicas), own_id=own_id, clock=clock)
     return Parts(
         db=db,
+        membership=membership,
         gate=ServiceGate(settings.secrets_dir, allowed=("gateway", "composition")),
         metrics_gate=MetricsGate(settings.secrets_dir),
         clock=clock,
@@ -121,7 +129,9 @@ def parts_in_life(settings: RegistrySettings) -> Parts:
             authority, cloud_keys, password_file.hash_password, mqtt_urls=settings.mqtt_drone_url
         ),
         cloud_keys=cloud_keys,
-        signatures=SignatureCheck(KeyBook(StoredKeys(db, clock), clock), NoQuarantine()),
+        signatures=SignatureCheck(
+            KeyBook(StoredKeys(db, clock), clock), NoQuarantine(membership.owns)
+        ),
         drone_limit=DroneLimit(db, settings.drones_per_provider),
         servers=servers,
         cell_hosts=settings.cell_hosts,

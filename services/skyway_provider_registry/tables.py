@@ -17,8 +17,11 @@ from sqlalchemy import (
 )
 
 from skyway.runtime.idempotency_store import idempotency_table
+from skyway.runtime.replicas.replica_store import replicas_table
 
 metadata = MetaData()
+
+replicas = replicas_table(metadata)
 
 
 def _place_columns() -> tuple[Column[float], Column[float]]:

@@ -24,7 +24,7 @@ from skyway.drone.models import DRONE_MODELS
 from skyway.runtime.signing.key_pair import public_key_bytes
 from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.rule import Rule, Survey
-from skyway.runtime.verification.storage_rules import storage_rules
+from skyway.runtime.verification.storage_rules import replica_rule, storage_rules
 from skyway.runtime.verification.stored_forms import form_rule, read_fernet_token, read_sha256
 from skyway.units import moment_to_ms
 from skyway_provider_registry.change_store import ONLY_ROW
@@ -44,6 +44,7 @@ from skyway_provider_registry.tables import (
     presence,
     providers,
     renewals,
+    replicas,
     telemetry_samples,
     waiting_alarms,
 )
@@ -254,6 +255,7 @@ _DRONES: Final = (
 
 #: The most important rules first: those of storage say whether the others can be believed.
 RULES: Final[tuple[Rule, ...]] = (
+    replica_rule(replicas),
     *storage_rules(metadata),
     _FORMS,
     *_DRONES,

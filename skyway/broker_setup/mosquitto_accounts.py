@@ -20,6 +20,11 @@ class MosquittoAccounts:
 
     password_file: Path
 
+    @property
+    def lock_file(self) -> Path:
+        """The file that a replica of the registry locks before it writes."""
+        return self.password_file.with_name(f"{self.password_file.name}.lock")
+
     def hash_password(self, password: str) -> str:
         """The hash that is stored of a password."""
         return hash_password(password)

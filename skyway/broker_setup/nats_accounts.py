@@ -48,6 +48,11 @@ class NatsAccounts:
 
     file: Path
 
+    @property
+    def lock_file(self) -> Path:
+        """The file that a replica of the registry locks before it writes."""
+        return self.file.with_name(f"{self.file.name}.lock")
+
     def hash_password(self, password: str) -> str:
         """The hash that is stored of a password."""
         return hash_for_nats(password)

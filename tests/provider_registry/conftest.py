@@ -15,6 +15,7 @@ from skyway_provider_registry.fleets.issue_credentials import Issuer
 from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.parts import Parts
 from skyway_provider_registry.presence.judge_states import NoQuarantine
+from skyway_provider_registry.tables import replicas
 
 from skyway.announced_networks import NetworkLearner
 from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
@@ -31,6 +32,8 @@ from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.signature_check import SignatureCheck
+from skyway.runtime.replicas.membership import Membership
+from skyway.runtime.replicas.replica_store import ReplicaStore
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile
 from skyway.runtime.sql.database import Database
 from tests.shared_app import shared_app
@@ -216,6 +219,7 @@ async def api(
 ) -> AsyncIterator[Api]:
     parts = Parts(
         db=db,
+        membership=Membership(ReplicaStore(db, replicas), own_id="only", clock=clock),
         gate=ServiceGate(secrets_dir, allowed=("gateway", "composition")),
         metrics_gate=MetricsGate(secrets_dir),
         clock=clock,

@@ -1,10 +1,12 @@
 """The broker's files of accounts: those of the database and of our own processes."""
 
 import asyncio
+import fcntl
 import logging
 import os
 import signal
-from collections.abc import Mapping
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -23,9 +25,18 @@ _SERVICES: Final = ("gateway", "registry", "composition")
 #: Steps after a write until the broker is notified again: a whole interval lies between.
 _LOOKS_UNTIL_REMINDER: Final = 2
 
+#: Wall seconds between two tries to lock the files, and the most tries: 10 s.
+_TRY_EVERY_S: Final = 0.02
+_MOST_TRIES: Final = 500
+
 
 class BrokerAccounts(Protocol):
     """The files in which a broker reads its accounts."""
+
+    @property
+    def lock_file(self) -> Path:
+        """The file beside them that a replica locks before it writes."""
+        ...
 
     def hash_password(self, password: str) -> str:
         """The hash of a password, as this broker reads it."""
@@ -38,6 +49,10 @@ class BrokerAccounts(Protocol):
 
 class PasswordFile:
     """Keeps the broker's files equal to the accounts; only this service writes them.
+
+    Replicas write the same files in turns: each locks a file beside them before it reads the
+    accounts, so no replica replaces newer files by what it has read earlier. The lock ends with its
+    process.
 
     Parameters
     ----------
@@ -102,16 +117,36 @@ class PasswordFile:
         if not self._service_hashes:
             self._operator_hash = self._hash_of_secret("operator")
             self._service_hashes = {name: self._hash_of_secret(name) for name in _SERVICES}
-        async with self._db.read() as connection:
-            accounts = await credential_store.every_hash(connection)
-        accounts[DEPLOYMENT_OPERATOR] = self._operator_hash
         try:
-            await asyncio.to_thread(self._broker.write, accounts, self._service_hashes)
+            async with self._turn():
+                async with self._db.read() as connection:
+                    accounts = await credential_store.every_hash(connection)
+                accounts[DEPLOYMENT_OPERATOR] = self._operator_hash
+                await asyncio.to_thread(self._broker.write, accounts, self._service_hashes)
         except OSError as error:
             raise ServiceUnavailable("broker accounts", f"not written: {error}") from error
         self._written = covers
         self._looks_until_reminder = _LOOKS_UNTIL_REMINDER
         self._notify_broker()
+
+    @asynccontextmanager
+    async def _turn(self) -> AsyncIterator[None]:
+        """Keep other replicas from writing during the block.
+
+        Raises
+        ------
+        OSError
+            The lock cannot be had.
+        """
+        with self._broker.lock_file.open("w") as file:
+            for _ in range(_MOST_TRIES):
+                with suppress(BlockingIOError):
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                await asyncio.sleep(_TRY_EVERY_S)
+            else:
+                raise TimeoutError(f"another registry holds {self._broker.lock_file}")
+            yield
 
     def _hash_of_secret(self, name: str) -> str:
         if (self._secrets_dir / account_file(name)).exists():

@@ -25,7 +25,7 @@ PACKAGES = {
 }
 
 #: The services that may run as several processes on a database server.
-REPLICATED = ("composition", "gateway")
+REPLICATED = ("registry", "composition", "gateway")
 
 
 @dataclass(frozen=True, slots=True)
