@@ -4,7 +4,9 @@ import asyncio
 import stat
 import subprocess
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -104,6 +106,38 @@ async def test_simultaneous_calls_all_find_their_account_in_the_file(
     found = await asyncio.gather(*(register(f"customer-{n}") for n in range(20)))
 
     assert all(found)
+
+
+@dataclass(frozen=True, slots=True)
+class SlowAccounts(MosquittoAccounts):
+    """Writes its files only when it may."""
+
+    began: threading.Event
+    may_write: threading.Event
+
+    def write(self, accounts: Mapping[str, str], services: Mapping[str, str]) -> None:
+        self.began.set()
+        assert self.may_write.wait(60)
+        MosquittoAccounts(self.password_file).write(accounts, services)
+
+
+async def test_a_slow_replica_does_not_replace_the_accounts_of_a_faster_one(
+    db: Database, secrets_dir: Path, tmp_path: Path, password_file: PasswordFile
+) -> None:
+    path = tmp_path / "passwords"
+    broker = SlowAccounts(path, threading.Event(), threading.Event())
+    slow = PasswordFile(broker, db=db, secrets_dir=secrets_dir, broker_pid_file=None)
+    slow_write = asyncio.create_task(slow.refresh())
+    assert await asyncio.to_thread(broker.began.wait, 60)
+
+    await put_customer(db, "ann")
+    write = asyncio.create_task(password_file.refresh())
+    for _ in range(10):
+        await asyncio.to_thread(path.exists)  # a replica that does not wait writes now
+    broker.may_write.set()
+    await asyncio.gather(slow_write, write)
+
+    assert "ann" in read_password_file(path)
 
 
 async def test_a_file_that_cannot_be_written_is_written_later(

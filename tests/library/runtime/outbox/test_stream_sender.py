@@ -2,7 +2,7 @@
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from datetime import timedelta
 from typing import Any
@@ -134,6 +134,50 @@ async def until_looked_again(db: CountingDatabase) -> None:
     """Wait until the sender has rested and turned to the table again, without time going by."""
     looks = db.blocks + db.alone
     await db.changes.until(lambda: db.blocks + db.alone >= looks + 2)
+
+
+async def test_a_sender_that_ends_deletes_what_it_has_sent(
+    db: CountingDatabase, clock: ManualClock
+) -> None:
+    receiver = Receiver()
+    await write(db, "/1")
+
+    async with sending(db, receiver, clock):
+        async with asyncio.timeout(60):
+            while not receiver.taken:
+                await rows(db)
+
+    assert await rows(db) == []
+
+
+async def test_a_sender_leaves_the_rows_of_other_processes_until_it_polls(
+    db: CountingDatabase, clock: ManualClock, database_url: str
+) -> None:
+    receiver, polls = Receiver(), [False, False, False, True]
+    sender = StreamSender(
+        db,
+        CHANNEL,
+        receiver.receive,
+        clock=clock,
+        pace=quick_pace(),
+        polls=lambda: not polls or polls.pop(0),
+    )
+
+    async def pass_time(is_so: Callable[[], bool]) -> None:
+        async with asyncio.timeout(60):
+            while not is_so():
+                clock.advance(timedelta(seconds=1))
+                await rows(db)
+
+    async with Database(database_url, outbox=OUTBOX) as other:
+        sending = asyncio.create_task(sender.run())
+        await pass_time(lambda: len(polls) < 4)
+        await write(other, "/1")
+        await pass_time(lambda: bool(receiver.taken))
+        sending.cancel()
+        await asyncio.gather(sending, return_exceptions=True)
+
+    assert polls == []
 
 
 @ON_POSTGRESQL

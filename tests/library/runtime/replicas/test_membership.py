@@ -8,7 +8,7 @@ import pytest
 from sqlalchemy import MetaData
 
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.replicas.membership import LeaderStep, Membership
+from skyway.runtime.replicas.membership import LeaderStep, Membership, PollsInTurn
 from skyway.runtime.replicas.replica_store import DEAD_AFTER_MS, ReplicaStore, replicas_table
 from skyway.runtime.sql.database import Database
 
@@ -153,3 +153,13 @@ async def test_a_replica_that_loses_the_lead_does_its_step_once_more(
     await work()
 
     assert done == ["begin", "step", "step"]
+
+
+@on_postgresql
+async def test_replicas_that_poll_in_turn_poll_as_often_as_one(db: Database, join: Join) -> None:
+    first, second = join("a"), join("b")
+    alone, in_turn = PollsInTurn(join("c")), [PollsInTurn(first), PollsInTurn(second)]
+    await beat(first, second, first)
+
+    assert [alone() for _ in range(4)] == [True] * 4
+    assert sum(polls() for _ in range(4) for polls in in_turn) == 4
