@@ -26,6 +26,9 @@ from skyway.errors import SkywayError
 _HOST: Final = "127.0.0.1"
 _STARTS_WITHIN_S: Final = 120.0
 
+#: Lines of each log that are shown when the cluster does not start.
+_SHOWN_LINES: Final = 12
+
 #: Wall seconds. A primary that does not renew its lease for `ttl` is replaced; 20 is the least that
 #: Patroni takes, and `loop_wait + 2 * retry_timeout` must not be more.
 _LEASE: Final = {"ttl": 20, "loop_wait": 2, "retry_timeout": 5}
@@ -105,7 +108,11 @@ def patroni_cluster() -> Iterator[Cluster]:
         etcd.start()
         for node in nodes:
             node.server.start()
-        cluster.wait_until_safe()
+        try:
+            cluster.wait_until_safe()
+        except SkywayError as error:
+            logs = "\n".join(map(_last_words, (etcd.log, *(node.server.log for node in nodes))))
+            raise SkywayError(f"{error}; the last lines of the logs:\n{logs}") from error
         yield cluster
     finally:
         for node in nodes:
@@ -170,6 +177,11 @@ def _settings(folder: Path, *, port: int, rest_port: int, etcd_port: int) -> dic
             "parameters": {"unix_socket_directories": str(folder)},
         },
     }
+
+
+def _last_words(log: Path) -> str:
+    lines = log.read_text(errors="replace").splitlines()[-_SHOWN_LINES:]
+    return f"{log.parent.name}/{log.name}:\n" + "\n".join(lines)
 
 
 def _program(name: str) -> str:
