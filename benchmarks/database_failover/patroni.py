@@ -101,7 +101,8 @@ def patroni_cluster() -> Iterator[Cluster]:
         for n in (1, 2)
     ]
     if user is not None:
-        for each in (folder, *(node.folder for node in nodes)):
+        # The configurations too: after a first run this process makes files only for itself.
+        for each in (folder, *folder.glob("node-*"), *folder.glob("node-*/*")):
             os.chown(each, user.pw_uid, user.pw_gid)
     cluster = Cluster((nodes[0], nodes[1]))
     try:
