@@ -57,3 +57,10 @@ class CompositionSettings(ServiceSettings):
         description="Days of fleet time for which alarms are kept after an operator has "
         "acknowledged them. Without it they are kept for ever.",
     )
+    network_version_days: float | None = Field(
+        default=None,
+        ge=1.0,
+        le=36_500.0,
+        description="Days of fleet time for which a version of a network is kept after a newer "
+        "version has replaced it. Without it all versions are kept for ever.",
+    )

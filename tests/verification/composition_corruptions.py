@@ -157,7 +157,7 @@ _NETWORKS: Final = (
     ),
     Corruption(
         "a version between that nobody published",
-        "I12 a network has all its versions up to the current one",
+        "I12 a network has all its versions from the oldest kept one up to the current one",
         composition="INSERT INTO network_versions SELECT network_id, 5, sha256, published_ms,"
         " content FROM network_versions",
     ),

@@ -3,12 +3,23 @@
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Row, bindparam, collate, insert, select, update
+from sqlalchemy import (
+    ColumnElement,
+    Row,
+    bindparam,
+    case,
+    collate,
+    delete,
+    func,
+    insert,
+    select,
+    update,
+)
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import NetworkId, StationId
 from skyway.runtime.sql.database import Tx
-from skyway_composition.tables import network_versions, networks, stations
+from skyway_composition.tables import missions, network_versions, networks, stations
 
 # Built once, because every booking runs these statements and building takes longer than running.
 _CURRENT: Final = select(networks).where(networks.c.network_id == bindparam("of_network"))
@@ -23,6 +34,9 @@ _PRESENT_AROUND: Final = (
     .join(stations, stations.c.network_id == networks.c.network_id)
     .where(stations.c.station_id == bindparam("of_station"))
 )
+
+#: The most versions that one transaction deletes: each may have megabytes.
+_DELETED_TOGETHER: Final = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +167,44 @@ async def add_version(tx: Tx, row: VersionRow, *, content: bytes) -> None:
     await tx.execute(
         insert(network_versions).values(network_id=row.network_id, content=content, **values)
     )
+
+
+async def delete_replaced(tx: Tx, *, before_ms: int) -> bool:
+    """Delete some versions that were replaced before this fleet time; whether there may be more.
+
+    A network keeps all versions from the oldest one on with which a QUEUED mission was planned.
+    """
+    versions = network_versions.c
+    # The version that was current at the moment; all older ones were replaced before.
+    current_then = (
+        select(versions.network_id, func.max(versions.version).label("version"))
+        .where(versions.published_ms <= before_ms)
+        .group_by(versions.network_id)
+        .subquery()
+    )
+    planned = (
+        select(func.min(missions.c.planned_version))
+        .where(missions.c.network_id == networks.c.network_id, missions.c.planned_version > 0)
+        .scalar_subquery()
+    )
+    needed = func.coalesce(planned, current_then.c.version)
+    oldest = case((needed < current_then.c.version, needed), else_=current_then.c.version)
+    found = await tx.execute(
+        select(networks.c.network_id, networks.c.oldest_version, oldest.label("oldest"))
+        .join(current_then, current_then.c.network_id == networks.c.network_id)
+        .where(oldest > networks.c.oldest_version)
+        .order_by(networks.c.network_id)
+        .limit(1)
+    )
+    row = found.one_or_none()
+    if row is None:
+        return False
+    kept_from = min(row.oldest, row.oldest_version + _DELETED_TOGETHER)
+    this = networks.c.network_id == row.network_id
+    await tx.execute(update(networks).where(this).values(oldest_version=kept_from))
+    old = (versions.network_id == row.network_id) & (versions.version < kept_from)
+    await tx.execute(delete(network_versions).where(old))
+    return True
 
 
 def _version_row(row: Row[*tuple[Any, ...]]) -> VersionRow:

@@ -1,4 +1,4 @@
-"""Deletes old closures that are over and old acknowledged alarms, as the settings ask for it.
+"""Deletes old closures, acknowledged alarms and versions of networks, as the settings ask for it.
 
 Deliveries are deleted when the gateway asks for it (`forget_routes`).
 """
@@ -15,6 +15,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition import alarm_store
 from skyway_composition.closures import store as closure_store
+from skyway_composition.networks import store as network_store
 from skyway_composition.settings import CompositionSettings
 
 #: Seconds of wall time between two steps.
@@ -23,18 +24,20 @@ _EVERY_S: Final = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Pruning:
-    """Deletes closures and alarms after a span of fleet time; None keeps them."""
+    """Deletes closures, alarms and versions after a span of fleet time; None keeps them."""
 
     db: Database
     clock: FleetClock
     closures_kept: timedelta | None
     alarms_kept: timedelta | None
+    versions_kept: timedelta | None = None
 
     async def step(self) -> bool:
         """Delete some of each; whether there may be more."""
         more_closures = await self._delete(closure_store.delete_over, self.closures_kept)
         more_alarms = await self._delete(alarm_store.delete_acknowledged, self.alarms_kept)
-        return more_closures or more_alarms
+        more_versions = await self._delete(network_store.delete_replaced, self.versions_kept)
+        return more_closures or more_alarms or more_versions
 
     async def _delete(self, delete: Callable[..., Awaitable[bool]], kept: timedelta | None) -> bool:
         if kept is None:
@@ -51,7 +54,8 @@ def start_pruning(
     settings: CompositionSettings,
 ) -> None:
     """Start the loop in which the leader deletes rows that are older than the settings keep."""
-    kept = _span(settings.closure_days), _span(settings.alarm_days)
+    days = settings.closure_days, settings.alarm_days, settings.network_version_days
+    kept = map(_span, days)
     pruning = Pruning(db, clock, *kept)
     step = LeaderStep(membership, pruning.step)
     loops.start("old rows", repeat("old rows", step, every_s=_EVERY_S))

@@ -26,6 +26,8 @@ networks = Table(
     Column("version", Integer, nullable=False),
     Column("sha256", Text, nullable=False),
     Column("published_ms", BigInteger, nullable=False),
+    # Its content is kept from this version on; older versions were deleted by their age.
+    Column("oldest_version", Integer, nullable=False, server_default="1"),
     # Changes with every closure, zone, outage and ground stop that is made or lifted (I11).
     Column("conditions", BigInteger, nullable=False, server_default="0"),
 )

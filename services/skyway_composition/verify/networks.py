@@ -101,17 +101,19 @@ NETWORKS: Final = (
         "/v1/networks/{id}.",
     ),
     Rule(
-        "I12 a network has all its versions up to the current one",
+        "I12 a network has all its versions from the oldest kept one up to the current one",
         select(networks.c.network_id)
         .join(network_versions, network_versions.c.network_id == networks.c.network_id)
-        .group_by(networks.c.network_id, networks.c.version)
+        .group_by(networks.c.network_id, networks.c.version, networks.c.oldest_version)
         .having(
             or_(
-                func.count() != networks.c.version,
+                func.count() != networks.c.version - networks.c.oldest_version + 1,
+                func.min(network_versions.c.version) != networks.c.oldest_version,
                 func.max(network_versions.c.version) != networks.c.version,
             )
         ),
-        "Restore the missing rows of `network_versions` from a backup.",
+        "Restore the missing rows of `network_versions` from a backup, or set `oldest_version` to "
+        "the first version after the missing ones.",
     ),
     Rule(
         "I12 a version's content has its hash",

@@ -5,6 +5,8 @@ from typing import Any
 
 from skyway_composition.retention.prune import Pruning
 
+from tests.composition.conftest import make_network
+
 DAY = timedelta(days=1)
 OPERATOR = "operator:op"
 
@@ -85,3 +87,61 @@ async def test_nothing_is_deleted_without_a_setting(composition: Any) -> None:
     await Pruning(composition.db, composition.clock, None, None).step()
 
     assert await closure_ids(composition) == {lifted}
+
+
+async def publish_versions(composition: Any, count: int) -> None:
+    """Publish further versions of the network, one a day; each has one pad more at a station."""
+    for number in range(count):
+        composition.clock.advance(DAY)
+        await composition.publish(make_network(pads={"e": 3 + number}))
+
+
+async def kept_versions(composition: Any) -> list[int]:
+    found = await composition.rows("SELECT version FROM network_versions ORDER BY version")
+    return [row[0] for row in found]
+
+
+def version_pruning(composition: Any, *, kept: timedelta) -> Pruning:
+    return Pruning(composition.db, composition.clock, None, None, versions_kept=kept)
+
+
+async def prune_all(pruning: Pruning) -> None:
+    while await pruning.step():
+        pass
+
+
+async def test_versions_are_deleted_after_a_newer_one_has_replaced_them_for_long(
+    composition: Any,
+) -> None:
+    await publish_versions(composition, 30)
+    composition.clock.advance(DAY / 2)
+
+    await prune_all(version_pruning(composition, kept=2 * DAY))
+
+    # Version 31 is current since half a day, 30 since a day and a half, 29 since longer.
+    assert await kept_versions(composition) == [29, 30, 31]
+    assert await composition.broken() == []
+    path = "/v1/networks/row"
+    assert (await composition(OPERATOR, "GET", f"{path}?version=28")).status_code == 404
+    assert (await composition(OPERATOR, "GET", f"{path}?version=29")).status_code == 200
+
+
+async def test_the_current_version_stays_however_old_it_is(composition: Any) -> None:
+    composition.clock.advance(400 * DAY)
+
+    await prune_all(version_pruning(composition, kept=DAY))
+
+    assert await kept_versions(composition) == [1]
+
+
+async def test_versions_stay_while_a_mission_waits_that_was_planned_with_one(
+    composition: Any,
+) -> None:
+    await composition.book()
+    await publish_versions(composition, 5)
+    async with composition.db.write() as tx:
+        await tx.connection.exec_driver_sql("UPDATE missions SET planned_version = 3")
+
+    await prune_all(version_pruning(composition, kept=DAY))
+
+    assert await kept_versions(composition) == [3, 4, 5, 6]
