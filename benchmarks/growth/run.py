@@ -11,6 +11,7 @@ from benchmarks.load.city import City
 from benchmarks.load.figures import Outcome
 from benchmarks.load.run import data_folder, measured, pids_of
 from benchmarks.load.send import send
+from benchmarks.load.statements import SERVER_OPTIONS
 from benchmarks.load.storage_pair import storage_pair
 from benchmarks.load.world import World, populate, start_again
 from skyway.cli.data_folder import DataFolder
@@ -34,9 +35,14 @@ _PORTS: Final = Ports(gateway=0, broker=0)
 
 async def run(size: Size, load: Burst) -> Outcome:
     """What the load costs in a system of this size."""
-    load = replace(load, stations=size.stations)
+    profile = None if load.profile is None else load.profile / size.name
+    load = replace(load, stations=size.stations, profile=profile)
+    options = () if profile is None else SERVER_OPTIONS
     city = City.of(stations=size.stations, seed=load.seed)
-    with data_folder() as folder, storage_pair(load.storage, folder) as servers:
+    with (
+        data_folder() as folder,
+        storage_pair(load.storage, folder, postgresql_options=options) as servers,
+    ):
         world, flown = await _fly_some(folder, city, replace(load, clock_rate=_FIRST_RATE))
         await seed(folder, size, fleet=load.drones)
         async with running_system(folder, rate=load.clock_rate, ports=_PORTS, say=print) as system:

@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from benchmarks.load.burst import Burst, Storage
 
@@ -14,6 +15,11 @@ class Size:
     deliveries: int
     drones: int
     stations: int
+
+    @property
+    def name(self) -> str:
+        """The name of its folder."""
+        return f"{self.deliveries}-{self.drones}-{self.stations}"
 
     def as_text(self) -> str:
         """The size in words."""
@@ -56,6 +62,7 @@ def read_growth(arguments: list[str]) -> Growth:
     parser.add_argument("--rate-per-s", type=float, default=5.0)
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--profile", type=Path, metavar="FOLDER", help="stacks, statements")
     given = parser.parse_args(arguments)
     load = Burst(
         storage=given.storage,
@@ -68,6 +75,7 @@ def read_growth(arguments: list[str]) -> Growth:
         agents=1,
         longest_wait_s=30.0,
         seed=given.seed,
+        profile=given.profile,
     )
     return Growth(given.deliveries, given.drones, given.stations, load)
 

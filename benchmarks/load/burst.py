@@ -27,7 +27,7 @@ class Burst:
     #: How long the run waits after the last request until all are dispatched or rejected.
     longest_wait_s: float
     seed: int
-    #: How many processes of gateway and composition each.
+    #: How many processes of gateway, composition and registry each.
     replicas: int = 1
     #: Folder for the stacks of every process (py-spy) and for PostgreSQL's statements.
     profile: Path | None = None
@@ -35,7 +35,7 @@ class Burst:
     def as_text(self) -> str:
         """One line."""
         return (
-            f"{self.storage} pair, {self.replicas} of gateway and composition each, "
+            f"{self.storage} pair, {self.replicas} processes of each service, "
             f"{self.stations:,} stations, {self.drones:,} drones in "
             f"{self.agents} processes, {self.providers} providers; {self.rate_per_s:g} requests/s "
             f"for {self.seconds:g} s; clock rate {self.clock_rate:g}, seed {self.seed}"
@@ -55,7 +55,7 @@ def read_burst(arguments: list[str]) -> Burst:
     parser.add_argument("--agents", type=int, default=2, help="processes that host the drones")
     parser.add_argument("--longest-wait-s", type=float, default=30.0, help="after the last request")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--replicas", type=int, default=1, help="of gateway and composition each")
+    parser.add_argument("--replicas", type=int, default=1, help="processes of each service")
     parser.add_argument("--profile", type=Path, metavar="FOLDER", help="stacks, statements")
     burst = Burst(**vars(parser.parse_args(arguments)))
     if burst.replicas > 1 and burst.storage == "embedded":
