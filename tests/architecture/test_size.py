@@ -12,7 +12,7 @@ from tools.house_figures import ROOT, source_files, source_packages
 MOST_FILES: Final = 835
 MOST_FOLDERS: Final = 86
 #: Lines of `skyway/runtime`, which every process stands on.
-MOST_RUNTIME_LINES: Final = 11_500
+MOST_RUNTIME_LINES: Final = 11_600
 
 
 def test_there_are_no_more_files_and_folders_than_before() -> None:

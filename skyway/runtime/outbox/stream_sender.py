@@ -102,10 +102,7 @@ async def _no_wait() -> None:
 
 
 class StreamSender:
-    """Sends the rows of one channel until cancelled.
-
-    `polls` says whether it looks at the table now although nothing has woken it.
-    """
+    """Sends the rows of one channel until cancelled; while it `polls`, it also looks unasked."""
 
     def __init__(
         self,
@@ -266,13 +263,9 @@ class StreamSender:
             if row.has_next or look < self._looks:
                 self._wake.set()
             elif len(self._sent) == 1:
-                self._delete_soon()
+                asyncio.get_running_loop().call_later(_DELETED_WITHIN_S, self._wake_if_sent)
         else:
             self._keep(row, retry)
-
-    def _delete_soon(self) -> None:
-        """Let the next look delete what was sent; usually new rows cause this look anyway."""
-        asyncio.get_running_loop().call_later(_DELETED_WITHIN_S, self._wake_if_sent)
 
     def _wake_if_sent(self) -> None:
         if self._sent:
