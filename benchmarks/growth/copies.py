@@ -27,12 +27,15 @@ def copying(
     table: Table,
     *,
     where: str,
+    numbers: range,
     copies: int,
     ids: Mapping[str, str],
     columns: Mapping[str, str],
     drone_ids: Sequence[str],
 ) -> str:
-    """The statement that copies the rows `where` a condition holds.
+    """The statement that makes the copies of these numbers, of `copies` in all.
+
+    It copies the rows `where` a condition holds.
 
     In every text an id of `ids` is replaced by its SQL. `columns` are set to their own SQL. The
     copies take turns with these drones, as `fleet.drone_id`.
@@ -41,7 +44,8 @@ def copying(
     values = [columns.get(each.name) or _value(each, ids, copies) for each in table.c]
     names = ", ".join(each.name for each in table.c)
     return (
-        f"WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {copies}), "
+        f"WITH RECURSIVE n(i) AS (SELECT {numbers.start} UNION ALL "
+        f"SELECT i + 1 FROM n WHERE i < {numbers.stop - 1}), "
         f"fleet(number, drone_id) AS (VALUES {fleet}) "
         f"INSERT INTO {table.name} ({names}) SELECT {', '.join(values)} "
         f"FROM n JOIN fleet ON fleet.number = n.i % {len(drone_ids)} "

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import asyncpg
 from skyway_composition.tables import (
     custody,
     deliveries,
@@ -33,6 +34,9 @@ _FLOWN: Final = text(
 )
 _FLEET: Final = text("SELECT drone_id FROM drones ORDER BY drone_id")
 
+#: The most copies that one statement makes.
+_TOGETHER: Final = 5_000
+
 #: Customers take turns too.
 _CUSTOMERS: Final = 5
 
@@ -47,20 +51,28 @@ class Copying:
     copies: int
     drone_ids: Sequence[str]
 
-    def of(self, table: Table, key: str, **columns: str) -> str:
-        """The statement that copies the rows of a table; `key` names a field of ours."""
-        return copying(
-            table,
-            where=f"old.{key} = '{getattr(self, key)}'",
-            copies=self.copies,
-            ids={
-                self.delivery_id: copy_id("dlv"),
-                self.mission_id: copy_id("msn"),
-                self.drone_id: "fleet.drone_id",
-            },
-            columns=columns,
-            drone_ids=self.drone_ids,
-        )
+    def of(self, table: Table, key: str, **columns: str) -> Iterator[str]:
+        """The statements that copy the rows of a table; `key` names a field of ours."""
+        for numbers in _parts(self.copies):
+            yield copying(
+                table,
+                where=f"old.{key} = '{getattr(self, key)}'",
+                numbers=numbers,
+                copies=self.copies,
+                ids={
+                    self.delivery_id: copy_id("dlv"),
+                    self.mission_id: copy_id("msn"),
+                    self.drone_id: "fleet.drone_id",
+                },
+                columns=columns,
+                drone_ids=self.drone_ids,
+            )
+
+
+def _parts(copies: int) -> Iterator[range]:
+    """The numbers of all copies, in parts that a statement makes within its deadline."""
+    for first in range(1, copies + 1, _TOGETHER):
+        yield range(first, min(first + _TOGETHER, copies + 1))
 
 
 async def seed(folder: DataFolder, size: Size, *, fleet: int) -> None:
@@ -86,44 +98,55 @@ async def seed(folder: DataFolder, size: Size, *, fleet: int) -> None:
         await _run(composition, _of_composition(past))
         await _run(registry, _idle_drones(drone_ids[0], size.drones, drones, presence))
         await _run(composition, _idle_drones(drone_ids[0], size.drones, drone_links))
+    for url in urls.values():
+        await _clean_up(url)
 
 
 async def _run(db: Database, statements: Iterable[str]) -> None:
     for statement in statements:
         async with db.write() as tx:
             await tx.connection.exec_driver_sql(statement)
-    if db.dialect == "postgresql":
-        # As autovacuum does in a database that grows by itself; later it would count as our cost.
-        await db.write_alone(text("VACUUM ANALYZE"), {})
-        await db.write_alone(text("CHECKPOINT"), {})
+
+
+async def _clean_up(url: str) -> None:
+    """Do what autovacuum does in a database that grows by itself; later it would be our cost."""
+    if url.startswith("postgresql:"):
+        connection = await asyncpg.connect(url)
+        try:
+            for statement in ("VACUUM ANALYZE", "CHECKPOINT"):
+                await connection.execute(statement)
+        finally:
+            await connection.close()
 
 
 def _of_gateway(past: Copying) -> Iterator[str]:
-    yield past.of(
+    yield from past.of(
         of_gateway.deliveries, "delivery_id", customer_id=f"'c' || CAST(n.i % {_CUSTOMERS} AS TEXT)"
     )
     for table in (of_gateway.packages, of_gateway.custody, of_gateway.missions):
-        yield past.of(table, "delivery_id")
-    yield past.of(events, "delivery_id", event_id=part_id("evt", "sequence"))
+        yield from past.of(table, "delivery_id")
+    yield from past.of(events, "delivery_id", event_id=part_id("evt", "sequence"))
 
 
 def _of_composition(past: Copying) -> Iterator[str]:
-    yield past.of(deliveries, "delivery_id")
-    yield past.of(missions, "mission_id")
-    yield past.of(mission_steps, "mission_id")
-    yield past.of(custody, "delivery_id")
+    yield from past.of(deliveries, "delivery_id")
+    yield from past.of(missions, "mission_id")
+    yield from past.of(mission_steps, "mission_id")
+    yield from past.of(custody, "delivery_id")
     # Each copy has a stream of its own: a stream has no number twice.
     place = {"instruction_id": part_id("ins", "seq"), "stream": "1000 + n.i"}
-    yield past.of(instructions, "mission_id", **place)
+    yield from past.of(instructions, "mission_id", **place)
 
 
 def _idle_drones(drone_id: str, copies: int, *tables: Table) -> Iterator[str]:
     for table in tables:
-        yield copying(
-            table,
-            where=f"old.drone_id = '{drone_id}'",
-            copies=copies,
-            ids={drone_id: copy_id("drn")},
-            columns={},
-            drone_ids=[drone_id],
-        )
+        for numbers in _parts(copies):
+            yield copying(
+                table,
+                where=f"old.drone_id = '{drone_id}'",
+                numbers=numbers,
+                copies=copies,
+                ids={drone_id: copy_id("drn")},
+                columns={},
+                drone_ids=[drone_id],
+            )
