@@ -43,7 +43,12 @@ from skyway_composition.missions.interventions.preview_command import CommandPre
 from skyway_composition.missions.interventions.routes import intervention_routes
 from skyway_composition.missions.schedule.routes import schedule_routes
 from skyway_composition.missions.tracking_routes import tracking_routes
-from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, airspace_routes, network_routes
+from skyway_composition.networks.routes import (
+    NETWORK_LIMIT_BYTES,
+    airspace_routes,
+    network_routes,
+    service_status_routes,
+)
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
 from skyway_composition.pads.routes import pad_routes
 from skyway_composition.parts import SERVICE, Parts, parts_of, registry_client
@@ -93,6 +98,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 impact=parts.impact,
             ),
             station_routes(db=db, gate=gate, networks=networks, clock=clock),
+            service_status_routes(db=db, gate=gate, clock=clock, count_drones=parts.count_drones),
             airspace_routes(gate=gate, networks=networks),
             station_check_routes(db=db, gate=gate, networks=networks),
             pad_routes(db=db, gate=gate, clock=clock),

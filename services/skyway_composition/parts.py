@@ -28,6 +28,7 @@ from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.networks.service_status import CountDrones, count_drones_at
 from skyway_composition.own_cells import OwnCells, OwnDrones
 from skyway_composition.planning.no_shows import NoShows
 from skyway_composition.planning.plan_offers import Quotes
@@ -70,6 +71,7 @@ class Parts:
     signatures: SignatureCheck
     no_shows: NoShows
     own_cells: OwnCells
+    count_drones: CountDrones
     gauges: Gauges = field(default_factory=Gauges)
     turns: Turns = field(default_factory=Turns)
     reading: ReadingTurn = field(default_factory=ReadingTurn)
@@ -168,6 +170,7 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
         signatures=SignatureCheck(keys, OwnDrones(quarantine, own_cells)),
         no_shows=NoShows(db, clock),
         own_cells=own_cells,
+        count_drones=count_drones_at(registry),
     )
 
 

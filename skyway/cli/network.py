@@ -1,11 +1,11 @@
-"""`skyway network`: builds, shows, publishes and fetches networks."""
+"""`skyway network`: builds, shows, publishes and fetches networks, and says whether one is open."""
 
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 from urllib.parse import quote
 
 import typer
@@ -137,6 +137,31 @@ def fetch(network_id: _NetworkIdOption, data: DataOption = None) -> None:
         folder=data_folder(data),
     )
     typer.echo(json.dumps(answer))
+
+
+@network_app.command("status")
+def show_status(network_id: _NetworkIdOption = BUNDLED_NETWORK_ID, data: DataOption = None) -> None:
+    """Say whether a network of the running Skyway accepts deliveries now, and what restricts it."""
+    answer = call_gateway(
+        "GET",
+        f"{_path(network_id)}/status",
+        key_name=_OPERATOR_KEY,
+        folder=data_folder(data),
+    )
+    for line in _status_lines(answer):
+        typer.echo(line)
+
+
+def _status_lines(status: Mapping[str, Any]) -> Iterator[str]:
+    yield f"{status['network_id']}: {status['status']}"
+    for each in status["restrictions"]:
+        until = "" if each["until"] is None else f" (until {each['until']})"
+        yield f"  {each['code']}: {each['detail']}{until}"
+    if status["more_restrictions"]:
+        yield f"  and {status['more_restrictions']} more"
+    for each in status["models"]:
+        counts = f"{each['registered']} drones, {each['online']} online, {each['idle']} idle"
+        yield f"  {each['model_id']}: {each['status']}, {counts}"
 
 
 def _refuse_options(kind: Kind, options: Mapping[str, float | None]) -> None:

@@ -1,8 +1,9 @@
 """Questions about drones between the services, and what the registry reports about drones.
 
 The gateway asks the registry whose key was shown, and how many drones a provider may have. All
-services ask with which key a drone signs. Composition asks which drones may not begin a mission.
-The registry asks composition to raise alarms, and reports renewed credentials.
+services ask with which key a drone signs. Composition asks which drones may not begin a mission,
+and how many drones a network has. The registry asks composition to raise alarms, and reports
+renewed credentials.
 """
 
 from typing import Annotated, Final
@@ -13,7 +14,7 @@ from skyway.bounds import SmallObject, Words
 from skyway.contracts.drone_report import AlarmLevel
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.signature import PublicKey
-from skyway.ids import DroneId, NetworkId, ProviderId
+from skyway.ids import DroneId, DroneModelId, NetworkId, ProviderId
 from skyway.json_model import WireModel
 
 #: How every key of a drone begins; the gateway made all other keys.
@@ -113,6 +114,36 @@ class OutOfServiceAnswer(WireModel):
     """Drones in MAINTENANCE, of a SUSPENDED provider, or not registered any more."""
 
     drone_ids: tuple[DroneId, ...]
+
+
+#: Where composition asks how many drones a network has.
+NETWORK_DRONES: Final = "/internal/networks/{network_id}/drones"
+
+
+class DronesOfModel(WireModel):
+    """How many drones of one model a network has.
+
+    `online` drones are in service and have reported of late. `idle` drones are online, charged
+    above their reserve, and have no mission.
+    """
+
+    model_id: DroneModelId
+    max_payload_kg: float
+    registered: int
+    online: int
+    idle: int
+
+
+class NetworkDrones(WireModel):
+    """The drones of a network by their model, in the order of the models' ids.
+
+    A drone belongs to the network of its station, and in the air to that of its home. `unplaced`
+    counts the drones of which the registry knows neither; networks that are too large to be
+    cached have only such drones.
+    """
+
+    models: tuple[DronesOfModel, ...]
+    unplaced: int
 
 
 #: Where the registry posts renewals.

@@ -31,6 +31,7 @@ from sqlalchemy import select, text
 from skyway.cells import Cells
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.cells import CellTable
+from skyway.contracts.drones import NetworkDrones
 from skyway.contracts.instruction import Instruction
 from skyway.contracts.mission import Booking, BookMissions
 from skyway.contracts.mission_reports import MissionReport
@@ -39,7 +40,7 @@ from skyway.contracts.topics import Topic
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
 from skyway.drone.models import DRONE_MODELS
-from skyway.ids import DroneModelId
+from skyway.ids import DroneModelId, NetworkId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.http.metrics_routes import MetricsGate
@@ -272,6 +273,11 @@ async def no_cells() -> CellTable:
     return CellTable(cells=())
 
 
+async def no_drones(_network_id: NetworkId) -> NetworkDrones:
+    """A registry without drones."""
+    return NetworkDrones(models=(), unplaced=0)
+
+
 @pytest.fixture
 async def unpublished(
     db: Database, clock: ManualClock, secrets_dir: Path
@@ -310,6 +316,7 @@ async def unpublished(
             signatures=SignatureCheck(keys, OwnDrones(quarantine, own_cells)),
             no_shows=NoShows(db, clock),
             own_cells=own_cells,
+            count_drones=no_drones,
         )
         handler = parts.handler
         async with httpx.AsyncClient(

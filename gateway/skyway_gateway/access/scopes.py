@@ -115,6 +115,7 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         "GET /v1/networks/{network_id}",
         "GET /v1/networks/{network_id}/segments",
         "GET /v1/networks/{network_id}/stations",
+        "GET /v1/networks/{network_id}/status",
         "GET /v1/networks/{network_id}/versions",
         "GET /v1/networks/{network_id}/zones",
         "GET /v1/stations/{station_id}/pads",

@@ -121,6 +121,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         is_report=True,
     ),
     Forwarded("GET", "/v1/networks/{network_id}/versions", "composition", _ANY),
+    Forwarded("GET", "/v1/networks/{network_id}/status", "composition", _ANY, is_report=True),
     Forwarded("GET", "/v1/networks/{network_id}/stations", "composition", _ANY_OR_DRONE),
     Forwarded("GET", "/v1/networks/{network_id}/segments", "composition", _ANY),
     Forwarded("GET", "/v1/networks/{network_id}/zones", "composition", _ANY),

@@ -30,8 +30,11 @@ from skyway_provider_registry.fleets.store import every_model
 _DRONE: Final = np.dtype(
     [
         ("provider", np.int32),
+        ("model", np.int32),
         ("station", np.int32),
+        ("home", np.int32),
         ("network", np.int32),
+        ("home_network", np.int32),
         ("payload_kg", np.float64),
         ("soc", np.float64),
         ("x", np.float64),
@@ -46,7 +49,8 @@ _DRONE: Final = np.dtype(
 )
 #: Rows of the first table; a full table is doubled.
 _FIRST_CAPACITY: Final = 256
-_NOWHERE: Final = -1
+#: The value of the columns `station` and `network` for a drone that is at no known place.
+NOWHERE: Final = -1
 
 Columns = npt.NDArray[np.void]
 Rows = npt.NDArray[np.intp]
@@ -62,9 +66,11 @@ class FleetColumns:
 
     networks: CachedNetworks
     drones: list[CachedDrone] = field(default_factory=list)
+    models: dict[DroneModelId, DroneModel] = field(default_factory=dict)
     strongest: dict[ProviderId, DroneModel] = field(default_factory=dict)
     _rows: dict[DroneId, int] = field(default_factory=dict)
     _providers: dict[ProviderId, int] = field(default_factory=dict)
+    _model_numbers: dict[DroneModelId, int] = field(default_factory=dict)
     _stations: dict[StationId, int] = field(default_factory=dict)
     _networks: dict[NetworkId, int] = field(default_factory=dict)
     _networks_seen: int = -1  # the revision when the column `network` was last written
@@ -98,18 +104,28 @@ class FleetColumns:
         return [self._rows[one] for one in drone_ids if one in self._rows]
 
     def station(self, station_id: StationId) -> int:
-        """The value of the column `station` for this station; -2 when no drone ever stood there."""
-        return self._stations.get(station_id, _NOWHERE - 1)
+        """The value of the column `station` for this station; -2 if no drone was ever there."""
+        return self._stations.get(station_id, NOWHERE - 1)
 
     def elsewhere(self, station_id: StationId) -> Flags:
         """The drones that stand in another network than this station, as far as we know."""
-        if self._networks_seen != self.networks.revision:
-            self._find_networks()
+        self._keep_networks()
         network, here = self.column("network"), self._network_of(station_id)
-        if here == _NOWHERE:
+        if here == NOWHERE:
             return np.zeros(len(network), np.bool_)
-        others: Flags = (network != here) & (network != _NOWHERE)
+        others: Flags = (network != here) & (network != NOWHERE)
         return others
+
+    def network_or_home(self) -> npt.NDArray[np.int32]:
+        """By row: the network where the drone stands; in the air, the network of its home."""
+        self._keep_networks()
+        network, of_home = self.column("network"), self.column("home_network")
+        found: npt.NDArray[np.int32] = np.where(network == NOWHERE, of_home, network)
+        return found
+
+    def network(self, network_id: NetworkId) -> int:
+        """The value of the column `network` for this network; -2 if no drone was ever in it."""
+        return self._networks.get(network_id, NOWHERE - 1)
 
     @property
     def providers(self) -> Mapping[ProviderId, int]:
@@ -132,28 +148,36 @@ class FleetColumns:
             (strongest, model), key=lambda one: (-one.max_payload_kg, one.model_id)
         )
 
-    def _find_networks(self) -> None:
-        """Write the column `network` again, after the cached networks have changed."""
+    def _keep_networks(self) -> None:
+        """Write the networks of all drones again if the cached networks have changed."""
+        if self._networks_seen == self.networks.revision:
+            return
         # The last entry is for drones that stand at no station.
-        by_station = [*map(self._network_of, self._stations), _NOWHERE]
-        self.column("network")[:] = np.array(by_station)[self.column("station")]
+        by_station = np.array([*map(self._network_of, self._stations), NOWHERE])
+        self.column("network")[:] = by_station[self.column("station")]
+        self.column("home_network")[:] = by_station[self.column("home")]
         self._networks_seen = self.networks.revision
 
     def _network_of(self, station_id: StationId | None) -> int:
         """The value of the column `network` for drones at this station."""
         network_id = None if station_id is None else self.networks.network_of(station_id)
         if network_id is None:
-            return _NOWHERE
+            return NOWHERE
         return self._networks.setdefault(network_id, len(self._networks))
 
+    def _station_number(self, station_id: StationId) -> int:
+        return self._stations.setdefault(station_id, len(self._stations))
+
     def _row_of(self, drone: CachedDrone) -> tuple[object, ...]:
-        station = drone.station_id
+        station, model_id = drone.station_id, drone.model.model_id
+        self.models[model_id] = drone.model
         return (
             self._providers.setdefault(drone.provider_id, len(self._providers)),
-            _NOWHERE
-            if station is None
-            else self._stations.setdefault(station, len(self._stations)),
+            self._model_numbers.setdefault(model_id, len(self._model_numbers)),
+            NOWHERE if station is None else self._station_number(station),
+            self._station_number(drone.home_station_id),
             self._network_of(station),
+            self._network_of(drone.home_station_id),
             drone.model.max_payload_kg,
             drone.soc,
             *unit_vector(drone.position),

@@ -1,4 +1,7 @@
-"""The gateway asks for drones that could fly a request, composition for those that may not."""
+"""The gateway asks for drones that could fly a request, composition for drones that may not.
+
+Composition also asks how many drones a network has.
+"""
 
 from typing import Annotated
 
@@ -10,11 +13,14 @@ from skyway.contracts.candidate import (
     PayloadLimitQuery,
 )
 from skyway.contracts.drones import (
+    NETWORK_DRONES,
     OUT_OF_SERVICE,
+    NetworkDrones,
     OutOfServiceAnswer,
     OutOfServiceQuery,
 )
 from skyway.contracts.shortlist import Candidates
+from skyway.ids import NetworkId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
@@ -22,12 +28,13 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_provider_registry.candidates.fleet_view import FleetView
+from skyway_provider_registry.candidates.network_drones import count_drones
 from skyway_provider_registry.candidates.selection import payload_limit, select
 from skyway_provider_registry.fleets import store as fleets
 
 
 def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
-    """POST /internal/candidates and /internal/payload-limit."""
+    """Candidates, the payload limit, and the drones of a network, under /internal."""
     router = ServiceRouter(tags=("internal",))
 
     @router.post("/internal/candidates", response_model=Candidates)
@@ -55,6 +62,15 @@ def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -
         """The heaviest payload that any admitted provider's drones can lift, busy or not."""
         caller.must_be_service("gateway")
         return payload_limit(await view.refreshed(), query.providers)
+
+    @router.get(NETWORK_DRONES)
+    async def count_network_drones(
+        network_id: NetworkId, caller: Annotated[Caller, Depends(gate)]
+    ) -> NetworkDrones:
+        """How many drones of each model stand in a network, and how many could fly now."""
+        caller.must_be_service("composition")
+        fleet = await view.refreshed()
+        return count_drones(fleet, network_id, wall_now_ms=moment_to_ms(clock.wall_now()))
 
     return router
 

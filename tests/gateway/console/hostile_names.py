@@ -143,6 +143,11 @@ _SERVICE: Final = {
 ANSWERS: Final[dict[str, Any]] = {
     "/v1/networks": _page({"network_id": "n"}),
     "/v1/networks/n": _NETWORK,
+    "/v1/networks/n/status": {
+        "status": "DEGRADED",
+        "restrictions": [{"code": "STATION_CLOSED", "detail": MARKUP, "until": MOMENT}] * 6,
+        "more_restrictions": 4,
+    },
     "/v1/deliveries": _page(_STORED_DELIVERY),
     DELIVERY: _STORED_DELIVERY,
     f"{DELIVERY}/proof": {

@@ -32,7 +32,7 @@ VIEWS = {
         "account": "New key",
     },
     "provider": {"fleet/loading": "Confirm loading"},
-    "customer": {"account": "whk_1", "deliveries/dlv_1": "Tracking link", "new": "Pickup"},
+    "customer": {"account": "whk_1", "deliveries/dlv_1": "Tracking link", "new": "and 5 more"},
 }
 
 

@@ -1,4 +1,4 @@
-"""`skyway network`: networks are built, shown, published and fetched."""
+"""`skyway network`: networks are built, shown, published and fetched, and say how they are."""
 
 import json
 from collections.abc import Iterator
@@ -194,3 +194,32 @@ def test_a_missing_key_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
     assert result.exit_code == 1
     assert "SKYWAY_OPERATOR_KEY is not set" in result.stderr
+
+
+STATUS = {
+    "network_id": "texas-corridor",
+    "at": "2026-03-01T12:00:00Z",
+    "status": "DEGRADED",
+    "restrictions": [
+        {"code": "STATION_CLOSED", "detail": "station kyle is closed: roof", "until": None},
+        {"code": "ZONE_CLOSED", "detail": "an area is closed", "until": "2026-03-01T13:00:00Z"},
+    ],
+    "more_restrictions": 7,
+    "models": [
+        {"model_id": "m", "status": "OPEN", "registered": 4, "online": 3, "idle": 2},
+    ],
+}
+
+
+@pytest.mark.parametrize("gateway", [(200, STATUS)], indirect=True)
+def test_status_says_what_restricts_a_network(gateway: Gateway) -> None:
+    result = runner.invoke(network_app, ["status"])
+
+    assert gateway.calls[0][:2] == ("GET", "/v1/networks/texas-corridor/status")
+    assert result.stdout.splitlines() == [
+        "texas-corridor: DEGRADED",
+        "  STATION_CLOSED: station kyle is closed: roof",
+        "  ZONE_CLOSED: an area is closed (until 2026-03-01T13:00:00Z)",
+        "  and 7 more",
+        "  m: OPEN, 4 drones, 3 online, 2 idle",
+    ]

@@ -1,10 +1,14 @@
-"""Drones in another network than the pickup's do not displace other drones."""
+"""Drones in another network than the pickup's do not displace other drones.
+
+Each network's drones are counted for its status.
+"""
 
 from collections.abc import Sequence
 from typing import Any
 
 import pytest
 from skyway_provider_registry.candidates.fleet_view import Fleet, FleetColumns
+from skyway_provider_registry.candidates.network_drones import count_drones
 from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvider
 from skyway_provider_registry.candidates.selection import select as select_from
 
@@ -217,3 +221,38 @@ def test_only_drones_that_could_lift_it_are_reported_as_unreachable(
 
     assert reasons_of(too_heavy) == [("OVERWEIGHT", False)]
     assert reasons_of(elsewhere) == [("DESTINATION_UNREACHABLE", False)]
+
+
+def test_drones_are_counted_in_the_network_where_they_stand(networks: CachedNetworks) -> None:
+    columns = make_columns(
+        networks,
+        make_drone("idle", "a-s1"),
+        make_drone("busy", "a-s2", is_busy=True),
+        make_drone("free later", "a-s2", free_ms=NOW_MS + 1),
+        make_drone("low", "a-s1", soc=-0.1),
+        make_drone("silent", "a-s1", online_until_ms=NOW_MS - 1),
+        make_drone("in the air", None, is_busy=True, home_station_id=StationId("a-s1")),
+        make_drone("other model", "a-s1", model=DJI_MATRICE_300_RTK),
+        make_drone("other network", "c-s1", home_station_id=StationId("a-s1")),
+        make_drone("lost", None),
+    )
+
+    found = count_drones(Fleet({}, columns), NetworkId("a"), wall_now_ms=NOW_MS)
+    nowhere = count_drones(Fleet({}, columns), NetworkId("nowhere"), wall_now_ms=NOW_MS)
+
+    counts = {each.model_id: (each.registered, each.online, each.idle) for each in found.models}
+    assert counts == {"dji-matrice-300-rtk": (1, 1, 1), "paper-scenario": (6, 5, 1)}
+    assert (found.unplaced, nowhere.models) == (1, ())
+
+
+def test_a_drone_in_the_air_is_counted_when_the_network_of_its_home_is_cached() -> None:
+    networks = CachedNetworks()
+    home = StationId("a-s1")
+    columns = make_columns(networks, make_drone("in the air", None, home_station_id=home))
+    before = count_drones(Fleet({}, columns), NetworkId("a"), wall_now_ms=NOW_MS)
+
+    networks.put(make_network("a", "a-s1"))
+    after = count_drones(Fleet({}, columns), NetworkId("a"), wall_now_ms=NOW_MS)
+
+    assert (before.unplaced, before.models) == (1, ())
+    assert [each.registered for each in after.models] == [1]

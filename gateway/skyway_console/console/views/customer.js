@@ -11,6 +11,7 @@ import {OfferTable} from "../parts/offer_table.js";
 import {beginAgain, quoteRequest} from "../parts/request_draft.js";
 import {RequestForm} from "../parts/request_form.js";
 import {RequestMap} from "../parts/request_map.js";
+import {ServiceStatus} from "../parts/service_status.js";
 
 // The content of the network that is shown, here and on the map of the fleet.
 function useNetwork() {
@@ -80,6 +81,7 @@ export function CustomerView() {
           <p class="hint">Click stations on the map: the pickup first, then each destination. Or choose
             them here.</p>
           ${networks.value?.length > 0 && html`<${NetworkChoice} />`}
+          <${ServiceStatus} networkId=${shownNetwork.value} />
           <${RequestForm} stations=${named(network)} isBusy=${isBusy} onAsk=${ask} />
         </div>
         <div class="map-frame"><${RequestMap} network=${network} /></div>

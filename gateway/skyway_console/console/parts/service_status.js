@@ -1,0 +1,52 @@
+// Whether a network accepts deliveries now: what restricts it, before somebody asks for offers.
+
+import {useEffect, useState} from "preact/hooks";
+
+import {get, part} from "../api.js";
+import {html} from "../html.js";
+import {distanceText} from "../words.js";
+
+// Milliseconds of wall time between two questions.
+const ASK_EVERY_MS = 15_000;
+// So many restrictions are shown; the others are counted.
+const SHOWN = 5;
+
+const TITLES = {
+  PAUSED: "The service is paused: a request waits until drones may fly again.",
+  DEGRADED: "The service is restricted:",
+};
+
+// The network's status; null while it is not known.
+function useStatus(networkId) {
+  const [status, setStatus] = useState(null);
+  useEffect(() => {
+    let isShown = true;
+    const show = (answer) => isShown && setStatus(answer);
+    const ask = () =>
+      get(`/v1/networks/${part(networkId)}/status`).then(show, () => show(null));
+    ask();
+    const timer = setInterval(ask, ASK_EVERY_MS);
+    return () => {
+      isShown = false;
+      clearInterval(timer);
+    };
+  }, [networkId]);
+  return status;
+}
+
+const untilText = ({until}) => (until ? ` (ends ${distanceText(until)})` : "");
+
+export function ServiceStatus({networkId}) {
+  const status = useStatus(networkId);
+  if (status === null || status.status === "OPEN") return null;
+  const {restrictions, more_restrictions: further} = status;
+  const hidden = Math.max(0, restrictions.length - SHOWN) + further;
+  return html`
+    <div class="service-status ${status.status.toLowerCase()}" role="status" aria-label="Service status">
+      <p>${TITLES[status.status]}</p>
+      <ul>
+        ${restrictions.slice(0, SHOWN).map((each) => html`<li>${each.detail}${untilText(each)}</li>`)}
+        ${hidden > 0 && html`<li>and ${hidden} more</li>`}
+      </ul>
+    </div>`;
+}
