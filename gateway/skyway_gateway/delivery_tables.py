@@ -142,6 +142,8 @@ packages = Table(
     Column("custodian_id", Text, nullable=False),
     Column("custody_seq", Integer, nullable=False),  # of the custodian above
     Column("promised_ms", BigInteger),  # the first ETA of the current attempt
+    # By when nine of ten packages should come, as it was forecast then; null if it was not.
+    Column("promised_p90_ms", BigInteger),
     Column("eta_ms", BigInteger),
     Column("delivered_ms", BigInteger),
     Column("mission_id", Text),  # the mission that carries it; null while it waits for one
@@ -153,6 +155,13 @@ packages = Table(
         "state IN ('CREATED', 'LOADED', 'IN_TRANSIT', 'DELIVERED', 'RETURNING', 'RETURNED', "
         "'STRANDED', 'CANCELLED')",
         name="package_state",
+    ),
+    # For the lateness of the last packages.
+    Index(
+        "packages_delivered",
+        "delivered_ms",
+        sqlite_where=text("delivered_ms IS NOT NULL"),
+        postgresql_where=text("delivered_ms IS NOT NULL"),
     ),
 )
 

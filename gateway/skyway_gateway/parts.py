@@ -35,6 +35,7 @@ from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
 from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
+from skyway_gateway.lateness.forecast import LatenessForecast
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.notifications.delivery_events import EventListeners
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost
@@ -98,6 +99,7 @@ class Parts:
     stream_usage: StreamUsage
     drone_usage: DroneUsage
     waker: Waker
+    forecast: LatenessForecast
     live: LiveFeed
     links: TrackingLinks
     pages: TrackingPages
@@ -121,6 +123,7 @@ class Parts:
             mint,
             self.booking.claimant,
             self.waker,
+            self.forecast,
         )
 
     @property

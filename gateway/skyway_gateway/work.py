@@ -32,6 +32,7 @@ _SEAL_EVERY_S: Final = 600.0
 _OVERDUE_EVERY_S: Final = 1.0
 _SCHEDULED_EVERY_S: Final = 0.5
 _WAKES_EVERY_S: Final = 0.5
+_LATENESS_EVERY_S: Final = 5.0
 
 
 def start_work(loops: Loops, parts: Parts, mqtt: MqttClient, settings: GatewaySettings) -> None:
@@ -60,6 +61,9 @@ def start_work(loops: Loops, parts: Parts, mqtt: MqttClient, settings: GatewaySe
     refused = parts.refused_logins
     logins = repeat("refused keys", refused.write, every_s=_REFUSED_EVERY_S, wake=refused.wake)
     loops.start("refused keys", logins)
+    # Each replica forecasts for the deliveries that it books.
+    lateness = repeat("lateness", parts.forecast.step, every_s=_LATENESS_EVERY_S)
+    loops.start("lateness", lateness)
     _start_leading(loops, parts, mqtt)
     start_pruning(
         loops,

@@ -79,6 +79,10 @@ class ExpectedPackage(WireModel):
 
     package_id: PackageId
     eta_at: Annotated[FleetMoment, Field(description="When it is expected, fleet time.")]
+    eta_p90_at: Annotated[
+        FleetMoment | None,
+        Field(description="When it has come in nine of ten cases; null before that is known."),
+    ] = None
 
 
 class PlannedData(WireModel):

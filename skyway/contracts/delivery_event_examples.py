@@ -99,7 +99,9 @@ def _planned() -> Mapping[str, Any]:
         "price": {"amount": 1340, "currency": "USD"},
         "pickup_at": utc_text(after(5)),
         "delivery_time_s": 1440.0,
-        "packages": [{"package_id": name, "eta_at": _PROMISED} for name in ("p1", "p2")],
+        "packages": [
+            {"package_id": name, "eta_at": _PROMISED, "eta_p90_at": _LATER} for name in ("p1", "p2")
+        ],
         "waiting_package_ids": [],
     }
 

@@ -103,6 +103,11 @@ DAMAGES = [
         "I6 a package is delivered once",
     ),
     (
+        "forecast before the plan",
+        "UPDATE packages SET promised_p90_ms = promised_ms - 1 WHERE state = 'CREATED'",
+        "a package has a P90 only with a promise",
+    ),
+    (
         "event lost",
         f"UPDATE events SET sequence = 99 WHERE sequence = 2 AND delivery_id IN ({COMPLETED})",
         "a delivery's events have no gap",

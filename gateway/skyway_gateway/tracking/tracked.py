@@ -19,6 +19,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     PackageStatus,
 )
 from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
+from skyway_gateway.deliveries.lifecycle.package_changes import with_p90
 
 Stage = Literal[
     "REQUESTED", "PLANNED", "LOADING", "ON_THE_WAY", "DELIVERED", "PARTLY_DELIVERED", "ENDED"
@@ -43,7 +44,7 @@ class TrackedPackage(JsonModel):
     state: PackageState
     station_id: StationId
     eta_at: FleetMoment | None
-    #: A drone may be so much later before it gets another plan.
+    #: Nine of ten come by then. Before that is known: a drone may be so late without a new plan.
     eta_until_at: FleetMoment | None
     promised_at: FleetMoment | None
     delivered_at: FleetMoment | None
@@ -97,6 +98,7 @@ class TrackedDelivery(JsonModel):
 
 def tracked(delivery: Delivery, track: Track, *, now: datetime, rate: float) -> TrackedDelivery:
     """The page's state."""
+    delivery = with_p90(delivery)
     flown: dict[MissionId | None, FlownMission] = {
         mission.mission_id: mission for mission in delivery.missions
     }
@@ -143,12 +145,13 @@ def _package(
     asked = {each.package_id: each for each in delivery.request.packages}[package.package_id]
     proof = package.proof
     late = timedelta(seconds=0.0 if mission is None else mission.margins.tolerated_lateness_s)
+    tolerated_at = None if package.eta_at is None else package.eta_at + late
     return TrackedPackage(
         package_id=package.package_id,
         state=package.state,
         station_id=package.destination.station_id,
         eta_at=package.eta_at,
-        eta_until_at=None if package.eta_at is None else package.eta_at + late,
+        eta_until_at=package.eta_p90_at or tolerated_at,
         promised_at=package.promised_at,
         delivered_at=package.delivered_at,
         proof_station_id=None if proof is None else proof.station_id,

@@ -191,4 +191,15 @@ PACKAGES: Final = (
         "The event `package.delivered` has the same evidence: correct `proof`, or the columns that "
         "differ from it.",
     ),
+    Rule(
+        "a package has a P90 only with a promise, and not before it",
+        select(_name).where(
+            packages.c.promised_p90_ms.is_not(None),
+            or_(
+                packages.c.promised_ms.is_(None),
+                packages.c.promised_p90_ms < packages.c.promised_ms,
+            ),
+        ),
+        "Set `promised_p90_ms` to null: it is a forecast, and the delivery does without it.",
+    ),
 )

@@ -60,6 +60,7 @@ from skyway_gateway.deliveries.records.stored_delivery import (
     StoredDelivery,
 )
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
+from skyway_gateway.lateness.forecast import LatenessForecast
 
 log = logging.getLogger(__name__)
 
@@ -81,6 +82,7 @@ class Booker:
     mint: Mint
     claimant: str
     waker: Waker
+    forecast: LatenessForecast
     chance: random.Random = field(default_factory=random.SystemRandom)
     missing: MissingParts = field(default_factory=lambda: MissingParts("booking"))
 
@@ -120,7 +122,7 @@ class Booker:
             await self.finish_cancelling(delivery)
             return
         if has_too_many_refusals(delivery.refusals):
-            await self._give_up(queued.stored, (), detail="too many drones refused to fly it")
+            await self._give_up(queued, (), detail="too many drones refused to fly it")
             return
         is_held = delivery.offer is not None and delivery.offer.hold is not None
         if not (queued.is_waiting or is_held) and self.waker.has_waiting(queued.network_id):
@@ -139,16 +141,16 @@ class Booker:
     async def _decide(
         self, queued: QueuedDelivery, booking: Booking, candidates: Candidates, *, is_last: bool
     ) -> None:
-        stored, delivery = queued.stored, queued.delivery
+        delivery = queued.delivery
         if booking.outcome == "BOOKED":
-            await self._plan(stored, booking.missions)
+            await self._plan(queued, booking.missions)
             if delivery.offer is not None and delivery.offer.hold is not None:
                 # The other offers of its quote are held no longer.
                 self.waker.note_change(queued.network_id)
         elif booking.outcome == "CLOSED":  # an earlier round gave it up, and died
-            await self._give_up(stored, delivery.reasons, detail="no provider can fly it")
+            await self._give_up(queued, delivery.reasons, detail="no provider can fly it")
         elif infeasible := why_infeasible(delivery.offer, booking, candidates):
-            await self._give_up(stored, infeasible.reasons, detail=infeasible.detail)
+            await self._give_up(queued, infeasible.reasons, detail=infeasible.detail)
         elif is_last:
             await self._give_up_late(queued, reasons_of_round(booking, candidates))
         else:
@@ -171,22 +173,31 @@ class Booker:
             await wait_longer(tx, queued, now=self.clock.now(), next_try_at=later, reasons=reasons)
         self.waker.note_waiting(queued.network_id)
 
-    async def _plan(self, stored: StoredDelivery, missions: Sequence[Mission]) -> None:
+    async def _plan(self, queued: QueuedDelivery, missions: Sequence[Mission]) -> None:
         """Write the booked missions, unless another replica has written them already."""
+        stored = queued.stored
+        share = self.forecast.late_share(queued.network_id, missions[0].provider_id)
         try:
             async with self.db.write() as tx:
-                self._write_plan(tx, stored, missions)
+                self._write_plan(tx, stored, missions, share)
         except Outdated:  # cancelled meanwhile, or planned by another replica
             async with self.db.write() as tx:
                 now = await delivery_store.lock(tx, stored.delivery.delivery_id)
                 if now.delivery.attempt == stored.delivery.attempt:
-                    self._write_plan(tx, now, missions)
+                    self._write_plan(tx, now, missions, share)
 
-    def _write_plan(self, tx: Tx, stored: StoredDelivery, missions: Sequence[Mission]) -> None:
+    def _write_plan(
+        self,
+        tx: Tx,
+        stored: StoredDelivery,
+        missions: Sequence[Mission],
+        late_share: float | None,
+    ) -> None:
         """Write the missions; packages that were cancelled meanwhile are cancelled there too."""
         delivery = stored.delivery
         if delivery.is_queued:
-            planned = after_booking(delivery, missions, at=self.clock.now())
+            now = self.clock.now()
+            planned = after_booking(delivery, missions, at=now, late_share=late_share)
             self.writer.save(tx, stored, planned)
         if package_ids := cancelled_meanwhile(delivery, missions):
             asked = CancelMissions(
@@ -201,13 +212,13 @@ class Booker:
         self, queued: QueuedDelivery, reasons: Sequence[ProviderReason]
     ) -> None:
         detail = not_in_time(queued.give_up_at, reasons)
-        await self._give_up(queued.stored, reasons, detail=detail)
+        await self._give_up(queued, reasons, detail=detail)
 
     async def _give_up(
-        self, stored: StoredDelivery, reasons: Sequence[ProviderReason], *, detail: str
+        self, queued: QueuedDelivery, reasons: Sequence[ProviderReason], *, detail: str
     ) -> None:
         """Close the delivery in composition, and only then write that it is given up."""
-        delivery = stored.delivery
+        delivery = queued.delivery
         refused = refusal_reasons(delivery.refusals)
         reasons = (*refused, *(reason for reason in reasons if reason not in refused))
         reasons = reasons or (no_reason_given(delivery.request, detail),)
@@ -217,7 +228,7 @@ class Booker:
         closed = await self.composition.close(delivery.delivery_id)
         booked = [one for one in closed.missions if one.attempt == delivery.attempt]
         if booked:  # an earlier round has booked it
-            await self._plan(stored, booked)
+            await self._plan(queued, booked)
         elif closed.is_closed or _are_live(delivery, closed.missions):
             await self._write_given_up(delivery, reasons, detail=detail)
         else:  # composition has not released a refused mission yet

@@ -9,13 +9,15 @@ from skyway.json_model import JsonModel
 from skyway.runtime.http.identity import Caller
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
+from skyway_gateway.deliveries.lifecycle.package_changes import with_p90
 
 
 def shown_to(caller: Caller, delivery: Delivery) -> Delivery:
-    """The delivery for this caller: for customers without drones' ways home and planners' counters.
+    """The delivery for this caller, with the P90 of each ETA.
 
-    Operators see all of it.
+    Operators see all of it. Customers see no ways home of drones and no counters of planners.
     """
+    delivery = with_p90(delivery)
     if caller.role != "customer" or not delivery.missions:
         return delivery
     missions = tuple(_without_the_way_home(mission) for mission in delivery.missions)

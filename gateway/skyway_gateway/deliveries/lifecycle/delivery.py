@@ -131,10 +131,24 @@ class PackageStatus(JsonModel):
     promised_at: Annotated[
         FleetMoment | None, Field(description="The first ETA that the customer was given.")
     ] = None
+    promised_p90_at: Annotated[
+        FleetMoment | None,
+        Field(
+            description="The moment by which nine of ten packages come, as it was forecast with "
+            "`promised_at`; null before enough packages of the network have come."
+        ),
+    ] = None
     eta_at: Annotated[
         FleetMoment | None,
         Field(
             description="When the package is expected now; null when it does not arrive any more."
+        ),
+    ] = None
+    eta_p90_at: Annotated[
+        FleetMoment | None,
+        Field(
+            description="The moment by which it comes in nine of ten cases, as it is forecast now; "
+            "null without `eta_at` or `promised_p90_at`."
         ),
     ] = None
     delivered_at: Annotated[

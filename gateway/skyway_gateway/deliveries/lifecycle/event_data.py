@@ -35,6 +35,7 @@ def scheduled(earliest_pickup_at: datetime, *, books_from_at: datetime) -> Data:
 def planned(delivery: Delivery, missions: Sequence[DeliveryMission], *, attempt: int) -> Data:
     """Data of `delivery.planned`: drone, price, pickup time, ETAs, and packages that still wait."""
     first, *_ = missions
+    p90 = {each.package_id: each.promised_p90_at for each in delivery.packages}
     return {
         "attempt": attempt,
         "provider_id": first.provider_id,
@@ -44,7 +45,11 @@ def planned(delivery: Delivery, missions: Sequence[DeliveryMission], *, attempt:
         "pickup_at": utc_text(min(_pickup_at(mission) for mission in missions)),
         "delivery_time_s": max(mission.plan.delivery_time_s or 0.0 for mission in missions),
         "packages": [
-            {"package_id": eta.package_id, "eta_at": utc_text(eta.eta_at)}
+            {
+                "package_id": eta.package_id,
+                "eta_at": utc_text(eta.eta_at),
+                "eta_p90_at": _text(p90.get(eta.package_id)),
+            }
             for mission in missions
             for eta in mission.packages
         ],

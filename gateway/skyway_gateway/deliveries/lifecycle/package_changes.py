@@ -236,6 +236,25 @@ def _is_late(package: PackageStatus, delivery: Delivery) -> bool:
     return package.eta_at - package.promised_at > timedelta(seconds=tolerance_s)
 
 
+def with_p90(delivery: Delivery) -> Delivery:
+    """The delivery with the P90 of each ETA: the margin shrinks with the way that remains."""
+    return with_packages(
+        delivery,
+        lambda package: {"eta_p90_at": _eta_p90_at(package, delivery)},
+        where=lambda package: package.eta_at is not None and package.promised_p90_at is not None,
+    )
+
+
+def _eta_p90_at(package: PackageStatus, delivery: Delivery) -> datetime | None:
+    eta_at, promised_at, p90_at = package.eta_at, package.promised_at, package.promised_p90_at
+    if eta_at is None or promised_at is None or p90_at is None:
+        return None
+    planned_s = (promised_at - _start_at(package, delivery)).total_seconds()
+    remaining_s = (eta_at - delivery.updated_at).total_seconds()
+    share = min(max(remaining_s / planned_s, 0.0), 1.0) if planned_s > 0 else 1.0
+    return eta_at + share * (p90_at - promised_at)
+
+
 def _start_at(package: PackageStatus, delivery: Delivery) -> datetime:
     for mission in delivery.missions:
         if mission.mission_id == package.mission_id:

@@ -180,7 +180,12 @@ def _refused(delivery: Delivery, mission: FlownMission, report: MissionReport) -
     )
     without = with_packages(
         cancelled.delivery,
-        lambda _: {"mission_id": None, "promised_at": None, "eta_at": None},
+        lambda _: {
+            "mission_id": None,
+            "promised_at": None,
+            "promised_p90_at": None,
+            "eta_at": None,
+        },
         where=is_left,
     )
     # These packages join an attempt that has no missions yet; else they need a new attempt,

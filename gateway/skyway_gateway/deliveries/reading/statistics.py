@@ -62,6 +62,8 @@ class Sums:
     by_state: Mapping[str, int] = field(default_factory=dict)
     packages_delivered: int = 0
     packages_on_time: int = 0
+    packages_with_p90: int = 0
+    packages_by_p90: int = 0
     #: Over completed deliveries.
     completed: int = 0
     planned_ms: int = 0
@@ -100,6 +102,16 @@ class DeliveryNumbers(JsonModel):
         int, Field(description="How many of them at most a minute after the promised moment.")
     ]
     on_time_share: Share
+    packages_with_p90: Annotated[
+        int, Field(description="How many of them had a `promised_p90_at`.")
+    ]
+    p90_share: Annotated[
+        float | None,
+        Field(
+            description="The share of those that came by it; 0.88 to 0.92 is as it should be. Null "
+            "without such packages."
+        ),
+    ]
     planned_s: MeanSeconds
     actual_s: MeanSeconds
     since_request_s: MeanSeconds
@@ -187,6 +199,8 @@ def numbers(sums: Sums) -> dict[str, object]:
         "packages_delivered": sums.packages_delivered,
         "packages_on_time": sums.packages_on_time,
         "on_time_share": _per(sums.packages_on_time, sums.packages_delivered),
+        "packages_with_p90": sums.packages_with_p90,
+        "p90_share": _per(sums.packages_by_p90, sums.packages_with_p90),
         "planned_s": _per(sums.planned_ms / 1000, sums.completed),
         "actual_s": _per(sums.actual_ms / 1000, sums.completed),
         "since_request_s": _per(sums.since_request_ms / 1000, sums.completed),

@@ -100,11 +100,14 @@ def _package_sums(counted: Counted) -> _Query:
     bucket = counted.bucket.label("bucket")
     delivered, promised = packages.c.delivered_ms, packages.c.promised_ms
     is_on_time = delivered <= promised + _ON_TIME_MS
+    p90 = packages.c.promised_p90_ms
     statement = (
         select(
             bucket,
             func.count().label("packages_delivered"),
             func.sum(case((is_on_time, 1), else_=0)).label("packages_on_time"),
+            func.count(p90).label("packages_with_p90"),
+            func.sum(case((delivered <= p90, 1), else_=0)).label("packages_by_p90"),
         )
         .join_from(deliveries, packages, packages.c.delivery_id == deliveries.c.delivery_id)
         .where(counted.is_counted, delivered.is_not(None))

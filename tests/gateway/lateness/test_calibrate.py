@@ -1,0 +1,65 @@
+"""The lateness that nine of ten packages do not exceed, learned from those that have come."""
+
+import random
+from collections.abc import Callable, Iterator
+
+import pytest
+from skyway_gateway.lateness.calibrate import FEWEST, Arrival, late_share, later_by_s
+
+
+def come(
+    count: int, late_s: Callable[[int], float], *, was_covered: bool | None = None
+) -> list[Arrival]:
+    return [Arrival(1000.0, late_s(each), was_covered) for each in range(count)]
+
+
+def test_nothing_is_forecast_from_few_packages() -> None:
+    assert late_share(come(FEWEST - 1, float)) is None
+    assert late_share(come(FEWEST, float)) is not None
+
+
+def test_nine_of_ten_packages_are_at_most_so_late() -> None:
+    assert late_share(come(99, lambda number: 10.0 * number)) == pytest.approx(0.89)
+
+
+def test_packages_that_come_early_make_no_forecast_earlier_than_the_plan() -> None:
+    assert late_share(come(100, lambda _: -60.0)) == 0.0
+
+
+def test_a_minute_late_in_a_short_plan_counts_as_for_five_minutes() -> None:
+    share = late_share([Arrival(10.0, 60.0, None)] * 50)
+
+    assert share == pytest.approx(0.2)
+    assert later_by_s(10.0, 0.2) == pytest.approx(60.0)
+
+
+def test_the_forecast_widens_after_misses_and_narrows_after_hits() -> None:
+    usual = late_share(come(100, float))
+    missed = late_share(come(100, float, was_covered=False))
+    hit = late_share(come(100, float, was_covered=True))
+
+    assert usual is not None
+    assert missed is not None
+    assert hit is not None
+    assert hit < usual < missed
+
+
+def days(chance: random.Random) -> Iterator[float]:
+    """The lateness of packages in seconds: calm days, a stormy day, calm days again."""
+    for spread_s in (60.0, 600.0, 60.0):
+        for _ in range(600):
+            yield max(0.0, chance.gauss(0.3 * spread_s, spread_s))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_about_nine_of_ten_packages_come_by_their_p90_although_the_weather_changes(
+    seed: int,
+) -> None:
+    arrivals: list[Arrival] = []
+    for late_s in days(random.Random(seed)):
+        share = late_share(arrivals[-300:])
+        was_covered = None if share is None else late_s <= later_by_s(1000.0, share)
+        arrivals.append(Arrival(1000.0, late_s, was_covered))
+
+    covered = [each.was_covered for each in arrivals if each.was_covered is not None]
+    assert 0.87 <= sum(covered) / len(covered) <= 0.93
