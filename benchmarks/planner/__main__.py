@@ -18,6 +18,7 @@ from benchmarks.planner.extent import FULL, SHORT, Extent
 from benchmarks.planner.machine import Machine
 from benchmarks.planner.ordering import ordering
 from benchmarks.planner.page import write_page
+from benchmarks.planner.reading import reading
 from benchmarks.planner.scarce import scarce
 from benchmarks.planner.shortest_paths import shortest_paths
 from benchmarks.planner.speed import local, unprepared, whole_network
@@ -56,6 +57,7 @@ def _sections(extent: Extent) -> dict[str, Callable[[], Table]]:
         "contestants": partial(contestants, extent),
         "ordering": partial(ordering, extent),
         "charging": partial(charging, extent),
+        "reading": reading,
         "shortest-paths": shortest_paths,
         "scarce": partial(scarce, extent),
         "trips": partial(trips, extent),

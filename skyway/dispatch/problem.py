@@ -19,20 +19,21 @@ from skyway.errors import FieldFault, InvalidProblem
 from skyway.ids import DroneId, StationId
 from skyway.json_model import JsonModel
 from skyway.planner.agreement import disagreements
-from skyway.planner.problem import MAX_FAULTS, MAX_HELD, NetworkAsGeoJson
+from skyway.planner.problem import MAX_FAULTS, NetworkAsGeoJson
 from skyway.planner.problem_document import read_with_network
 from skyway.planner.problem_parts import (
+    MAX_HELD,
     MAX_SECONDS,
     Closure,
     DroneAtStart,
     Duration,
     PackageToDeliver,
-    PadReservation,
     Seconds,
     TimedAct,
     not_text_or_truth,
     window_faults,
 )
+from skyway.planner.reservations import PadReservations
 from skyway.units import CHARGE_TOLERANCE
 
 #: The most drones, and the most requests, of one problem.
@@ -151,9 +152,7 @@ class FleetProblem(JsonModel):
     ] = None
     drones: Annotated[tuple[FleetDrone, ...], Field(max_length=MAX_DRONES), FailFast()]
     requests: Annotated[tuple[FleetRequest, ...], Field(max_length=MAX_REQUESTS), FailFast()]
-    pad_reservations: Annotated[
-        tuple[PadReservation, ...], Field(max_length=MAX_HELD), FailFast()
-    ] = ()
+    pad_reservations: PadReservations = ()
     closures: Annotated[tuple[Closure, ...], Field(max_length=MAX_HELD), FailFast()] = ()
     loading_s: Duration = 0.0
     dropoff_s: Duration = 0.0

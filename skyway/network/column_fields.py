@@ -7,6 +7,7 @@ import gc
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import chain
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,15 @@ def member(objects: Iterable[Any], name: str) -> list[Any]:
         return [each[name] for each in objects]
     except KeyError as error:
         raise Doubtful(name) from error
+
+
+def members(objects: Sequence[Any], *names: str) -> list[list[Any]]:
+    """The members of these names of each object, a list for each name."""
+    _refuse_others(objects, dict)
+    try:
+        return [list(map(itemgetter(name), objects)) for name in names]
+    except KeyError as error:
+        raise Doubtful from error
 
 
 def constants(values: Sequence[Any], expected: Iterable[str]) -> None:

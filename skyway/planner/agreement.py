@@ -14,6 +14,7 @@ from skyway.planner.problem_parts import (
     PackageToDeliver,
     PadReservation,
 )
+from skyway.planner.reservations import ReservationColumns
 from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
 
 
@@ -80,6 +81,9 @@ def _of_packages(network: Network, packages: Sequence[PackageToDeliver]) -> Iter
 def _of_reservations(
     network: Network, reservations: Sequence[PadReservation]
 ) -> Iterator[FieldFault]:
+    if isinstance(reservations, ReservationColumns) and reservations.fits(network):
+        return
+    reservations = tuple(reservations)
     stations = network.stations
     by_pad: dict[tuple[StationId, int], list[int]] = defaultdict(list)
     for number, reservation in enumerate(reservations):

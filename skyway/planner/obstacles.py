@@ -16,6 +16,7 @@ from skyway.ids import StationId
 from skyway.network.network import Zone
 from skyway.network.zones import contains, crosses
 from skyway.planner.problem import Problem
+from skyway.planner.reservations import reservations_at
 from skyway.units import TIME_TOLERANCE_S
 
 if TYPE_CHECKING:
@@ -32,12 +33,11 @@ class HeldPads:
         self, problem: Problem, stations: Set[StationId], *, booked: "PadBook | None"
     ) -> None:
         self._held_ms: dict[tuple[StationId, int], list[tuple[float, float]]] = defaultdict(list)
-        for reservation in problem.pad_reservations:
-            if reservation.station_id in stations:
-                end_s = math.inf if reservation.end_s is None else reservation.end_s
-                self._held_ms[reservation.station_id, reservation.pad].append(
-                    _outward_ms(reservation.start_s, end_s)
-                )
+        for reservation in reservations_at(problem.pad_reservations, stations):
+            end_s = math.inf if reservation.end_s is None else reservation.end_s
+            self._held_ms[reservation.station_id, reservation.pad].append(
+                _outward_ms(reservation.start_s, end_s)
+            )
         self._row_of = problem.network.row_of
         self._booked = booked
 

@@ -12,8 +12,9 @@ from typing import Final, Self
 import numpy as np
 import numpy.typing as npt
 
-from skyway.network.network import Network
+from skyway.network.network import MAX_PADS, Network
 from skyway.planner.problem import PadReservation
+from skyway.planner.reservations import ReservationColumns, order_of_pads
 from skyway.units import TIME_TOLERANCE_S
 
 #: End of a reservation that has none, milliseconds.
@@ -53,18 +54,16 @@ class PadBook:
     @classmethod
     def of(cls, network: Network, reservations: Iterable[PadReservation]) -> Self:
         """The book of these reservations; moments count from the plan's start."""
-        entries = [
-            (
-                network.row_of[each.station_id],
-                each.pad,
-                booked_from_ms(each.start_s),
-                OPEN_MS if each.end_s is None else booked_until_ms(each.end_s),
-            )
-            for each in reservations
-        ]
-        columns = np.array(entries, np.int64).reshape(-1, 4).T
+        columns = ReservationColumns.of(reservations)
+        is_open = columns.end_s == math.inf
+        ends_s = np.where(is_open, 0.0, columns.end_s)
         return cls.of_arrays(
-            station=columns[0], pad=columns[1], start_ms=columns[2], end_ms=columns[3]
+            station=columns.rows(network),
+            pad=columns.pad,
+            start_ms=np.floor(columns.start_s * _MS_PER_S + _MS_TOLERANCE).astype(np.int64),
+            end_ms=np.where(
+                is_open, OPEN_MS, np.ceil(ends_s * _MS_PER_S - _MS_TOLERANCE).astype(np.int64)
+            ),
         )
 
     @classmethod
@@ -77,7 +76,7 @@ class PadBook:
         end_ms: npt.NDArray[np.integer],
     ) -> Self:
         """The book of these columns, in any order; `OPEN_MS` means without end."""
-        order = np.lexsort((start_ms, pad, station))
+        order = order_of_pads(station.astype(np.int64) * MAX_PADS + pad, start_ms)
         return cls(
             np.ascontiguousarray(station[order], np.int32),
             np.ascontiguousarray(pad[order], np.int32),

@@ -29,6 +29,7 @@ from skyway.network.geojson import read_network, write_network
 from skyway.network.network import Network
 from skyway.planner.agreement import disagreements
 from skyway.planner.problem_parts import (
+    MAX_HELD,
     MAX_SECONDS,
     Closure,
     DroneAtStart,
@@ -42,6 +43,7 @@ from skyway.planner.problem_parts import (
     not_text_or_truth,
     window_faults,
 )
+from skyway.planner.reservations import PadReservations
 
 __all__ = [
     "MAX_FAULTS",
@@ -57,9 +59,6 @@ __all__ = [
 
 #: Labels; whole numbers up to here are exact in any JSON reader.
 MAX_LABELS = 10**15
-
-#: The most reservations, and the most closures, of one problem.
-MAX_HELD = 100_000
 
 #: The most faults reported for one problem: a hostile document must not cause megabytes of text.
 MAX_FAULTS = 50
@@ -137,12 +136,10 @@ class Problem(JsonModel):
         ),
         BeforeValidator(_few_packages),
     ]
-    # A long list reports only its first fault.
     pad_reservations: Annotated[
-        tuple[PadReservation, ...],
-        Field(max_length=MAX_HELD, description="Pads that other drones hold."),
-        FailFast(),
+        PadReservations, Field(description="Pads that other drones hold.")
     ] = ()
+    # A long list reports only its first fault.
     closures: Annotated[
         tuple[Closure, ...],
         Field(max_length=MAX_HELD, description="Stations and segments that are closed."),

@@ -20,6 +20,9 @@ from skyway.units import TIME_TOLERANCE_S
 #: Seconds, about three centuries: no moment or duration of a problem lies further away.
 MAX_SECONDS = 1e10
 
+#: The most reservations, and the most closures, of one problem.
+MAX_HELD = 100_000
+
 #: Kilograms; far above any drone, so that a package too heavy to fly gets a proof, not a complaint.
 MAX_PACKAGE_KG = 1e12
 
