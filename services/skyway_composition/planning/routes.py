@@ -42,6 +42,12 @@ from skyway_composition.planning.world import World, compose_in
 #: The most bytes of a problem with its network (docs/reference/rest.md).
 COMPOSITION_LIMIT_BYTES: Final = 256 * 1024 * 1024
 
+#: Problems up to this size are read without a thread, in less than a millisecond.
+_SMALL_BYTES: Final = 16 * 1024
+
+# Built once, because building takes longer than reading.
+_MOMENT: Final[TypeAdapter[datetime]] = TypeAdapter(Moment)
+
 
 class NetworkReference(JsonModel):
     """A published network in the place of a network's GeoJSON."""
@@ -94,9 +100,11 @@ class ProblemReader:
     clock: FleetClock
 
     async def problem(
-        self, document: dict[str, Any], reference: NetworkReference
+        self, document: dict[str, Any], reference: NetworkReference, *, size_bytes: int
     ) -> tuple[Problem, World]:
         """The problem on a published network, and the world with this network's reservations.
+
+        `size_bytes` is how long the document is as text.
 
         Raises
         ------
@@ -118,7 +126,11 @@ class ProblemReader:
         complete = {**document, "network": skyway.network}
         if document.get("start_at") is None:
             complete["start_at"] = start_at
-        problem = await asyncio.to_thread(read_problem, complete)
+        problem = (
+            read_problem(complete)
+            if size_bytes <= _SMALL_BYTES
+            else await asyncio.to_thread(read_problem, complete)
+        )
         after_ms = moment_to_ms(start_at)
         # Pure planning adds no margins; only bookings do.
         return problem, await World.of(skyway, self.db, after_ms=after_ms, pad_gap_s=0.0)
@@ -127,10 +139,9 @@ class ProblemReader:
 def _start_at(document: dict[str, Any]) -> datetime | None:
     """The start that a problem gives; None when it is missing or cannot be read."""
     try:
-        moment: datetime = TypeAdapter(Moment).validate_python(document.get("start_at"))
+        return _MOMENT.validate_python(document.get("start_at"))
     except ValidationError:
         return None
-    return moment
 
 
 class QuoteAnswerer(Protocol):
@@ -211,7 +222,11 @@ def composition_routes(
         rights.check(document, caller)
         network = document.get("network") if isinstance(document, dict) else None
         if isinstance(network, dict) and "network_id" in network:
-            problem, world = await problems.problem(document, NetworkReference.of(network))
+            problem, world = await problems.problem(
+                document,
+                NetworkReference.of(network),
+                size_bytes=len(await request.body()),
+            )
             return await compose_in(solver, world, problem)
         return await solver.compose(await reading.run(read_problem, document))
 
