@@ -21,6 +21,14 @@ def experiment_command(
         Path, typer.Option(help="Where experiments.md and the folder experiments/ are written.")
     ] = Path("results"),
     seed: Annotated[int, typer.Option(help="Draws the instances; only times differ then.")] = 1,
+    redraw: Annotated[
+        bool,
+        typer.Option(
+            "--redraw",
+            help="Run nothing: write the section and figures again from the CSV file of an earlier "
+            "run. For the parts that compare planners on instances.",
+        ),
+    ] = False,
 ) -> None:
     """Measure the planner against the paper's strategies; write a page, figures and CSV files."""
     # Late: matplotlib, numpy and numba are heavy, and other commands do without them.
@@ -34,12 +42,12 @@ def experiment_command(
         )
     require_matplotlib()
     names = [name for name in PARTS if not only or name in only]
-    sections = _run(names, is_quick=quick, folder=out / "experiments", seed=seed)
+    sections = _run(names, is_quick=quick, folder=out / "experiments", seed=seed, redraws=redraw)
     _show(sections)
 
 
 def _run(
-    names: Sequence[str], *, is_quick: bool, folder: Path, seed: int
+    names: Sequence[str], *, is_quick: bool, folder: Path, seed: int, redraws: bool
 ) -> Mapping[str, "Section"]:
     """Run these parts one after the other; the page is written anew after each."""
     from skyway.experiments.laboratory import open_laboratory
@@ -47,7 +55,9 @@ def _run(
     from skyway.planner.stop import stopwatch
 
     sections = {}
-    with open_laboratory(seed=seed, is_quick=is_quick, folder=folder) as laboratory:
+    with open_laboratory(
+        seed=seed, is_quick=is_quick, folder=folder, redraws=redraws
+    ) as laboratory:
         for name in names:
             elapsed_s = stopwatch()
             section = sections[name] = PARTS[name](laboratory)

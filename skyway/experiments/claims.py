@@ -3,8 +3,8 @@
 Notes
 -----
 Shahzaad and Bouguettaya claim that the exhaustive composition's time grows exponentially with the
-network, that the heuristic is far faster, and that its plans are near-optimal. They give no
-numbers to test, so the numbers here are our own choice.
+network, that the heuristic is far faster, and that its plans are near-optimal in comparison to
+the exhaustive approach. They give no numbers to test, so the numbers here are our own choice.
 """
 
 import math
@@ -21,7 +21,7 @@ from skyway.experiments.trials import Contest
 DOUBLING_STATIONS = 10.0
 #: Far faster: this many times, at the median, on the largest networks.
 FAR_FASTER = 10.0
-#: Near-optimal: so much later than the best known plan at most, at the median and at p95.
+#: Near-optimal: so much later than the other plan at most, at the median and at p95.
 NEAR_AT_MEDIAN = 0.05
 NEAR_AT_P95 = 0.20
 
@@ -36,8 +36,10 @@ HOW_TESTED = (
     f"stations (slope of its logarithm over all runs, by a regression for censored data). "
     f"**Far faster**: the heuristic needs at most a {FAR_FASTER:g}th of the time on the same "
     f"instance, at the median over the largest networks. **Near-optimal**: its plans deliver at "
-    f"most {NEAR_AT_MEDIAN:.0%} later than the best known plan at the median and at most "
-    f"{NEAR_AT_P95:.0%} at p95. The thresholds are ours: the paper gives none."
+    f"most {NEAR_AT_MEDIAN:.0%} later at the median and at most {NEAR_AT_P95:.0%} later at p95. "
+    f"The paper compares with the exhaustive approach; here where that one finished. "
+    f"The comparison with exact, whose plans are proven to be the earliest, is ours. So are the "
+    f"thresholds: the paper gives none."
 )
 
 
@@ -99,11 +101,13 @@ def is_far_faster(contest: Contest, *, seed: int) -> ClaimResult:
 
 
 def is_near_optimal(gaps: Sample, *, seed: int) -> ClaimResult:
-    """Whether the gap is small at the median and at p95."""
+    """Whether the gap is small at the median and at p95; open without values."""
+    if not gaps.values:
+        return ClaimResult("no run finished", OPEN)
     median, p95 = gaps.median(seed=seed), gaps.quantile(0.95, seed=seed)
     answers = {_answer(median, at_most=NEAR_AT_MEDIAN), _answer(p95, at_most=NEAR_AT_P95)}
     return ClaimResult(
-        f"p50 {percent(median.value)}, p95 {percent(p95.value)}",
+        f"p50 {percent(median.value)}, p95 {percent(p95.value)}, max {percent(max(gaps.values))}",
         next(answer for answer in (FAILS, OPEN, HOLDS) if answer in answers),
     )
 

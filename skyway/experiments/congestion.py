@@ -55,7 +55,12 @@ def congestion(laboratory: Laboratory) -> Section:
         x=Axis("share of the pads' time taken, %"),
         y=Axis("mean delivery time, h"),
         lines=[
-            Line(who, percents, [one.deliveries_h(who).mean() for one in by_share.values()])
+            Line(
+                who,
+                percents,
+                [one.deliveries_h(who).mean() for one in by_share.values()],
+                [one.has_limited(who) for one in by_share.values()],
+            )
             for who in CONTESTANTS
         ],
     )

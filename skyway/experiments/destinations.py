@@ -57,6 +57,7 @@ def destinations(laboratory: Laboratory) -> Section:
                         (one.times(who) if name == "time" else one.deliveries_h(who)).median()
                         for one in by_number.values()
                     ],
+                    [one.has_limited(who) for one in by_number.values()],
                 )
                 for who in CONTESTANTS
             ],

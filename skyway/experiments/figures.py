@@ -17,6 +17,12 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#
 _MARKERS = "osD^vP*"
 _SIZE_IN = (6.4, 4.2)
 
+#: What the legend adds to the name of a line for its open markers.
+_LIMITED = ": limit reached"
+
+#: Length of the arrow at a value that is at least what it is, points.
+_ARROW_PT = 16
+
 #: The share of the axis that a group of bars takes, 0 to 1.
 _GROUP_WIDTH = 0.8
 
@@ -32,11 +38,16 @@ class NoMatplotlib(SkywayError):
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line of a figure: estimates over x. Censored values are marked by a triangle."""
+    """One line of a figure: estimates over x.
+
+    A marker is open where the time limit ended some runs: `is_limited` says so for each estimate.
+    An estimate that is at least its value has an open marker with an arrow.
+    """
 
     label: str
     xs: Sequence[float]
     estimates: Sequence[Estimate]
+    is_limited: Sequence[bool] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,22 +148,44 @@ def _figure(title: str) -> tuple[Any, "Axes"]:  # matplotlib's Figure, imported 
 def _draw_line(axes: "Axes", line: Line, number: int) -> None:
     colour = _COLOURS[number % len(_COLOURS)]
     marker = _MARKERS[number % len(_MARKERS)]
+    is_limited = line.is_limited or [False] * len(line.xs)
     shown = [
-        (x, estimate)
-        for x, estimate in zip(line.xs, line.estimates, strict=True)
+        (x, estimate, is_open or estimate.is_at_least)
+        for x, estimate, is_open in zip(line.xs, line.estimates, is_limited, strict=True)
         if math.isfinite(estimate.value)
     ]
-    xs = [x for x, _ in shown]
-    ys = [estimate.value for _, estimate in shown]
-    axes.plot(xs, ys, color=colour, marker=marker, markersize=4, label=line.label)
-    highs = [max(e.value, e.high if math.isfinite(e.high) else e.value) for _, e in shown]
-    axes.fill_between(xs, [e.low for _, e in shown], highs, color=colour, alpha=0.15, linewidth=0)
-    censored = [(x, estimate.value) for x, estimate in shown if estimate.is_at_least]
-    if censored:
-        at_x, at_y = zip(*censored, strict=True)
-        axes.scatter(
-            at_x, at_y, color=colour, marker="^", s=90, zorder=3, label=f"{line.label}: at least"
+    xs = [x for x, _, _ in shown]
+    values = [estimate.value for _, estimate, _ in shown]
+    axes.plot(xs, values, color=colour, label=None if shown else line.label)
+    highs = [max(e.value, e.high if math.isfinite(e.high) else e.value) for _, e, _ in shown]
+    lows = [estimate.low for _, estimate, _ in shown]
+    axes.fill_between(xs, lows, highs, color=colour, alpha=0.15, linewidth=0)
+    for is_open, size, face, suffix in ((False, 4, colour, ""), (True, 6, "white", _LIMITED)):
+        marked = [(x, estimate.value) for x, estimate, opened in shown if opened is is_open]
+        axes.plot(
+            [x for x, _ in marked],
+            [value for _, value in marked],
+            color=colour,
+            linestyle="",
+            marker=marker,
+            markersize=size,
+            markerfacecolor=face,
+            label=f"{line.label}{suffix}" if marked else None,
         )
+    for x, estimate, _ in shown:
+        if estimate.is_at_least:
+            _draw_arrow(axes, x, estimate.value, colour)
+
+
+def _draw_arrow(axes: "Axes", x: float, y: float, colour: str) -> None:
+    """An arrow up from this point: the true value lies here or above."""
+    axes.annotate(
+        "",
+        xy=(x, y),
+        xytext=(0, _ARROW_PT),
+        textcoords="offset points",
+        arrowprops={"arrowstyle": "<-", "color": colour},
+    )
 
 
 def _save(figure: Any, path: Path) -> None:  # matplotlib's Figure, imported late

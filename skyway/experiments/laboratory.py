@@ -27,7 +27,8 @@ _MOST_WORKERS = 2
 class Laboratory:
     """The environment that every experiment receives.
 
-    Without an executor the trials run in this process, one after the other.
+    Without an executor the trials run in this process, one after the other. A laboratory that
+    `redraws` runs nothing: it reads the rows that an earlier run wrote.
     """
 
     seed: int
@@ -35,6 +36,7 @@ class Laboratory:
     folder: Path
     progress: Progress
     executor: Executor | None = None
+    redraws: bool = False
 
     def size(self, *, quick: Result, full: Result) -> Result:
         """The size for this run: quick or full."""
@@ -67,7 +69,9 @@ class Laboratory:
 
 
 @contextmanager
-def open_laboratory(*, seed: int, is_quick: bool, folder: Path) -> Iterator[Laboratory]:
+def open_laboratory(
+    *, seed: int, is_quick: bool, folder: Path, redraws: bool = False
+) -> Iterator[Laboratory]:
     """A laboratory with worker processes, and a progress bar on standard error."""
     folder.mkdir(parents=True, exist_ok=True)
     workers = min(_MOST_WORKERS, os.cpu_count() or 1)
@@ -77,7 +81,7 @@ def open_laboratory(*, seed: int, is_quick: bool, folder: Path) -> Iterator[Labo
     )
     with pool, progress_bars() as progress:
         try:
-            yield Laboratory(seed, is_quick, folder, progress, pool)
+            yield Laboratory(seed, is_quick, folder, progress, pool, redraws)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise

@@ -78,7 +78,8 @@ def _findings(contest: Contest, *, largest: int, seed: int) -> Sequence[ClaimRes
     return (
         grows_exponentially(contest, seed=seed),
         is_far_faster(on_largest, seed=seed),
-        is_near_optimal(contest.gaps(HEURISTIC), seed=seed),
+        is_near_optimal(contest.gaps_to(EXHAUSTIVE, HEURISTIC), seed=seed),
+        is_near_optimal(contest.gaps_to(EXACT, HEURISTIC), seed=seed),
     )
 
 
@@ -88,7 +89,12 @@ def _section(
     sizes: Sequence[int],
     limit_s: float,
 ) -> Section:
-    claims = ("grows exponentially", "heuristic far faster", "heuristic near-optimal")
+    claims = (
+        "grows exponentially",
+        "heuristic far faster",
+        "heuristic near-optimal against exhaustive",
+        "heuristic near-optimal against exact",
+    )
     findings = []
     for number, claim in enumerate(claims):
         answers = [of_cell[number].answer for of_cell in found_of.values()]
@@ -108,9 +114,9 @@ def _section(
         [
             (
                 "Each cell changes one thing in the setting of the first section, on networks of "
-                f"{sizes[0]} to {sizes[-1]} stations, with {duration(limit_s)} a run. Gaps are "
-                "measured against the best plan of heuristic, exhaustive and exact on the same "
-                "instance."
+                f"{sizes[0]} to {sizes[-1]} stations, with {duration(limit_s)} a run. The "
+                "comparison with exhaustive is the paper's, on the instances on which exhaustive "
+                "finished; the comparison with exact is ours."
             ),
             markdown_table(("cell", "exhaustive finished", *claims), rows),
         ],

@@ -21,6 +21,7 @@ from skyway.experiments.flown import flown
 from skyway.experiments.laboratory import Laboratory
 from skyway.experiments.open_settings import open_settings
 from skyway.experiments.paper import paper
+from skyway.experiments.paper_recharging import paper_recharging
 from skyway.experiments.recharging import recharging
 from skyway.experiments.report import Section, duration
 from skyway.experiments.scale import scale
@@ -30,6 +31,7 @@ PARTS: Mapping[str, Callable[[Laboratory], Section]] = MappingProxyType(
     {
         "paper": paper,
         "open-settings": open_settings,
+        "paper-recharging": paper_recharging,
         "destinations": destinations,
         "widening": widening,
         "causes": causes,
@@ -49,7 +51,8 @@ PAGE = "experiments.md"
 _HEAD = """# Experiments
 
 These experiments repeat the paper's evaluation and go beyond it. `skyway experiment --out docs`
-wrote this page, the figures and a CSV row for every run (`docs/experiments/`).
+wrote this page, the figures and a CSV row for every run (`docs/experiments/`). `--redraw` writes
+sections and figures again from these rows.
 Every number below comes from that run, and each section names its seed. Times are wall
 times of single processes; two processes ran at a time on two cores. All contestants are measured on
 the same instances, within the same process, one after the other. A run that reached its time limit
@@ -66,15 +69,21 @@ the best plan found for the instance, as a share of the best delivery time.
 def write_fragment(
     laboratory: Laboratory, name: str, section: Section, *, elapsed_s: float
 ) -> None:
-    """Write this section beside its figures; `write_page` puts it on the page."""
+    """Write this section beside its figures; `write_page` puts it on the page.
+
+    A section that is redrawn keeps its line about the run that measured it.
+    """
+    path = laboratory.folder / f"{name}.md"
     size = laboratory.size(quick="quick", full="full")
     measured = (
         f"*Seed {laboratory.seed}, {size} run, {duration(elapsed_s)}; {platform.machine()}, "
         f"{os.cpu_count()} cores, Python {platform.python_version()}.*"
     )
+    if laboratory.redraws:
+        measured = path.read_text(encoding="utf-8").splitlines()[-1]
     findings = "\n".join(f"- {each.question}: {each.answer}" for each in section.findings)
     text = "\n\n".join((f"## {section.title}", findings, *section.paragraphs, measured))
-    (laboratory.folder / f"{name}.md").write_text(text + "\n", encoding="utf-8")
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 def write_page(folder: Path) -> Path:

@@ -1,11 +1,16 @@
 """Contests over many instances: the trials, their runs, and statistics that compare them."""
 
+import csv
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import partial
-from typing import TypeVar
+from pathlib import Path
+from typing import Final, TypeVar
 
+from pydantic import TypeAdapter
+
+from skyway.errors import SkywayError
 from skyway.experiments.contest import Run, contest
 from skyway.experiments.instances import Setting, city_problem
 from skyway.experiments.laboratory import Laboratory
@@ -14,6 +19,8 @@ from skyway.experiments.sample import Sample
 from skyway.planner.problem import Problem
 
 Key = TypeVar("Key")
+
+_RUN: Final = TypeAdapter(Run)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +57,17 @@ class Contest:
         ]
         return Contest([trial for trial, _ in kept], [runs for _, runs in kept])
 
+    def planned_by(self, contestant: str) -> "Contest":
+        """The trials for which this contestant has a plan."""
+        kept = [
+            (trial, runs)
+            for trial, runs, own in zip(
+                self.trials, self.results, self.runs(contestant), strict=True
+            )
+            if own.delivery_s is not None
+        ]
+        return Contest([trial for trial, _ in kept], [runs for _, runs in kept])
+
     def by(self, key: Callable[[Setting], Key]) -> "dict[Key, Contest]":
         """The trials grouped by this key of their settings, in the order in which keys appear."""
         keys = dict.fromkeys(key(trial.setting) for trial in self.trials)
@@ -83,6 +101,21 @@ class Contest:
             ]
         )
 
+    def gaps_to(self, baseline: str, contestant: str) -> Sample:
+        """How much later it delivers than the baseline, where the baseline finished with a plan."""
+        pairs = zip(self.runs(baseline), self.runs(contestant), strict=True)
+        return Sample.of(
+            [
+                gap(run, base.delivery_s)
+                for base, run in pairs
+                if base.delivery_s is not None and not base.is_censored
+            ]
+        )
+
+    def has_limited(self, contestant: str) -> bool:
+        """Whether the limit ended some of its runs."""
+        return any(run.is_censored for run in self.runs(contestant))
+
     def labels(self, contestant: str) -> Sample:
         """The states that it looked at; censored where its limit ended the run."""
         runs = self.runs(contestant)
@@ -108,11 +141,46 @@ def hold(
     trials: Sequence[Trial],
     run: Callable[[Trial], list[Run]] = run_trial,
 ) -> Contest:
-    """Run all trials, and write a row for every run to ``name.csv``."""
+    """Run all trials, and write a row for every run to ``name.csv``.
+
+    A laboratory that redraws reads these rows instead.
+
+    Raises
+    ------
+    RowsOfOtherTrials
+        The rows are of other instances.
+    """
+    path = laboratory.folder / f"{name}.csv"
+    if laboratory.redraws:
+        return Contest(trials, _read_results(path, trials))
     results = laboratory.results(name, run, trials)
     rows = [_row(trial, run) for trial, runs in zip(trials, results, strict=True) for run in runs]
-    write_rows(laboratory.folder / f"{name}.csv", rows)
+    write_rows(path, rows)
     return Contest(trials, results)
+
+
+class RowsOfOtherTrials(SkywayError):
+    """A file of rows holds runs of other instances than the part has now."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(f"{path} holds runs of other instances: run the part again")
+
+
+def _read_results(path: Path, trials: Sequence[Trial]) -> list[list[Run]]:
+    """The runs of each trial, as `hold` wrote them."""
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    each = len(rows) // len(trials)
+    names = [field.name for field in fields(Run)]
+    results = []
+    for number, trial in enumerate(trials):
+        own = rows[number * each : (number + 1) * each]
+        if not own or any(row["seed"] != str(trial.seed) for row in own):
+            raise RowsOfOtherTrials(path)
+        results.append(
+            [_RUN.validate_python({name: row[name] or None for name in names}) for row in own]
+        )
+    return results
 
 
 def best_s(runs: Sequence[Run]) -> float | None:

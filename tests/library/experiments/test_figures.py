@@ -33,6 +33,20 @@ def test_the_same_results_make_the_same_file(tmp_path):
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "other.png").read_bytes()
 
 
+def test_a_run_that_reached_its_limit_changes_the_figure(tmp_path):
+    known, censored = Estimate(10.0, 9.0, 11.0), Estimate(10.0, 9.0, 11.0, is_at_least=True)
+    drawn = {
+        "plain": Line("exhaustive", [10], [known]),
+        "limited": Line("exhaustive", [10], [known], [True]),
+        "at least": Line("exhaustive", [10], [censored]),
+    }
+
+    for name, line in drawn.items():
+        draw_lines(tmp_path / f"{name}.png", "Times", x=X, y=Y, lines=[line])
+
+    assert len({(tmp_path / f"{name}.png").read_bytes() for name in drawn}) == 3
+
+
 def test_infinite_values_are_not_drawn(tmp_path):
     never = Estimate(float("inf"), 1.0, float("inf"), is_at_least=True)
 
