@@ -101,8 +101,8 @@ class _Flight:
         self.log = FlightLog(situation)
         self._situation = situation
         self._undelivered = set(situation.destinations)
-        self._is_loaded = False
         self._in_air: list[tuple[Segment, float]] = []
+        self._load_kg = 0.0
 
     def do(self, act: Act, *, is_followed_by_hand_over: bool) -> None:
         """Do one act; a drone that hands over next shows its landing by that."""
@@ -131,8 +131,8 @@ class _Flight:
 
     def _hand_over(self) -> None:
         self.log.hand_over()
-        self._is_loaded = True
         self._undelivered.discard(self.log.here)
+        self._load_kg = self._situation.load_kg(self._undelivered)
 
     def _recharge(self, act: Act) -> None:
         model = self._situation.model
@@ -153,7 +153,9 @@ class _Flight:
             return
         until_s = self.log.now_s + duration_s
         for window in calendar.windows_on_end(here, from_s=self.log.now_s, until_s=until_s):
-            reached_soc = soc_after_recharge(model, self.log.soc, window.end_s - self.log.now_s)
+            reached_soc = until_soc
+            if window.end_s < until_s:
+                reached_soc = soc_after_recharge(model, self.log.soc, window.end_s - self.log.now_s)
             self.log.recharge(pad=window.pad, until_soc=min(until_soc, reached_soc))
             if reached_soc >= until_soc:
                 return
@@ -208,7 +210,3 @@ class _Flight:
         model = self._situation.model
         is_closed = station_id in self._situation.closures.intervals()
         return model.stop_s == 0 and model.stop_j == 0 and not is_closed
-
-    @property
-    def _load_kg(self) -> float:
-        return self._situation.load_kg(self._undelivered) if self._is_loaded else 0.0

@@ -117,6 +117,8 @@ class PadBook:
         Milliseconds, by pad and start; an open end is infinite.
         """
         found = self.rows_at(station_row)
+        if found.start == found.stop:
+            return []
         starts_ms, ends_ms = self.start_ms[found], self.end_ms[found]
         meets = (starts_ms < until_ms + self.zero_ms) & (ends_ms > from_ms + self.zero_ms)
         return [
@@ -131,9 +133,11 @@ class PadBook:
 
     def rows_at(self, station_row: int) -> slice:
         """The rows of this station."""
+        if not len(self.station):
+            return slice(0, 0)
         # With another type than the column's, numpy would convert the whole column.
         rows = np.array((station_row, station_row + 1), np.int32)
-        first, end = np.searchsorted(self.station, rows).tolist()
+        first, end = self.station.searchsorted(rows).tolist()
         return slice(first, end)
 
 

@@ -72,7 +72,7 @@ class PadCalendar:
         now_ms: float = booked_from_ms(from_s)
         end_ms = booked_until_ms(until_s)
         taken = self._taken(station_id, from_ms=now_ms, until_ms=end_ms)
-        pads = self._network.stations[station_id].pads
+        pads = int(self._network.columns.pads[self._network.row_of[station_id]])
         while now_ms < end_ms:
             free_until_ms = [math.inf] * pads
             for pad, start_ms, taken_until_ms in taken:

@@ -54,6 +54,8 @@ class Replay:
             package.package_id: package.destination for package in problem.packages
         }
         self._number = 0
+        #: The mass of what is not delivered.
+        self._load_kg = self._mass_kg()
 
     def check(self, number: int, step: Step, following: Step | None) -> None:
         """Follow one step; the next step shows whether a flight ends in a landing."""
@@ -120,8 +122,8 @@ class Replay:
         if not problem.are_on_board:
             self._check_hours(step)
         limit_kg = self._model.max_payload_kg
-        if self._load_kg() > limit_kg + LOAD_TOLERANCE_KG:
-            self._note("payload", f"{self._load_kg()} kg exceed {limit_kg} kg")
+        if self._load_kg > limit_kg + LOAD_TOLERANCE_KG:
+            self._note("payload", f"{self._load_kg} kg exceed {limit_kg} kg")
         self._has_picked_up = True
 
     def _check_deliver(self, step: Deliver) -> None:
@@ -139,6 +141,7 @@ class Replay:
         self._check_hours(step)
         for package_id in step.package_ids:
             self._undelivered.pop(package_id, None)
+        self._load_kg = self._mass_kg()
 
     def _check_hours(self, step: PickUp | Deliver) -> None:
         closed = self._sky.closed_by_hours(step.station_id, step.start_s, step.end_s)
@@ -159,7 +162,7 @@ class Replay:
             self._note("place", f"starts at {step.from_id!r}, the drone is at {self._here!r}")
         if self._must_hand_over():
             self._note("hand-over", f"leaves {self._here!r} before packages change hands")
-        load_kg = self._load_kg() if self._has_picked_up else 0.0
+        load_kg = self._load_kg if self._has_picked_up else 0.0
         if not abs(step.load_kg - load_kg) <= LOAD_TOLERANCE_KG:
             self._note("load", f"{step.load_kg} kg stated, {load_kg} kg on board")
         segment = self._segment(step)
@@ -223,7 +226,7 @@ class Replay:
         if not abs(step.end_s - step.start_s - duration_s) <= time_tolerance_s(step.end_s):
             self._note("duration", f"{step.end_s - step.start_s} s instead of {duration_s} s")
 
-    def _load_kg(self) -> float:
+    def _mass_kg(self) -> float:
         return math.fsum(
             package.mass_kg
             for package in self._problem.packages
