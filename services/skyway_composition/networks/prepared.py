@@ -76,6 +76,20 @@ class PreparedNetworks:
         row = await current_row(self._db, network_id)
         return await self.version(network_id, row.version)
 
+    async def present(self, network_id: NetworkId) -> store.Present:
+        """The current version and conditions number of a network.
+
+        Raises
+        ------
+        NotFound
+            There is no such network.
+        """
+        async with self._db.read() as connection:
+            present = await store.present(connection, network_id)
+        if present is None:
+            raise NotFound("network", network_id)
+        return present
+
     async def around(self, station_id: StationId) -> PreparedNetwork | None:
         """The current version of the network that has this station; None when none has."""
         present = await self.present_around(station_id)

@@ -29,6 +29,9 @@ _SHARE: Final = (
     .where(networks.c.network_id == bindparam("of_network"))
     .with_for_update(read=True)
 )
+_PRESENT: Final = select(networks.c.network_id, networks.c.version, networks.c.conditions).where(
+    networks.c.network_id == bindparam("of_network")
+)
 _PRESENT_AROUND: Final = (
     select(networks.c.network_id, networks.c.version, networks.c.conditions)
     .join(stations, stations.c.network_id == networks.c.network_id)
@@ -142,6 +145,13 @@ async def content(connection: AsyncConnection, network_id: NetworkId, version: i
     )
     stored: bytes | None = found.scalar_one_or_none()
     return stored
+
+
+async def present(connection: AsyncConnection, network_id: NetworkId) -> Present | None:
+    """A network with its current version and conditions number."""
+    found = await connection.execute(_PRESENT, {"of_network": network_id})
+    row = found.one_or_none()
+    return None if row is None else Present(*row)
 
 
 async def present_around(connection: AsyncConnection, station_id: StationId) -> Present | None:

@@ -5,7 +5,7 @@ A problem may refer to a published network; then it is completed with the networ
 
 import asyncio
 from collections.abc import Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Annotated, Any, Final, Protocol, Self
 
@@ -111,19 +111,9 @@ class ProblemReader:
         InvalidProblem
             There is no such network or version, or a field of the problem is wrong.
         """
-        try:
-            skyway = (
-                await self.networks.current(reference.network_id)
-                if reference.version is None
-                else await self.networks.version(reference.network_id, reference.version)
-            )
-        except NotFound as error:
-            async with self.db.read() as connection:
-                is_empty = not await has_networks(connection)
-            detail = NOTHING_PUBLISHED if is_empty else str(error)
-            raise InvalidProblem("network", detail) from error
         start_at = _start_at(document) or self.clock.now()
-        complete = {**document, "network": skyway.network}
+        world = await self._world(reference, after_ms=moment_to_ms(start_at))
+        complete = {**document, "network": world.skyway.network}
         if document.get("start_at") is None:
             complete["start_at"] = start_at
         problem = (
@@ -131,9 +121,22 @@ class ProblemReader:
             if size_bytes <= _SMALL_BYTES
             else await asyncio.to_thread(read_problem, complete)
         )
-        after_ms = moment_to_ms(start_at)
-        # Pure planning adds no margins; only bookings do.
-        return problem, await World.of(skyway, self.db, after_ms=after_ms, pad_gap_s=0.0)
+        return problem, world
+
+    async def _world(self, reference: NetworkReference, *, after_ms: int) -> World:
+        """The world of the network version; pure planning adds no margins, only bookings do."""
+        try:
+            present = await self.networks.present(reference.network_id)
+            if reference.version is not None:
+                present = replace(present, version=reference.version)
+            return await World.at(
+                present, self.networks, db=self.db, after_ms=after_ms, pad_gap_s=0.0
+            )
+        except NotFound as error:
+            async with self.db.read() as connection:
+                is_empty = not await has_networks(connection)
+            detail = NOTHING_PUBLISHED if is_empty else str(error)
+            raise InvalidProblem("network", detail) from error
 
 
 def _start_at(document: dict[str, Any]) -> datetime | None:

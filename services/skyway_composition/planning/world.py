@@ -84,13 +84,22 @@ class World:
 
     @classmethod
     async def at(
-        cls, present: Present, networks: PreparedNetworks, *, db: Database, after_ms: int
+        cls,
+        present: Present,
+        networks: PreparedNetworks,
+        *,
+        db: Database,
+        after_ms: int,
+        pad_gap_s: float | None = None,
     ) -> Self:
-        """The world of a network at a version and conditions number that were just read."""
+        """The world of a network at a version and conditions number that were just read.
+
+        Reservations begin `pad_gap_s` early; None means the network's own gap.
+        """
         skyway = await networks.version(present.network_id, present.version)
         number = present.conditions
         conditions = await skyway.conditions.numbered(number, db, after_ms=after_ms)
-        pads = _pads(skyway, db, conditions, after_ms=after_ms)
+        pads = _pads(skyway, db, conditions, after_ms=after_ms, pad_gap_s=pad_gap_s)
         return cls(skyway, pads, conditions, number)
 
     @classmethod
