@@ -146,7 +146,9 @@ def _plan_of(situation: Situation, findings: Findings, stop: Stop) -> Plan:
         status = PlanStatus.OPTIMAL if findings.is_proven_best else PlanStatus.FEASIBLE
         return flyable(findings.itinerary, status, findings.lower_bound_s)
     proof = findings.infeasibility
-    if proof is None and findings.lower_bound_s is None:
+    # The cheap proofs are about still air.
+    is_calm = situation.problem.weather is None
+    if proof is None and findings.lower_bound_s is None and is_calm:
         proof = proof_of_infeasibility(situation, stop)
     if proof is not None:
         return _infeasible(proof)

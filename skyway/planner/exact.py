@@ -6,12 +6,14 @@ holds the compiled search, `exact_search` its memory; `exact_itinerary` turns th
 If no plan is found, searching again with fewer obstacles proves why.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 from skyway.delivery.plan import Infeasibility
 from skyway.ids import StationId
 from skyway.planner.closures import Closures
+from skyway.planner.exact_bounds import likely_delivery_s
 from skyway.planner.exact_itinerary import itinerary_of
 from skyway.planner.exact_search import Ending, ExactSearch
 from skyway.planner.exact_task import Method
@@ -33,6 +35,10 @@ ROOM_BEFORE_HASTE = 8
 #: The most labels of a search before a plan is found, and of a search for a better plan.
 _LABELS_FOR_ANY_PLAN = 1 << 16
 _LABELS_FOR_A_BETTER_PLAN = 1 << 15
+
+#: With weather, the first searches look for plans that take up to so many times the likely time.
+#: Our own choice.
+_LATER_THAN_LIKELY = (1.3, 3.0)
 
 #: Precision of the reported gap in range, as a share of the battery. Our own choice.
 _GAP_STEP = 0.05
@@ -60,12 +66,14 @@ def _find(
     closed = _closed_for_good(situation)
     if closed is not None:
         return Findings(None, 0, infeasibility=closed)
-    search = ExactSearch(situation, method=method, order=order)
-    before_haste = min(method.labels_before_haste, effort.room // ROOM_BEFORE_HASTE)
-    ending = search.run(effort, most_labels=before_haste)
+    search, ending = _searched_before_haste(situation, effort, method, order)
     other = None
     if ending is Ending.PAUSED:
         other = _found_in_haste(situation, effort, method, order)
+        if situation.problem.weather is not None:
+            # The bounds are higher if they hold only for periods before the best plan's end.
+            until_s = math.inf if other is None else other.delivered_s
+            search = ExactSearch(situation, method=method, order=order, until_s=until_s)
         if other is not None:
             search.improve_on(other.delivered_s)
         elif (proof := _unreachable_behind_closures(situation)) is not None:
@@ -79,6 +87,23 @@ def _find(
     is_default = replace(method, labels_before_haste=Method().labels_before_haste) == Method()
     bound_s = search.lower_bound_s if is_default and order is None else None
     return Findings(itinerary, searched, _at_most(bound_s, itinerary))
+
+
+def _searched_before_haste(
+    situation: Situation, effort: Effort, method: Method, order: Sequence[StationId] | None
+) -> tuple[ExactSearch, Ending]:
+    """The search after its first labels; with weather first for early plans alone."""
+    before_haste = min(method.labels_before_haste, effort.room // ROOM_BEFORE_HASTE)
+    limits_s = [math.inf]
+    if situation.problem.weather is not None:
+        likely_s = likely_delivery_s(situation)
+        limits_s = [*(likely_s * factor for factor in _LATER_THAN_LIKELY), math.inf]
+    for until_s in limits_s:
+        search = ExactSearch(situation, method=method, order=order, until_s=until_s)
+        ending = search.run(effort, most_labels=before_haste)
+        if ending is not Ending.EXHAUSTED:
+            break
+    return search, ending
 
 
 def _found_in_haste(
@@ -210,19 +235,25 @@ def _closed_for_good(situation: Situation) -> Infeasibility | None:
 
 
 def _closed_at_the_wrong_time(free: Situation, effort: Effort) -> Infeasibility | None:
-    """DESTINATION_UNREACHABLE if there would be a plan with nothing closed."""
-    if not free.closures.intervals():
+    """DESTINATION_UNREACHABLE if there would be a plan with nothing closed, in still air."""
+    has_weather = free.problem.weather is not None
+    if not free.closures.intervals() and not has_weather:
         return None
-    opened = replace(free, closures=Closures({}), windows=free.windows.always())
+    calm = free.problem.model_copy(update={"weather": None})
+    opened = replace(free, problem=calm, closures=Closures({}), windows=free.windows.always())
     search = ExactSearch(opened, method=Method())
     if search.run(effort, most_labels=effort.room) is not Ending.PROVEN:
         return None
-    has_hours = bool(free.network.opening_hours)
-    what = "closures, zones and opening hours" if has_hours else "closures and zones"
+    names = ["closures", "zones"] if free.closures.intervals() else []
+    names += ["opening hours"] if free.network.opening_hours else []
+    names += ["the weather"] if has_weather else []
+    what = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+    without = [] if names == ["the weather"] else ["with nothing closed"]
+    without += ["in still air"] if has_weather else []
     return Infeasibility(
         code="DESTINATION_UNREACHABLE",
-        detail=f"{what} leave no way to deliver everything; with nothing closed it "
-        f"would take {search.lower_bound_s:.3f} s",
+        detail=f"{what} {'leave' if len(names) > 1 else 'leaves'} no way to deliver everything; "
+        f"{' and '.join(without)} it would take {search.lower_bound_s:.3f} s",
     )
 
 

@@ -6,12 +6,16 @@ from typing import TypeVar
 
 import numpy as np
 
-from skyway.drone.charging import fastest_s_per_soc
-from skyway.drone.flight import MASS_EXPONENT
+from skyway.drone.charging import fastest_s_per_soc, recharge_time_s
+from skyway.drone.flight import MASS_EXPONENT, flight_energy_j, flight_time_s
 from skyway.drone.model import DroneModel
+from skyway.geo import distance_m
 from skyway.planner.kernels.bounds import fill_orders
 from skyway.planner.kernels.memory import Floats, Ints
 from skyway.planner.situation import Situation
+
+#: How much longer the way along segments is than the straight line. Our own choice.
+_DETOUR = 1.2
 
 Number = TypeVar("Number", float, Floats)
 
@@ -131,3 +135,34 @@ def _bound(
         after,
     )
     return Bound(weights, per_m, after, least)
+
+
+def likely_delivery_s(situation: Situation) -> float:
+    """A guess at the time of the best plan in still air: always to the nearest destination.
+
+    It only decides how many periods of the weather a search looks at first.
+    """
+    problem, model, stations = situation.problem, situation.model, situation.network.stations
+    left = list(situation.destinations)
+    route = [] if problem.start_station_id == problem.source else [problem.source]
+    here, load_kg, used_j = problem.start_station_id, 0.0, 0.0
+    at_s = max((first_s for first_s, _ in situation.windows.limits.values()), default=0.0)
+    at_s = max(at_s, 0.0) + problem.loading_s
+    while route or left:
+        if not route:
+            load_kg = situation.load_kg(set(left))
+            position = stations[here].position
+            route = [min(left, key=lambda one: distance_m(position, stations[one].position))]
+            left.remove(route[0])
+            at_s += problem.dropoff_s
+        reached = route.pop()
+        length_m = _DETOUR * distance_m(stations[here].position, stations[reached].position)
+        at_s += flight_time_s(model, length_m=length_m, load_kg=load_kg) + model.stop_s
+        used_j += flight_energy_j(model, length_m=length_m, load_kg=load_kg) + model.stop_j
+        here = reached
+    missing_j = used_j - (problem.drone.soc - model.reserve_soc) * model.battery_j
+    s_per_soc = fastest_s_per_soc(model)
+    if problem.recharge_policy == "full":
+        s_per_soc = recharge_time_s(model, model.reserve_soc, model.top_soc)
+        s_per_soc /= model.top_soc - model.reserve_soc
+    return at_s + max(0.0, missing_j) / model.battery_j * s_per_soc

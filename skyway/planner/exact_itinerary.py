@@ -19,6 +19,7 @@ from skyway.planner.kernels.memory import (
     BEST,
     DETAIL,
     FLOWN,
+    FLOWN_IN,
     HANDED_OVER,
     KIND,
     LANDED,
@@ -31,6 +32,7 @@ from skyway.planner.kernels.memory import (
     Memory,
 )
 from skyway.planner.situation import Situation
+from skyway.planner.weather import STILL_AIR, Air
 from skyway.units import TIME_TOLERANCE_S
 
 _NONE: Final = -1
@@ -42,13 +44,14 @@ class Act:
 
     `segment` is the row of the segment flown, -1 without one; `level_j` the level with which it
     leaves the pad; `not_before_s` the moment before which the flight, landing or session may not
-    begin.
+    begin; `period` the period of the weather in which the flight begins.
     """
 
     kind: int
     segment: int
     level_j: float
     not_before_s: float
+    period: int = 0
 
 
 def best_acts(memory: Memory, *, is_lazy: bool) -> list[Act] | None:
@@ -66,14 +69,16 @@ def best_acts(memory: Memory, *, is_lazy: bool) -> list[Act] | None:
     while label != _NONE:
         kind, parent = int(links[label, KIND]), int(links[label, PARENT])
         segment = _NONE
-        level_j = math.nan
+        period, level_j = 0, math.nan
         if kind in (FLOWN, HANDED_OVER):
             segment = int(memory.arc_segment[links[label, DETAIL]])
+            if len(memory.period):
+                period = int(memory.period[label, FLOWN_IN])
         elif kind == SESSION:
             own_j = float(values[label, LEVEL])
             level_j = left_with_j if is_lazy else own_j
             left_with_j = own_j + float(values[parent, USED])
-        chain.append(Act(kind, segment, level_j, float(memory.not_before_s[label])))
+        chain.append(Act(kind, segment, level_j, float(memory.not_before_s[label]), period))
         label = parent
     return chain[::-1]
 
@@ -91,6 +96,16 @@ def itinerary_of(situation: Situation, acts: Sequence[Act]) -> Itinerary:
     return Itinerary(flight.log.now_s, tuple(flight.log.steps), ())
 
 
+@dataclass(frozen=True, slots=True)
+class _Crossing:
+    """A segment and its row, the air in which it is flown, and when this begins at the earliest."""
+
+    segment: Segment
+    row: int
+    air: Air
+    not_before_s: float
+
+
 class _Flight:
     """A drone that does act after act; flights are written when the drone lands.
 
@@ -101,14 +116,16 @@ class _Flight:
         self.log = FlightLog(situation)
         self._situation = situation
         self._undelivered = set(situation.destinations)
-        self._in_air: list[tuple[Segment, float]] = []
+        self._in_air: list[_Crossing] = []
         self._load_kg = 0.0
 
     def do(self, act: Act, *, is_followed_by_hand_over: bool) -> None:
         """Do one act; a drone that hands over next shows its landing by that."""
         if act.segment >= 0:
             segment = self._situation.network.segments[act.segment]
-            self._in_air.append((segment, act.not_before_s))
+            weather = self._situation.problem.weather
+            air = STILL_AIR if weather is None else weather.air(act.segment, act.period)
+            self._in_air.append(_Crossing(segment, act.segment, air, act.not_before_s))
         if act.kind == HANDED_OVER:
             self._land()
             self._hand_over()
@@ -175,35 +192,46 @@ class _Flight:
         # Leaving that late meets a closure, so the drone waits further on, where landing is free.
         while flights:
             count = next(
-                (n for n, (segment, _) in enumerate(flights, 1) if self._is_free(segment.to_id)),
+                (n for n, each in enumerate(flights, 1) if self._is_free(each.segment.to_id)),
                 len(flights),
             )
             part, flights = flights[:count], flights[count:]
             self._fly(part, self._leave_s(part, -math.inf if flights else not_before_s))
 
-    def _leave_s(self, flights: Sequence[tuple[Segment, float]], touch_s: float) -> float:
+    def _leave_s(self, flights: Sequence[_Crossing], touch_s: float) -> float:
         """When to leave for these flights, to touch down at this moment or later."""
         after_s, leave_s, load_kg = 0.0, self.log.now_s, self._load_kg
-        for segment, not_before_s in flights:
-            leave_s = max(leave_s, not_before_s - after_s)
-            after_s += self._situation.flight_s(segment, load_kg)
+        for each in flights:
+            leave_s = max(leave_s, each.not_before_s - after_s)
+            after_s += self._situation.flight_s(each.segment, load_kg, air=each.air)
         return max(leave_s, touch_s - after_s)
 
-    def _meets_nothing(self, flights: Sequence[tuple[Segment, float]], leave_s: float) -> bool:
-        """Whether flights from this moment on meet no closure."""
+    def _meets_nothing(self, flights: Sequence[_Crossing], leave_s: float) -> bool:
+        """Whether flights from this moment on meet no closure, and the air that they are for."""
+        weather = self._situation.problem.weather
         after_s, uses = 0.0, []
-        for segment, _ in flights:
-            flight_s = self._situation.flight_s(segment, self._load_kg)
+        for each in flights:
+            segment, start_s = each.segment, leave_s + after_s
+            flight_s = self._situation.flight_s(segment, self._load_kg, air=each.air)
+            if weather is not None and not weather.has_air(
+                each.row,
+                each.air,
+                start_s=start_s,
+                end_s=start_s + flight_s,
+                within_s=TIME_TOLERANCE_S / 2,
+            ):
+                return False
             uses.append(Use((segment.from_id, segment.to_id), after_s, flight_s))
             after_s += flight_s
         departure = self._situation.closures.earliest_departure(uses, not_before_s=leave_s)
         return departure.at_s <= leave_s + TIME_TOLERANCE_S
 
-    def _fly(self, flights: Sequence[tuple[Segment, float]], leave_s: float) -> None:
+    def _fly(self, flights: Sequence[_Crossing], leave_s: float) -> None:
         load_kg = self._load_kg
         self.log.wait(until_s=leave_s)
-        for number, (segment, _) in enumerate(flights, 1):
-            self.log.fly(segment, load_kg=load_kg, lands=number == len(flights))
+        for number, each in enumerate(flights, 1):
+            lands = number == len(flights)
+            self.log.fly(each.segment, load_kg=load_kg, lands=lands, air=each.air)
 
     def _is_free(self, station_id: StationId) -> bool:
         """Whether a landing costs nothing there, and no closure forbids it."""

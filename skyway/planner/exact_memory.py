@@ -46,12 +46,14 @@ class Room:
 AMPLE: Final = Room()
 
 
-def new_memory(trees: int, ranks: int = 0, *, room: Room = AMPLE) -> Memory:
+def new_memory(
+    trees: int, ranks: int = 0, *, room: Room = AMPLE, has_weather: bool = False
+) -> Memory:
     """The empty memory of a search with so many trees, and a hierarchy of so many ranks or none.
 
     Places and states have to be powers of two.
     """
-    memory = _sized(trees, ranks, room)
+    memory = _sized(trees, ranks, room, has_weather=has_weather)
     memory.counts[BEST] = -1
     memory.best_s[0] = np.inf
     memory.radius[:] = -1.0
@@ -66,13 +68,15 @@ def enlarged(memory: Memory, *, trees: int | None = None) -> Memory:
     count = memory.counts
     before = memory.radius.size
     room = _larger_room(memory, must_grow=trees is None)
-    larger = _sized(before if trees is None else trees, 0, room)
+    has_weather = len(memory.period) > 0
+    larger = _sized(before if trees is None else trees, 0, room, has_weather=has_weather)
     used = {
         "row": PLACES, "arc_first": PLACES, "arc_count": PLACES, "window_first": PLACES,
         "window_count": PLACES, "is_searched": PLACES,
-        "arc_place": ARCS, "arc_segment": ARCS, "arc_length": ARCS, "window_s": WINDOWS,
+        "arc_place": ARCS, "arc_segment": ARCS, "arc_length": ARCS, "arc_column": ARCS,
+        "window_s": WINDOWS,
         "state": STATES, "state_bound": STATES,
-        "label": LABELS, "not_before_s": LABELS, "link": LABELS,
+        "label": LABELS, "not_before_s": LABELS, "link": LABELS, "period": LABELS,
         "queue_key": QUEUE, "queue_label": QUEUE,
     }  # fmt: skip
     for name, row in used.items():
@@ -107,7 +111,7 @@ def _larger_room(memory: Memory, *, must_grow: bool) -> Room:
     return Room(*np.where(grows, 2 * sizes, sizes).tolist())
 
 
-def _sized(trees: int, ranks: int, room: Room) -> Memory:
+def _sized(trees: int, ranks: int, room: Room, *, has_weather: bool) -> Memory:
     """Arrays of these sizes; only counts and tables are filled, with zeros."""
     places, arcs, states, labels = room.places, room.arcs, room.states, room.labels
     return Memory(
@@ -135,6 +139,7 @@ def _sized(trees: int, ranks: int, room: Room) -> Memory:
         arc_place=np.empty(arcs, np.int64),
         arc_segment=np.empty(arcs, np.int64),
         arc_length=np.empty(arcs),
+        arc_column=np.empty(arcs if has_weather else 0, np.int64),
         window_s=np.empty((room.windows, 2)),
         state=np.empty((states, 4), np.int64),
         state_bound=np.empty((states, 3)),
@@ -142,6 +147,7 @@ def _sized(trees: int, ranks: int, room: Room) -> Memory:
         label=np.empty((labels, 9)),
         not_before_s=np.empty(labels),
         link=np.empty((labels, 5), np.int64),
+        period=np.empty((labels if has_weather else 0, 2), np.int64),
         queue_key=np.empty(labels + _PUT_BACK),
         queue_label=np.empty(labels + _PUT_BACK, np.int64),
     )

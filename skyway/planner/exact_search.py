@@ -9,8 +9,15 @@ import numpy as np
 from skyway.ids import StationId
 from skyway.planner.exact_itinerary import Act, best_acts
 from skyway.planner.exact_memory import AMPLE, Room, enlarged, new_memory
-from skyway.planner.exact_task import Method, book_handle, closed_handle, required_before, task_of
-from skyway.planner.hierarchy import rows_of
+from skyway.planner.exact_task import (
+    Method,
+    book_handle,
+    closed_handle,
+    latest_s,
+    required_before,
+    task_of,
+)
+from skyway.planner.hierarchy import rows_in_weather, rows_of
 from skyway.planner.kernels import hierarchy as distances
 from skyway.planner.kernels import memory, places, search, trees
 from skyway.planner.kernels.handles import handle_of
@@ -40,6 +47,8 @@ class ExactSearch:
     weight
         At least 1, by which the bound is multiplied in the queue. Above 1 the search ends with the
         first plan, which it finds sooner and which may be later than the best.
+    until_s
+        Only plans that deliver everything by then count.
     room
         How much its memory holds before it is made larger for the first time.
     """
@@ -51,6 +60,7 @@ class ExactSearch:
         method: Method,
         order: Sequence[StationId] | None = None,
         weight: float = 1.0,
+        until_s: float = math.inf,
         room: Room = AMPLE,
     ) -> None:
         self._situation = situation
@@ -59,17 +69,23 @@ class ExactSearch:
         self._destinations = np.array([row_of[each] for each in situation.destinations], np.int32)
         self._source = row_of[situation.problem.source]
         self._start = row_of[situation.problem.start_station_id]
-        hierarchy = situation.hierarchy
-        self._skyway = (
-            handle_of(rows_of(situation.network)) if hierarchy is None else hierarchy.skyway
-        )
+        hierarchy, weather = situation.hierarchy, situation.problem.weather
+        least_energy_factor = 1.0
+        if weather is not None:
+            until_s = min(until_s, latest_s(situation))
+            self._skyway = handle_of(rows_in_weather(weather, until_s=until_s))
+            least_energy_factor = weather.least_energy_factor(until_s=until_s)
+        elif hierarchy is None:
+            self._skyway = handle_of(rows_of(situation.network))
+        else:
+            self._skyway = hierarchy.skyway
         self._closed = closed_handle(situation)
         self._books = [book_handle(book) for book in situation.books]
         #: Whether the search begins before the pick-up, and so needs a tree of the source.
         self._approaches = self._start != self._source or situation.windows.may_pass
         trees_needed = len(self._destinations) + self._approaches
         ranks = 0 if hierarchy is None else len(hierarchy.rank)
-        self._memory = new_memory(trees_needed, ranks, room=room)
+        self._memory = new_memory(trees_needed, ranks, room=room, has_weather=weather is not None)
         self._notes = handle_of(self._memory)
         self._plant_trees()
         count = len(self._destinations)
@@ -80,6 +96,8 @@ class ExactSearch:
             apart_m=trees.distances(
                 self._skyway, self._notes, self._destinations, self._source, count
             ),
+            least_energy_factor=least_energy_factor,
+            until_s=until_s,
             weight=weight,
         )
         #: Whether there is an order of the destinations with a path through all of them.

@@ -131,14 +131,26 @@ def latest_s(situation: Situation) -> float:
 
 
 def task_of(
-    situation: Situation, method: Method, *, required: Ints, apart_m: Floats, weight: float
+    situation: Situation,
+    method: Method,
+    *,
+    required: Ints,
+    apart_m: Floats,
+    least_energy_factor: float,
+    until_s: float,
+    weight: float,
 ) -> Task:
-    """The task as the kernels read it; `required` and `apart_m` as in `bounds_of`."""
+    """The task as the kernels read it; `required` and `apart_m` as in `bounds_of`.
+
+    `least_energy_factor` is the least that the weather multiplies the energy of flights by. Only
+    plans that are over by `until_s` count.
+    """
     problem, model = situation.problem, situation.model
     row_of = situation.network.row_of
     legs = legs_of(situation)
+    least = Legs(legs.s_per_m, legs.j_per_m * least_energy_factor)
     flight, need = bounds_of(
-        situation, legs, guide=method.bound, required=required, apart_m=apart_m
+        situation, least, guide=method.bound, required=required, apart_m=apart_m
     )
     loading_s = problem.loading_s
     if situation.packages_for(problem.source):
@@ -174,7 +186,7 @@ def task_of(
         stop_j=model.stop_j,
         loading_s=loading_s,
         dropoff_s=problem.dropoff_s,
-        latest_s=latest_s(situation),
+        latest_s=min(latest_s(situation), until_s),
         recharges_fully=problem.recharge_policy == "full",
         prunes=method.dominance != "none",
         compares_masks=method.dominance == "full" and _compares_masks(situation),
@@ -189,11 +201,13 @@ def _compares_masks(situation: Situation) -> bool:
     """Whether a drone with less on board can follow all plans of a drone with more.
 
     A drone with less on board must not be slower or use more energy. With closures or windows it
-    could be too early, so sets are not compared.
+    could be too early, so sets are not compared. With weather it must not be faster either: it
+    would fly in another period.
     """
     model = situation.model
     return (
         model.speed_full_mps <= model.speed_empty_mps
+        and (situation.problem.weather is None or model.speed_full_mps == model.speed_empty_mps)
         and not situation.windows.may_pass
         and not situation.closures.intervals()
     )

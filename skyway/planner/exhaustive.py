@@ -29,6 +29,7 @@ def exhaustive_with_walks(situation: Situation, effort: Effort) -> Findings:
 
 
 def _best_of_all(situation: Situation, effort: Effort, *, visits: int) -> Findings:
+    situation.refuse_weather()
     whole = Subnetwork.whole(situation)
     best: Itinerary | None = None
     for order in permutations(situation.destinations):

@@ -6,6 +6,7 @@ from skyway.drone.flight import soc_after_use
 from skyway.ids import StationId
 from skyway.network.network import Segment
 from skyway.planner.situation import Situation
+from skyway.planner.weather import STILL_AIR, Air
 from skyway.units import TIME_TOLERANCE_S
 
 
@@ -19,11 +20,11 @@ class FlightLog:
         self.soc = situation.problem.drone.soc
         self.steps: list[Step] = []
 
-    def fly(self, segment: Segment, *, load_kg: float, lands: bool) -> None:
+    def fly(self, segment: Segment, *, load_kg: float, lands: bool, air: Air = STILL_AIR) -> None:
         """Fly a segment; a landing at its end is part of the step."""
         model = self._situation.model
-        end_s = self.now_s + self._situation.flight_s(segment, load_kg)
-        energy_j = self._situation.flight_j(segment, load_kg)
+        end_s = self.now_s + self._situation.flight_s(segment, load_kg, air=air)
+        energy_j = self._situation.flight_j(segment, load_kg, air=air)
         if lands:
             end_s += model.stop_s
             energy_j += model.stop_j

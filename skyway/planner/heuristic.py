@@ -46,6 +46,7 @@ def heuristic_from(first_sector: int) -> Strategy:
 
 
 def _find(situation: Situation, effort: Effort, *, first_sector: int) -> Findings:
+    situation.refuse_weather()
     whole = Subnetwork.whole(situation)
     best, sector = _in_narrowest_sector(situation, whole, effort, first_sector=first_sector)
     if best is None or not best.hindrances or sector is whole:

@@ -17,12 +17,13 @@ from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.hierarchy import shortcut_lengths, shortcuts
 from skyway.planner.kernels.memory import Floats, Longs
 from skyway.planner.kernels.records import Skyway
+from skyway.planner.weather import Weather
 
 
 def rows_of(network: Network) -> Skyway:
-    """The network's segments by both ends, and its pads; without a hierarchy."""
+    """The network's segments by both ends, and its pads; without a hierarchy and weather."""
     incoming, outgoing = network.incoming, network.outgoing
-    no_ranks, no_lengths = np.empty(0, np.int64), np.empty(0)
+    no_ranks, no_lengths, no_factors = np.empty(0, np.int64), np.empty(0), np.empty((0, 0))
     return Skyway(
         incoming.offsets,
         incoming.station,
@@ -38,6 +39,22 @@ def rows_of(network: Network) -> Skyway:
         above=no_ranks,
         up_length=no_lengths,
         down_length=no_lengths,
+        windy_segment=no_ranks,
+        edges_s=no_lengths,
+        time_factor=no_factors,
+        energy_factor=no_factors,
+        least_time_factor=no_lengths,
+    )
+
+
+def rows_in_weather(weather: Weather, *, until_s: float) -> Skyway:
+    """The rows of the weather's network, for flights that begin between 0 and this moment."""
+    return rows_of(weather.network)._replace(
+        windy_segment=weather.segment,
+        edges_s=weather.edges_s,
+        time_factor=weather.time_factor,
+        energy_factor=weather.energy_factor,
+        least_time_factor=weather.least_time_factor(until_s=until_s),
     )
 
 

@@ -5,9 +5,12 @@ is not repeated here. It looks at one session or flight at a time.
 """
 
 import math
+from bisect import bisect_left, bisect_right
 from collections import defaultdict
 from collections.abc import Iterable, Set
+from dataclasses import dataclass
 from datetime import datetime, timedelta
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from skyway.delivery.plan import Fly, Recharge, Step
@@ -139,6 +142,76 @@ class OpenSky:
             if open_until_s <= at_s + TIME_TOLERANCE_S:
                 return f"station {station_id!r} is not open from {at_s} s to {end_s} s"
             at_s = open_until_s
+
+
+@dataclass(frozen=True, slots=True)
+class AirOfFlight:
+    """How many times longer a flight takes, and how much more power it needs."""
+
+    longer: float
+    harder: float
+
+
+class MovingAir:
+    """The weather of a problem, asked about one flight."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._weather = problem.weather
+        self._network = problem.network
+        edges_s = [] if self._weather is None else self._weather.edges_s.tolist()
+        self._periods = list(pairwise([-math.inf, *edges_s, math.inf]))
+        self._ends_s = [end_s for _, end_s in self._periods]
+
+    def at_start(self, step: Fly) -> list[AirOfFlight]:
+        """The air in which the flight may begin, none if the segment is closed then.
+
+        Within the tolerance of a period's edge the air of both periods is allowed.
+        """
+        return [air for _, air in self._met(step, step.start_s, step.start_s) if air is not None]
+
+    def closed_segment(self, step: Fly, *, until_s: float) -> str | None:
+        """The closed period that the flight meets by more than the tolerance, or None."""
+        for closed, air in self._met(step, step.start_s, until_s):
+            if air is None and _meet(step.start_s, until_s, closed):
+                return f"the weather closes the segment from {closed[0]} s"
+        return None
+
+    def _met(
+        self, step: Fly, from_s: float, until_s: float
+    ) -> list[tuple[_Interval, AirOfFlight | None]]:
+        """The periods between these moments with the air of the segment, the still ones too."""
+        column = self._column(step)
+        met: list[tuple[_Interval, AirOfFlight | None]] = []
+        # A period that is over when the plan starts is never met, also within the tolerance.
+        first = max(
+            bisect_left(self._ends_s, from_s - TIME_TOLERANCE_S), bisect_right(self._ends_s, 0.0)
+        )
+        for number, period in enumerate(self._periods[first:], start=first):
+            if until_s < period[0] - TIME_TOLERANCE_S:
+                break
+            air: AirOfFlight | None = AirOfFlight(1.0, 1.0)
+            if (
+                self._weather is not None
+                and column is not None
+                and 0 < number < len(self._periods) - 1
+            ):
+                longer = float(self._weather.time_factor[number - 1, column])
+                harder = float(self._weather.energy_factor[number - 1, column])
+                air = AirOfFlight(longer, harder) if math.isfinite(longer) else None
+            met.append((period, air))
+        return met
+
+    def _column(self, step: Fly) -> int | None:
+        """The row of the segment among the factors; None for a segment without weather."""
+        if self._weather is None:
+            return None
+        outgoing, row_of = self._network.outgoing, self._network.row_of
+        leaving = outgoing.at(row_of[step.from_id])
+        is_it = outgoing.station[leaving] == row_of[step.to_id]
+        (segment,) = outgoing.segment[leaving][is_it].tolist()
+        left = bisect_left(self._weather.segment, segment)
+        named = self._weather.segment[left : left + 1].tolist()
+        return left if named == [segment] else None
 
 
 def is_pad_within_reach(problem: Problem, start: StationId, *, energy_j: float) -> bool:

@@ -44,6 +44,7 @@ from skyway.planner.problem_parts import (
     window_faults,
 )
 from skyway.planner.reservations import PadReservations
+from skyway.planner.weather import Weather
 
 __all__ = [
     "MAX_FAULTS",
@@ -145,6 +146,9 @@ class Problem(JsonModel):
         Field(max_length=MAX_HELD, description="Stations and segments that are closed."),
         FailFast(),
     ] = ()
+    weather: Annotated[
+        Weather | None, Field(description="How the air changes flights; null: it is still.")
+    ] = None
     strategy: Annotated[
         Annotated[str, Field(max_length=64)] | None,
         Field(description="Which strategy composes; chosen by the planner if null."),
@@ -217,6 +221,8 @@ class Problem(JsonModel):
             pad_reservations=self.pad_reservations,
             closures=self.closures,
         )
+        if self.weather is not None:
+            yield from self.weather.faults
         yield from window_faults(
             self.packages,
             loading=TimedAct(self.pickup_not_before_s, self.pickup_latest_s, self.loading_s),

@@ -11,7 +11,7 @@ from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.errors import InvalidStateOfCharge
 from skyway.ids import PackageId, StationId
 from skyway.network.network import Segment
-from skyway.planner.obstacles import HeldPads, OpenSky, is_pad_within_reach
+from skyway.planner.obstacles import HeldPads, MovingAir, OpenSky, is_pad_within_reach
 from skyway.planner.problem import Problem
 from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, TIME_TOLERANCE_S
 
@@ -45,6 +45,7 @@ class Replay:
         charging = {step.station_id for step in steps if isinstance(step, Recharge)}
         self._pads = HeldPads(problem, charging, booked=booked)
         self._sky = OpenSky(problem, steps)
+        self._air = MovingAir(problem)
         self._here: StationId = problem.start_station_id
         self._now_s = 0.0
         self._soc = problem.drone.soc
@@ -169,12 +170,29 @@ class Replay:
         if segment is None:
             self._note("segment", f"no segment from {step.from_id!r} to {step.to_id!r}")
             return
-        flight_s = flight_time_s(self._model, length_m=segment.length_m, load_kg=load_kg)
-        energy_j = flight_energy_j(self._model, length_m=segment.length_m, load_kg=load_kg)
-        self._check_duration(step, flight_s + (self._model.stop_s if lands else 0.0))
-        self._check_charge_used(step, energy_j + (self._model.stop_j if lands else 0.0))
+        still_s = flight_time_s(self._model, length_m=segment.length_m, load_kg=load_kg)
+        still_j = flight_energy_j(self._model, length_m=segment.length_m, load_kg=load_kg)
+        stop_s, stop_j = (self._model.stop_s, self._model.stop_j) if lands else (0.0, 0.0)
+        flights = [
+            (still_s * air.longer, still_j * air.longer * air.harder)
+            for air in self._air.at_start(step)
+        ]
+        if not flights:
+            self._note("closed", "the weather closes the segment when the flight begins")
+            return
+        flight_s, energy_j = min(
+            flights,
+            key=lambda flight: (
+                abs(step.end_s - step.start_s - stop_s - flight[0]) * still_j
+                + abs(step.energy_j - stop_j - flight[1]) * still_s
+            ),
+        )
+        self._check_duration(step, flight_s + stop_s)
+        self._check_charge_used(step, energy_j + stop_j)
         arrival_s = step.start_s + flight_s
         closed = self._sky.closed_segment(step, until_s=arrival_s)
+        if closed is None:
+            closed = self._air.closed_segment(step, until_s=arrival_s)
         if closed is None and lands:
             closed = self._sky.closed_landing(step, touch_s=arrival_s)
         if closed is not None:

@@ -8,6 +8,7 @@ from itertools import count
 
 from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.drone.model import DroneModel
+from skyway.errors import InvalidProblem
 from skyway.ids import StationId
 from skyway.network.network import Network, Segment
 from skyway.planner.airspace import Airspace
@@ -16,6 +17,7 @@ from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import PackageToDeliver, Problem
+from skyway.planner.weather import STILL_AIR, Air
 from skyway.planner.windows import Windows
 
 
@@ -58,6 +60,9 @@ class Situation:
         if problem.pad_reservations:
             given = PadBook.of(problem.network, problem.pad_reservations)
         closures = Closures.of(problem, airspace)
+        if problem.weather is not None:
+            # The distances of a hierarchy hold in still air alone.
+            hierarchy = None
         return cls(problem, closures, (given, booked), hierarchy, Windows.of(problem))
 
     @property
@@ -89,13 +94,28 @@ class Situation:
             if package.destination in undelivered
         )
 
-    def flight_s(self, segment: Segment, load_kg: float) -> float:
+    def flight_s(self, segment: Segment, load_kg: float, *, air: Air = STILL_AIR) -> float:
         """Time to fly this segment with this load."""
-        return flight_time_s(self.model, length_m=segment.length_m, load_kg=load_kg)
+        length_m = segment.length_m * air.time_factor
+        return flight_time_s(self.model, length_m=length_m, load_kg=load_kg)
 
-    def flight_j(self, segment: Segment, load_kg: float) -> float:
+    def flight_j(self, segment: Segment, load_kg: float, *, air: Air = STILL_AIR) -> float:
         """Energy to fly this segment with this load."""
-        return flight_energy_j(self.model, length_m=segment.length_m, load_kg=load_kg)
+        length_m = segment.length_m * air.time_factor
+        energy_j = flight_energy_j(self.model, length_m=length_m, load_kg=load_kg)
+        return energy_j * air.energy_factor
+
+    def refuse_weather(self) -> None:
+        """Refuse a problem with weather, for strategies that plan in still air.
+
+        Raises
+        ------
+        InvalidProblem
+            The problem has weather.
+        """
+        if self.problem.weather is not None:
+            detail = "this strategy plans in still air only; the strategy 'exact' knows weather"
+            raise InvalidProblem("weather", detail)
 
     def has_free_pad(self, station_id: StationId) -> bool:
         """Whether one of the station's pads is ever free."""

@@ -21,6 +21,7 @@ from skyway.planner.problem import (
     StationClosure,
 )
 from skyway.planner.problem_document import read_problem
+from skyway.planner.weather_document import WeatherDocument, WeatherPeriod
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/planner-problem.md").read_text()
 PROBLEM, PLAN = (json.loads(block) for block in re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL))
@@ -32,6 +33,8 @@ MODELS: tuple[type[JsonModel], ...] = (
     PadReservation,
     StationClosure,
     SegmentClosure,
+    WeatherDocument,
+    WeatherPeriod,
     DroneModel,
     Plan,
     PackageDelivery,

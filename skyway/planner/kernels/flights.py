@@ -18,9 +18,12 @@ from skyway.planner.kernels.labels import (
 )
 from skyway.planner.kernels.landings import fly_over
 from skyway.planner.kernels.memory import (
+    ALIVE,
     FIRST_ON_GROUND,
+    FLOWN_IN,
     HANDED_OVER,
     LATEST,
+    NEW,
     NONE,
     OUTWARD,
     POSITION,
@@ -35,6 +38,7 @@ from skyway.planner.kernels.memory import (
 from skyway.planner.kernels.places import arcs_of
 from skyway.planner.kernels.records import Search, Task
 from skyway.planner.kernels.states import state_of
+from skyway.planner.kernels.weather import Departures, air_of, has_weather, period_at
 
 
 class _End(NamedTuple):
@@ -51,24 +55,31 @@ class _End(NamedTuple):
 
 
 @kernel
-def expand(search: Search, label: int) -> bool:
-    """Enter all labels that lie one segment further; False when the memory is full."""
+def expand(search: Search, label: int, period: int) -> bool:
+    """Enter all labels that lie one segment further; False when the memory is full.
+
+    With weather: the labels of drones that leave in this period.
+    """
     memory = search.memory
     state = memory.link[label, STATE]
     place, mask = memory.state[state, STATE_PLACE], memory.state[state, STATE_MASK]
-    if search.task.may_pass and not pick_up_or_hand_over(search, label, place, mask):
+    is_new = memory.link[label, ALIVE] == NEW
+    if is_new and search.task.may_pass and not pick_up_or_hand_over(search, label, place, mask):
         return False
     first = arcs_of(search.skyway, search.closed, memory, place, OUTWARD)
     if first < 0:
         return False
+    from_period = period
+    if has_weather(search.skyway) and not is_new:
+        from_period = period_at(search.skyway, memory.label[label, TIME])
     for arc in range(first, first + memory.arc_count[place, OUTWARD]):
-        if not _fly(search, label, mask, arc):
+        if not _fly(search, label, mask, arc, period, from_period):
             return False
     return True
 
 
 @kernel
-def _fly(search: Search, label: int, mask: int, arc: int) -> bool:
+def _fly(search: Search, label: int, mask: int, arc: int, period: int, from_period: int) -> bool:
     """Enter the labels after one segment, one for each useful departure; False when full."""
     task, closed, memory = search.task, search.closed, search.memory
     end = _end_of(task, memory, mask, arc)
@@ -76,8 +87,16 @@ def _fly(search: Search, label: int, mask: int, arc: int) -> bool:
         return True
     has_hand_over = end.following >= 0
     row = memory.label[label]
-    flight_s = memory.arc_length[arc] * task.s_per_m[mask]
-    used_j = row[USED] + memory.arc_length[arc] * task.j_per_m[mask]
+    flight_m = memory.arc_length[arc]
+    air = Departures(1.0, 1.0, -np.inf, np.inf)
+    if has_weather(search.skyway):
+        still_s = flight_m * task.s_per_m[mask]
+        air = air_of(search.skyway, memory.arc_column[arc], period, from_period, still_s)
+        if air.time_factor == np.inf:
+            return True
+        flight_m *= air.time_factor
+    flight_s = flight_m * task.s_per_m[mask]
+    used_j = row[USED] + flight_m * air.energy_factor * task.j_per_m[mask]
     if has_hand_over:
         used_j += task.stop_j
     need_j = task.reserve_j + used_j + _left_at_end_j(task, end)
@@ -85,18 +104,29 @@ def _fly(search: Search, label: int, mask: int, arc: int) -> bool:
     if charge.position < 0.0:
         return True
     ready_s = row[TIME] + charge.position - row[POSITION]
-    if closed.keys.size == 0:
+    if closed.keys.size == 0 and air.until_s == np.inf and air.from_s <= ready_s:
         return _arrive(
-            search, label, mask, arc, end, ready_s + flight_s, charge, used_j, np.inf, -np.inf
+            search,
+            label,
+            mask,
+            arc,
+            end,
+            ready_s + flight_s,
+            charge,
+            used_j,
+            row[LATEST] + flight_s,
+            -np.inf,
+            period,
         )
     segment = memory.arc_segment[arc]
     landing = closed.first_station_key + memory.row[end.place] if has_hand_over else NONE
-    leave_at_s = ready_s
+    leave_at_s = max(ready_s, air.from_s)
     while True:
         leave_at_s = leave_s(closed, segment, landing, leave_at_s, flight_s, task.stop_s)
-        if leave_at_s > row[LATEST] or leave_at_s == np.inf:
+        if leave_at_s > min(row[LATEST], air.until_s) or leave_at_s == np.inf:
             return True
-        latest_s = leave_latest_s(closed, segment, landing, leave_at_s, flight_s, task.stop_s)
+        closes_s = leave_latest_s(closed, segment, landing, leave_at_s, flight_s, task.stop_s)
+        latest_s = min(closes_s, air.until_s)
         stayed = after_staying(task, charge, leave_at_s - ready_s)
         arrival_s, latest_arrival_s = leave_at_s + flight_s, min(row[LATEST], latest_s) + flight_s
         limited = until_left(task, stayed, latest_s - leave_at_s)
@@ -112,14 +142,15 @@ def _fly(search: Search, label: int, mask: int, arc: int) -> bool:
             used_j,
             latest_arrival_s,
             not_before_s,
+            period,
         ):
             return False
         # A drone that lands can wait there: leaving after the next closure only helps if the last
         # pad gives more charge meanwhile. A drone that flies on may meet a closure that then
         # is over.
-        if latest_s == np.inf or (has_hand_over and stayed.position >= charge.last_position):
+        if closes_s >= air.until_s or (has_hand_over and stayed.position >= charge.last_position):
             return True
-        leave_at_s = just_after_s(latest_s, flight_s + task.stop_s)
+        leave_at_s = just_after_s(closes_s, flight_s + task.stop_s)
 
 
 @kernel
@@ -163,17 +194,30 @@ def _arrive(
     used_j: float,
     latest_s: float,
     not_before_s: float,
+    period: int,
 ) -> bool:
     """Enter the label at the end of a segment and the labels after it; False when full."""
     if end.following < 0:
         return fly_over(
-            search, label, mask, arc, end.place, time_s, charge, used_j, latest_s, not_before_s
+            search,
+            label,
+            mask,
+            arc,
+            end.place,
+            time_s,
+            charge,
+            used_j,
+            latest_s,
+            not_before_s,
+            period,
         )
     task, memory = search.task, search.memory
     time_s += task.stop_s + (task.loading_s if end.reached < 0 else task.dropoff_s)
     handed = note(memory, label, HANDED_OVER, arc, time_s, charge, used_j, np.inf, not_before_s)
     if handed == FULL_MEMORY:
         return False
+    if has_weather(search.skyway):
+        memory.period[handed, FLOWN_IN] = period
     if _delivers_last(task, end):
         if time_s <= task.latest_s:
             note_goal(memory, handed, time_s)

@@ -7,7 +7,7 @@ and in the air: a drone on the ground can do all that a drone in the air can, an
 
 import numpy as np
 
-from skyway.planner.kernels.charging import Charge
+from skyway.planner.kernels.charging import Charge, after_staying
 from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.dominance import SAME_S, dominates
 from skyway.planner.kernels.memory import (
@@ -139,13 +139,39 @@ def enqueue(task: Task, memory: Memory, label: int) -> None:
     row = memory.label[label]
     state = memory.link[label, STATE]
     left_s = still_s(task, memory, state, row[LEVEL] - row[USED])
-    key = row[TIME] + task.weight * left_s
+    push(memory, label, _in_order(task, memory, state, row[TIME] + task.weight * left_s))
+
+
+@kernel
+def enqueue_later(task: Task, memory: Memory, label: int, leave_s: float) -> bool:
+    """Put a label into the queue for drones that leave at this moment or later.
+
+    False when no better plan can follow. Until it leaves, the drone may stay on its last pad.
+    """
+    row = memory.label[label]
+    state = memory.link[label, STATE]
+    if leave_s > row[LATEST]:
+        return False
+    stayed = after_staying(task, charge_of(memory, label), leave_s - row[TIME])
+    left_s = still_s(task, memory, state, stayed.level - row[USED])
+    key = leave_s + left_s
+    if not key < memory.best_s[0] or key > task.latest_s:
+        return False
+    if task.may_pass and leave_s > memory.state_bound[state, 2]:
+        return False
+    push(memory, label, _in_order(task, memory, state, leave_s + task.weight * left_s))
+    return True
+
+
+@kernel
+def _in_order(task: Task, memory: Memory, state: int, key: float) -> float:
+    """The key of the queue for labels of this state that promise so early a delivery."""
     if task.may_pass:
         floor_s = task.floor_s[memory.state[state, STATE_MASK]]
         # Before labels that wait for the same window, those come first that would be earliest.
         if key < floor_s:
-            key = floor_s - (floor_s - key) * _SHARE_OF_WAIT
-    push(memory, label, key)
+            return floor_s - (floor_s - key) * _SHARE_OF_WAIT
+    return key
 
 
 @kernel

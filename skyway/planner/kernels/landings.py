@@ -22,6 +22,7 @@ from skyway.planner.kernels.memory import (
     FIRST_IN_AIR,
     FIRST_ON_GROUND,
     FLOWN,
+    FLOWN_IN,
     KIND,
     LANDED,
     LATEST,
@@ -36,6 +37,7 @@ from skyway.planner.kernels.memory import (
 from skyway.planner.kernels.records import Search
 from skyway.planner.kernels.sessions import enter_sessions
 from skyway.planner.kernels.states import state_of
+from skyway.planner.kernels.weather import has_weather
 
 
 @kernel
@@ -50,6 +52,7 @@ def fly_over(
     used_j: float,
     latest_s: float,
     not_before_s: float,
+    period: int,
 ) -> bool:
     """Enter the label above a station; False when the memory is full."""
     task, memory = search.task, search.memory
@@ -62,6 +65,8 @@ def fly_over(
     flown = note(memory, label, FLOWN, arc, time_s, charge, used_j, latest_s, not_before_s)
     if flown == FULL_MEMORY:
         return False
+    if has_weather(search.skyway):
+        memory.period[flown, FLOWN_IN] = period
     if enlist(task, memory, flown, state, FIRST_ON_GROUND if is_free else FIRST_IN_AIR) >= 0:
         enqueue(task, memory, flown)
     return True
@@ -95,7 +100,11 @@ def _land(search: Search, label: int, place: int, mask: int, state: int) -> bool
     ready_s = row[TIME] + charge.position - row[POSITION]
     landing = closed.first_station_key + memory.row[place]
     may_be_closed = closed.keys.size > 0
-    must_enlist = may_be_closed or (task.may_pass and act_at(task, memory, place, mask) >= 0)
+    must_enlist = (
+        may_be_closed
+        or has_weather(search.skyway)
+        or (task.may_pass and act_at(task, memory, place, mask) >= 0)
+    )
     touch_s = ready_s
     while True:
         latest_s = np.inf
@@ -120,8 +129,8 @@ def _land(search: Search, label: int, place: int, mask: int, state: int) -> bool
         )
         if landed == FULL_MEMORY:
             return False
-        # A drone on the ground that does not charge only waits. That only helps near closures,
-        # and where packages change hands.
+        # A drone on the ground that does not charge only waits. That only helps near closures, for
+        # better weather, and where packages change hands.
         if not must_enlist:
             if not enter_sessions(search, landed, place, mask):
                 return False

@@ -69,11 +69,19 @@ KIND: Final = 2
 DETAIL: Final = 3
 ALIVE: Final = 4
 
+# Values of the column `ALIVE`, beside 0.
+NEW: Final = int64(1)
+WITH_PERIOD: Final = int64(2)
+
 # Columns of `Memory.state`.
 STATE_PLACE: Final = 0
 STATE_MASK: Final = 1
 FIRST_ON_GROUND: Final = int64(2)
 FIRST_IN_AIR: Final = int64(3)
+
+# Columns of `Memory.period`.
+FLOWN_IN: Final = 0
+LEAVES_IN: Final = 1
 
 
 class Memory(NamedTuple):
@@ -89,7 +97,9 @@ class Memory(NamedTuple):
       of places to settle next (`tree_key`, `tree_heap`, `tree_slot`); by tree its `tree_size`, the
       `radius` up to which distances are final and the `reach` up to which it may grow, metres.
     - With a hierarchy, by rank: `rank_distance` ``(ranks, trees)`` metres, `rank_known`, `climb`.
-    - By arc: `arc_place` at the other end, `arc_segment` its row, `arc_length` in metres.
+    - By arc: `arc_place` at the other end, `arc_segment` its row, `arc_length` in metres: for arcs
+      that arrive the least length by the weather, see `kernels.weather`. With weather `arc_column`
+      is the segment's row among the factors, -1 without.
     - `window_s` ``(windows, 2)``: the free windows of a place, one after another.
     - `state` ``(states, 4)``: its columns are above; `state_bound` ``(states, 3)``: seconds, see
       `bounds`; with windows the last column is the last useful moment there. `state_table` finds
@@ -102,7 +112,9 @@ class Memory(NamedTuple):
       begins with the latest time.
     - `not_before_s` by label: the moment before which the last flight or landing may not begin.
     - `link` ``(labels, 5)``: the label before, its state, how it was made, by which arc or window,
-      and whether its list holds it.
+      and whether its list holds it: not, as a new label, or as a label with a `period`.
+    - With weather `period` ``(labels, 2)``: the period in which the label's segment was flown, and
+      the period in which the drone leaves next. The second is there for labels with a period only.
     - `queue_key`, `queue_label`: a binary heap of labels by the earliest delivery they promise.
     """
 
@@ -130,6 +142,7 @@ class Memory(NamedTuple):
     arc_place: Longs
     arc_segment: Longs
     arc_length: Floats
+    arc_column: Longs
     window_s: Floats
     state: Longs
     state_bound: Floats
@@ -137,5 +150,6 @@ class Memory(NamedTuple):
     label: Floats
     not_before_s: Floats
     link: Longs
+    period: Longs
     queue_key: Floats
     queue_label: Longs

@@ -6,6 +6,7 @@ from skyway.planner.kernels.closures import is_closed_for_good
 from skyway.planner.kernels.compiler import entrance, kernel
 from skyway.planner.kernels.memory import ARCS, FULL, INWARD, NONE, PLACES, Memory, int64
 from skyway.planner.kernels.records import Closed, Skyway
+from skyway.planner.kernels.weather import column_of, has_weather, least_time_factor
 
 # Knuth's multiplicative hashing: 2**32 divided by the golden ratio.
 _GOLDEN = 2654435769
@@ -58,7 +59,7 @@ def refill_table(memory: Memory) -> None:
 def arcs_of(skyway: Skyway, closed: Closed, memory: Memory, place: int, direction: int) -> int:
     """The first arc that arrives at or leaves this place; -1 when the memory is full.
 
-    Segments closed for good are left out.
+    Segments closed for good are left out. With weather, arcs that arrive have their least length.
     """
     first = memory.arc_first[place, direction]
     if first >= 0:
@@ -78,12 +79,21 @@ def arcs_of(skyway: Skyway, closed: Closed, memory: Memory, place: int, directio
     for index in range(offsets[row], offsets[row + 1]):
         if closed.keys.size > 0 and is_closed_for_good(closed, int64(segments[index])):
             continue
+        length_m = lengths[index]
+        if has_weather(skyway):
+            column = column_of(skyway, int64(segments[index]))
+            least = least_time_factor(skyway, column)
+            if least == np.inf:
+                continue
+            memory.arc_column[end] = column
+            if direction == INWARD:
+                length_m *= least
         other = place_of(memory, int64(stations[index]))
         if other < 0:
             return NONE
         memory.arc_place[end] = other
         memory.arc_segment[end] = segments[index]
-        memory.arc_length[end] = lengths[index]
+        memory.arc_length[end] = length_m
         end += 1
     memory.arc_first[place, direction] = first
     memory.arc_count[place, direction] = end - first

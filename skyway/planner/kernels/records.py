@@ -10,6 +10,10 @@ class Skyway(NamedTuple):
 
     `offsets` are ``(n_stations + 1,)`` int64, the rest ``(n_segments,)``; lengths in metres. The
     fields after `pads` are the hierarchy (see `skyway.planner.hierarchy`), empty without one.
+
+    The last fields are the weather (see `skyway.planner.weather`), empty without one: the rows of
+    its segments, the edges of its periods, its factors, and the least time factor of each segment
+    in the periods in which the search may fly.
     """
 
     in_offsets: Longs
@@ -26,6 +30,11 @@ class Skyway(NamedTuple):
     above: Longs
     up_length: Floats
     down_length: Floats
+    windy_segment: Longs
+    edges_s: Floats
+    time_factor: Floats
+    energy_factor: Floats
+    least_time_factor: Floats
 
 
 class Closed(NamedTuple):

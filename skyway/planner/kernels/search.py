@@ -9,6 +9,7 @@ from skyway.planner.kernels.labels import (
     FULL_MEMORY,
     enlist,
     enqueue,
+    enqueue_later,
     is_behind,
     note,
     note_goal,
@@ -21,10 +22,14 @@ from skyway.planner.kernels.memory import (
     FULL,
     KIND,
     LABELS,
+    LEAVES_IN,
+    NEW,
     NONE,
     QUEUE,
     SESSION,
     START,
+    TIME,
+    WITH_PERIOD,
     Memory,
     int64,
 )
@@ -33,6 +38,7 @@ from skyway.planner.kernels.queue import pop, push
 from skyway.planner.kernels.records import Book, Closed, Search, Skyway, Task
 from skyway.planner.kernels.sessions import enter_next_sessions
 from skyway.planner.kernels.states import state_of
+from skyway.planner.kernels.weather import has_weather, period_at
 
 # How a run ended.
 PROVEN = 0
@@ -96,6 +102,7 @@ def run(
 def run_search(search: Search, most_labels: int) -> int:
     """`run`, for other kernels."""
     task, memory = search.task, search.memory
+    in_weather = has_weather(search.skyway)
     while memory.counts[QUEUE] > 0:
         key = memory.queue_key[0]
         # Raised bounds prove nothing: such a search ends with its first plan.
@@ -105,21 +112,39 @@ def run_search(search: Search, most_labels: int) -> int:
         if memory.counts[LABELS] >= most_labels:
             return PAUSED
         label = pop(memory)
-        is_alive = memory.link[label, ALIVE] == 1
+        is_alive = memory.link[label, ALIVE] != 0
         if is_alive and task.compares_masks and is_behind(task, memory, label):
             memory.link[label, ALIVE] = 0
             is_alive = False
-        if memory.link[label, KIND] != SESSION:
+        period = int64(0)
+        if memory.link[label, ALIVE] == WITH_PERIOD:
+            period = memory.period[label, LEAVES_IN]
+        elif memory.link[label, KIND] != SESSION:
             if is_alive:
                 stand(search, label)
                 # Where a pad is free, the label on that pad replaces this one.
-                is_alive = memory.link[label, ALIVE] == 1
+                is_alive = memory.link[label, ALIVE] != 0
         elif not task.recharges_fully and task.levels == 0:
             enter_next_sessions(task, memory, label)
+        if is_alive and in_weather and memory.link[label, ALIVE] == NEW:
+            period = period_at(search.skyway, memory.label[label, TIME])
         if is_alive and memory.counts[FULL] == 0:
-            expand(search, label)
+            expand(search, label, period)
         if memory.counts[FULL] != 0:
             # Entering the same label again is harmless: the existing label dominates it.
             push(memory, label, key)
             return OUT_OF_MEMORY
+        if is_alive and in_weather:
+            _enqueue_for_next_period(search, label, period)
     return PROVEN if memory.counts[BEST] >= 0 else EXHAUSTED
+
+
+@kernel
+def _enqueue_for_next_period(search: Search, label: int, period: int) -> None:
+    """Put a label into the queue again, for drones that leave in the period after this one."""
+    edges_s, memory = search.skyway.edges_s, search.memory
+    if period >= edges_s.size:
+        return
+    if enqueue_later(search.task, memory, label, edges_s[period]):
+        memory.link[label, ALIVE] = WITH_PERIOD
+        memory.period[label, LEAVES_IN] = period + 1

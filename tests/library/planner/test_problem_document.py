@@ -161,6 +161,24 @@ def many_bad_features(document: dict[str, Any]) -> None:
     document["network"]["features"] = [{}] * _MANY
 
 
+def many_periods(document: dict[str, Any]) -> None:
+    period = {"start_s": 0, "end_s": 1, "time_factors": [1, 1]}
+    document["weather"]["periods"] = [period] * _MANY
+
+
+def many_factors(document: dict[str, Any]) -> None:
+    document["weather"]["periods"][0]["time_factors"] = [1.0] * _MANY
+
+
+def factors_in_many_periods(document: dict[str, Any]) -> None:
+    period = {"start_s": 0, "end_s": 1, "time_factors": [1.0] * (_MANY // 100)}
+    document["weather"]["periods"] = [period] * 100
+
+
+def many_bad_segments(document: dict[str, Any]) -> None:
+    document["weather"]["segments"] = [["x", "y"]] * (_MANY // 10)
+
+
 def a_long_text(document: dict[str, Any]) -> None:
     document["source"] = "x" * _MANY
 
@@ -191,6 +209,10 @@ def a_deep_value(document: dict[str, Any]) -> None:
         many_bad_points,
         many_fields,
         many_bad_features,
+        many_periods,
+        many_factors,
+        factors_in_many_periods,
+        many_bad_segments,
         a_long_text,
         a_long_name,
         a_long_number,

@@ -13,6 +13,8 @@ from tests.library.planner.oracles.instances import (
     make_problem_with_hours,
     make_stormy_problem,
     make_windowed_problem,
+    make_windy_problem,
+    weather_of,
 )
 from tests.library.planner.oracles.judge import disagreements, disagreements_with_reason
 
@@ -30,8 +32,8 @@ def test_no_plan_is_later_than_the_grid_s_or_earlier_than_possible(first: int) -
     assert {seed: words for seed, words in faults.items() if words} == {}
 
 
-@pytest.mark.parametrize("make", [make_busy_problem, make_stormy_problem])
-def test_no_plan_is_later_than_the_grids_with_busy_pads_or_many_closures(
+@pytest.mark.parametrize("make", [make_busy_problem, make_stormy_problem, make_windy_problem])
+def test_no_plan_is_later_than_the_grids_with_busy_pads_many_closures_or_weather(
     make: Callable[[int], Problem],
 ) -> None:
     faults = {}
@@ -59,6 +61,16 @@ def test_no_plan_with_opening_hours_is_later_than_the_grids_or_earlier_than_poss
     faults = {}
     for seed in range(first, first + _BLOCK):
         problem = make_problem_with_hours(seed)
+        faults[seed] = disagreements(problem, compose(problem), bracket(problem, tick_s=5.0))
+
+    assert {seed: words for seed, words in faults.items() if words} == {}
+
+
+def test_no_plan_with_windows_and_weather_is_later_than_the_grids() -> None:
+    faults = {}
+    for seed in range(300, 340):
+        windowed = make_windowed_problem(seed).model_dump(mode="json")
+        problem = Problem.model_validate({**windowed, "weather": weather_of(seed, windowed)})
         faults[seed] = disagreements(problem, compose(problem), bracket(problem, tick_s=5.0))
 
     assert {seed: words for seed, words in faults.items() if words} == {}

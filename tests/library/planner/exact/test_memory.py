@@ -16,13 +16,17 @@ from skyway.planner.kernels.places import place_of
 from skyway.planner.problem import Problem
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort, never
-from tests.library.planner.oracles.instances import make_busy_problem, make_problem
+from tests.library.planner.oracles.instances import (
+    make_busy_problem,
+    make_problem,
+    make_windy_problem,
+)
 
 _TINY = Room(places=2, arcs=4, windows=2, states=2, labels=2)
 _MANY = 1 << 40
 
 
-@pytest.mark.parametrize("make", [make_problem, make_busy_problem])
+@pytest.mark.parametrize("make", [make_problem, make_busy_problem, make_windy_problem])
 @pytest.mark.parametrize("is_prepared", [False, True])
 def test_enlarging_in_the_middle_of_a_search_changes_nothing(
     make: Callable[[int], Problem], is_prepared: bool

@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
+from typing import NamedTuple
 
 from skyway.geo import Position
 from skyway.ids import StationId
@@ -18,6 +19,9 @@ from skyway.network.network import Zone
 from skyway.planner.problem import Problem, StationClosure
 
 Interval = tuple[float, float]
+
+#: How many times longer a flight over a segment takes that the weather closes: never in time.
+_VERY_LONG = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +59,11 @@ class Facts:
     #: begin, by destination, and last when loading may.
     may_pass: bool
     starts: list[list[Interval]]
+    #: Where the weather's periods begin, and last where they end; [period][segment] how many times
+    #: longer a flight takes and how many times the power it needs, with still air first and last.
+    edges_s: list[float]
+    longer: list[list[float]]
+    harder: list[list[float]]
 
     @property
     def served(self) -> int:
@@ -122,6 +131,7 @@ def read_facts(problem: Problem) -> Facts:
         return float(model.power_empty_w * lifted**1.5 / model.battery_j)
 
     flight_s = [[segment.length_m / speed_mps(kg) for segment in segments] for kg in loads]
+    weather = _weather(problem)
     return Facts(
         names=[str(name) for name in names],
         ends=[(row[segment.from_id], row[segment.to_id]) for segment in segments],
@@ -146,8 +156,12 @@ def read_facts(problem: Problem) -> Facts:
         free=[_free(problem, name) for name in names],
         station_closed=[_closed_station(problem, name) for name in names],
         segment_closed=[
-            _closed_segment(problem, segment.from_id, segment.to_id) for segment in segments
+            _closed_segment(problem, segment.from_id, segment.to_id) + closed
+            for segment, closed in zip(segments, weather.closed, strict=True)
         ],
+        edges_s=weather.edges_s,
+        longer=weather.longer,
+        harder=weather.harder,
         may_pass=_may_pass(problem),
         starts=[
             *(
@@ -164,6 +178,42 @@ def read_facts(problem: Problem) -> Facts:
             ),
         ],
     )
+
+
+class _Weather(NamedTuple):
+    edges_s: list[float]
+    longer: list[list[float]]
+    harder: list[list[float]]
+    closed: list[list[Interval]]
+
+
+def _weather(problem: Problem) -> _Weather:
+    """The weather by period and segment, from its JSON form."""
+    segments = list(problem.network.segments)
+    still, never = [1.0] * len(segments), [list[Interval]() for _ in segments]
+    if problem.weather is None:
+        return _Weather([], [still], [still], never)
+    written = problem.model_dump(mode="json")["weather"]
+    column = {tuple(ends): number for number, ends in enumerate(written["segments"])}
+    longer, harder, closed = [still], [still], never
+    for period in written["periods"]:
+        longer.append(still.copy())
+        harder.append(still.copy())
+        for number, segment in enumerate(segments):
+            place = column.get((segment.from_id, segment.to_id))
+            if place is None:
+                continue
+            factor = period["time_factors"][place]
+            if factor is None:
+                end_s = math.inf if period["end_s"] is None else period["end_s"]
+                closed[number].append((period["start_s"], end_s))
+                longer[-1][number] = _VERY_LONG
+            else:
+                longer[-1][number] = factor
+            harder[-1][number] = period["energy_factors"][place]
+    edges_s = [one["start_s"] for one in written["periods"]]
+    edges_s.append(written["periods"][-1]["end_s"] or math.inf)
+    return _Weather(edges_s, [*longer, still], [*harder, still], closed)
 
 
 def _may_pass(problem: Problem) -> bool:

@@ -60,6 +60,7 @@ def bracket(problem: Problem, *, tick_s: float, after_s: float = _AFTER_LAST_EVE
         for moment in interval
         if math.isfinite(moment)
     ]
+    events += [edge for edge in facts.edges_s if math.isfinite(edge)]
     horizon_s = max([0.0, *events]) + after_s
     early_s, _ = _run(facts, tick_s, horizon_s, is_early=True)
     late_s, trail = _run(facts, tick_s, horizon_s, is_early=False)
@@ -82,8 +83,14 @@ def _run(
         return (start_s if is_enough and start_s <= facts.latest_s else math.inf), []
     states, stations = facts.before + 1, len(facts.names)
     by_start = sorted(range(len(facts.ends)), key=lambda segment: facts.ends[segment][0])
-    flights = np.array(facts.flight_s).reshape(states, -1)[:, by_start]
-    rounded = np.array([[max(1, ticks(one)) for one in row] for row in flights], dtype=np.int64)
+    longer = np.array(facts.longer).reshape(-1, 1, len(by_start))[:, :, by_start]
+    harder = longer * np.array(facts.harder).reshape(-1, 1, len(by_start))[:, :, by_start]
+    # By period, state and segment.
+    flights = np.array(facts.flight_s).reshape(states, -1)[:, by_start] * longer
+    rounded = np.array(
+        [[[max(1, ticks(one)) for one in row] for row in period] for period in flights],
+        dtype=np.int64,
+    )
     durations = [*flights.flat, facts.stop_s, facts.pick_up_s, facts.dropoff_s]
     is_smooth = all(abs(one / tick_s - round(one / tick_s)) < 1e-6 for one in durations)
     drift_s = 0.0 if is_smooth else (_MOST_SEGMENTS_IN_THE_AIR + 1) * tick_s
@@ -107,7 +114,8 @@ def _run(
         _offsets([facts.ends[segment][0] for segment in by_start], stations),
         np.array([facts.ends[segment][1] for segment in by_start], dtype=np.int64),
         rounded,
-        np.array(facts.flight_soc).reshape(states, -1)[:, by_start],
+        np.array(facts.flight_soc).reshape(states, -1)[:, by_start] * harder,
+        np.array(facts.edges_s, dtype=np.float64),
         following,
         hand_overs,
         facts.served,

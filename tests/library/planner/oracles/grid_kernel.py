@@ -49,6 +49,24 @@ def is_closed(
 
 
 @numba.njit(cache=True)
+def periods_of(
+    edges_s: Any, now_s: float, tick_s: float, late_s: float, is_early: bool, mode: int
+) -> Any:
+    """The first and the last period of the weather in which a drone may leave now.
+
+    The early programme allows each in which the true moment may lie. The late programme allows one,
+    and none if the true moment, which may be earlier in the air, may lie in two.
+    """
+    if is_early:
+        first = np.searchsorted(edges_s, now_s - 1e-9, side="right")
+        return first, np.searchsorted(edges_s, now_s + tick_s + late_s, side="right")
+    last = np.searchsorted(edges_s, now_s + 1e-9, side="right")
+    if mode == AIR and np.searchsorted(edges_s, now_s + late_s + 1e-9, side="right") != last:
+        return last, last - 1
+    return last, last
+
+
+@numba.njit(cache=True)
 def sweep(
     tick_s: float,
     horizon: int,
@@ -58,6 +76,7 @@ def sweep(
     edge_to: Any,
     flight_ticks: Any,
     flight_soc: Any,
+    edges_s: Any,
     next_state: Any,
     hand_over_ticks: Any,
     served: int,
@@ -153,50 +172,52 @@ def sweep(
                         # The true moment lies up to a tick later, and it may charge until then.
                         leaving = charged(curve, leaving, tick_s)
                     code = ((tick * 2 + mode) * states + state) * stations + here
-                    for edge in range(edge_of[here], edge_of[here + 1]):
-                        there = edge_to[edge]
-                        takes = flight_ticks[state, edge]
-                        arrival = tick + takes
-                        left = leaving - flight_soc[state, edge]
-                        if left < least_soc or arrival + stop_ticks > horizon:
-                            continue
-                        shift_s = late_s if mode == AIR or is_early else 0.0
-                        if is_closed(
-                            segment_closed,
-                            segment_closed_of[edge],
-                            segment_closed_of[edge + 1],
-                            now_s,
-                            arrival * tick_s,
-                            shift_s,
-                        ):
-                            continue
-                        can_land = left - stop_soc >= least_soc and not is_closed(
-                            station_closed,
-                            station_closed_of[there],
-                            station_closed_of[there + 1],
-                            arrival * tick_s,
-                            arrival * tick_s + touch_s + (0.0 if is_early else 2e-9),
-                            late_s,
-                        )
-                        reached = next_state[state, there]
-                        landed = arrival + stop_ticks
-                        if reached == state or may_pass:
-                            if best[arrival, AIR, state, there] < left:
-                                best[arrival, AIR, state, there] = left
-                                trail[arrival, AIR, state, there] = code
-                            if can_land and best[landed, LAND, state, there] < left - stop_soc:
-                                best[landed, LAND, state, there] = left - stop_soc
-                                trail[landed, LAND, state, there] = code
-                            continue
-                        if not can_land:
-                            continue
-                        done = landed + hand_over_ticks[state]
-                        left -= stop_soc
-                        if reached == served:
-                            is_enough = left - finish_soc[there] >= least_soc
-                            if is_enough and (finished < 0 or done < finished):
-                                finished, finished_from = done, code
-                        elif done <= horizon and best[done, LAND, reached, there] < left:
-                            best[done, LAND, reached, there] = left
-                            trail[done, LAND, reached, there] = code
+                    first, last = periods_of(edges_s, now_s, tick_s, late_s, is_early, mode)
+                    for period in range(first, last + 1):
+                        for edge in range(edge_of[here], edge_of[here + 1]):
+                            there = edge_to[edge]
+                            takes = flight_ticks[period, state, edge]
+                            arrival = tick + takes
+                            left = leaving - flight_soc[period, state, edge]
+                            if left < least_soc or arrival + stop_ticks > horizon:
+                                continue
+                            shift_s = late_s if mode == AIR or is_early else 0.0
+                            if is_closed(
+                                segment_closed,
+                                segment_closed_of[edge],
+                                segment_closed_of[edge + 1],
+                                now_s,
+                                arrival * tick_s,
+                                shift_s,
+                            ):
+                                continue
+                            can_land = left - stop_soc >= least_soc and not is_closed(
+                                station_closed,
+                                station_closed_of[there],
+                                station_closed_of[there + 1],
+                                arrival * tick_s,
+                                arrival * tick_s + touch_s + (0.0 if is_early else 2e-9),
+                                late_s,
+                            )
+                            reached = next_state[state, there]
+                            landed = arrival + stop_ticks
+                            if reached == state or may_pass:
+                                if best[arrival, AIR, state, there] < left:
+                                    best[arrival, AIR, state, there] = left
+                                    trail[arrival, AIR, state, there] = code
+                                if can_land and best[landed, LAND, state, there] < left - stop_soc:
+                                    best[landed, LAND, state, there] = left - stop_soc
+                                    trail[landed, LAND, state, there] = code
+                                continue
+                            if not can_land:
+                                continue
+                            done = landed + hand_over_ticks[state]
+                            left -= stop_soc
+                            if reached == served:
+                                is_enough = left - finish_soc[there] >= least_soc
+                                if is_enough and (finished < 0 or done < finished):
+                                    finished, finished_from = done, code
+                            elif done <= horizon and best[done, LAND, reached, there] < left:
+                                best[done, LAND, reached, there] = left
+                                trail[done, LAND, reached, there] = code
     return finished, finished_from, best, trail

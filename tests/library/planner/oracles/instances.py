@@ -67,6 +67,49 @@ def make_windowed_problem(seed: int, **fields: Any) -> Problem:
     return Problem.model_validate({**made, "packages": packages, **pickup, **fields})
 
 
+def make_windy_problem(seed: int, **fields: Any) -> Problem:
+    """A problem with weather in one to three periods, some of which close segments."""
+    made = as_json(seed)
+    return Problem.model_validate({**made, "weather": weather_of(seed, made), **fields})
+
+
+def weather_of(seed: int, made: dict[str, Any]) -> dict[str, Any]:
+    """Weather for this problem; its factors keep flights at multiples of 5 s."""
+    rng = Random(f"weather {seed}")
+    ends = [
+        pair
+        for one in made["network"]["features"]
+        if (properties := one["properties"])["kind"] == "segment"
+        for pair in _both_ways(properties)
+    ]
+    segments = rng.sample(ends, rng.randint(1, len(ends)))
+    choices: tuple[list[float | None], ...] = (
+        [0.5, 1.0, 1.5, 2.0],
+        [1.5, 2.0, 3.0],
+        [0.5, 0.5, 1.0],
+        [1.0, 2.0, None],
+    )
+    likely = rng.choice(choices)
+    periods: list[dict[str, Any]] = []
+    at_s = moment(rng, -200, 600)
+    for _ in range(rng.randint(1, 3)):
+        end_s = max(at_s, 0.0) + moment(rng, 100, 900)
+        period: dict[str, Any] = {"start_s": at_s, "end_s": end_s}
+        period["time_factors"] = [rng.choice(likely) for _ in segments]
+        if rng.random() < 0.5:
+            period["energy_factors"] = [rng.choice([0.8, 1.0, 1.3]) for _ in segments]
+        periods.append(period)
+        at_s = end_s
+    if rng.random() < 0.3:
+        periods[-1]["end_s"] = None
+    return {"segments": segments, "periods": periods}
+
+
+def _both_ways(properties: dict[str, Any]) -> list[list[str]]:
+    there = [properties["from"], properties["to"]]
+    return [there] if properties.get("one_way") else [there, there[::-1]]
+
+
 def make_problem_with_hours(seed: int, **fields: Any) -> Problem:
     """A problem with opening hours of half of its stations, and some windows."""
     rng = Random(f"hours {seed}")
