@@ -18,7 +18,7 @@ from skyway.planner.reservations import ReservationColumns
 #: More than are read one by one in any case.
 COUNT = 40
 STATIONS = "abcd"
-ODD_VALUES = [
+ODD_VALUES: list[Any] = [
     None, {}, [], True, False, "", "a", "x", "a b", "0", "a\n", "é", "x" * 65, 0, 1, 2, -1, 3, 999,
     1000, 0.0, -0.0, 2.0, 2.5, 10**11, -(10**11), 10**400, float("nan"), float("inf"),
 ]  # fmt: skip
