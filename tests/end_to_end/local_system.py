@@ -1,5 +1,6 @@
 """A whole Skyway as a user starts it, in its own folder, and the calls of its users."""
 
+import asyncio
 import json
 import os
 import signal
@@ -14,12 +15,14 @@ from typing import Any
 
 import httpx
 
-from skyway.cli.data_folder import DataFolder
+from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
 from skyway.cli.gateway import read_keys
 from skyway.runtime.metrics import METRICS_KEY
 from skyway.runtime.signing.fleet_keys import FleetKeys
+from skyway.runtime.verification.rule import BrokenRule
 from tests.end_to_end.corridor_network import corridor
 from tests.end_to_end.eventually import LONGEST_WAIT_S, eventually
+from tests.end_to_end.verified import broken_rules
 
 SKYWAY = (sys.executable, "-m", "skyway.cli")
 
@@ -132,6 +135,17 @@ class LocalSystem:
             timeout=LONGEST_WAIT_S,
             check=False,
         )
+
+    def broken_rules(self) -> list[BrokenRule]:
+        """What `skyway verify` finds in the databases."""
+        server = self.environment.get("SKYWAY_DATABASE_URL")
+        urls = {
+            each: self.folder.database_url(each)
+            if server is None
+            else server.replace("/postgres?", f"/skyway_{each}?")
+            for each in CLOUD_SERVICES
+        }
+        return asyncio.run(broken_rules(urls))
 
     def start_fleet(
         self,

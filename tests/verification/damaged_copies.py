@@ -27,7 +27,7 @@ RULES: Final = {
     "composition": COMPOSITION_RULES,
     "registry": REGISTRY_RULES,
 }
-_FACTS: Final = {
+FACTS: Final = {
     "gateway": GATEWAY_FACTS,
     "composition": COMPOSITION_FACTS,
     "registry": REGISTRY_FACTS,
@@ -82,17 +82,22 @@ class StoppedSystem:
         system = cls(databases, ids, scratch, wall_at)
         async with AsyncExitStack() as stack:
             for service in RULES:
-                file = shutil.copy(databases / f"{service}.db", scratch)
-                db = await stack.enter_async_context(Database(f"sqlite:///{file}"))
+                shutil.copy(databases / f"{service}.db", scratch)
+                db = await stack.enter_async_context(Database(system.urls[service]))
                 system._open[service] = db
                 system._sound[service] = await system._look(service)
             yield system
+
+    @property
+    def urls(self) -> dict[str, str]:
+        """The copies by service."""
+        return {each: f"sqlite:///{self._scratch}/{each}.db" for each in RULES}
 
     async def broken(self, corruption: Corruption) -> list[BrokenRule]:
         """The rules that are broken after a corruption, which is undone."""
         looks = dict(self._sound)
         for service, script in corruption.scripts.items():
-            with self._damaged(service, script):
+            with self.damaged(service, script):
                 looks[service] = await self._look(service)
         own = [each for look in looks.values() for each in look.broken]
         return own + broken_across(ACROSS, looks, looks)
@@ -104,7 +109,7 @@ class StoppedSystem:
         return own + broken_across(ACROSS, looks, looks)
 
     @contextmanager
-    def _damaged(self, service: str, script: str) -> Iterator[None]:
+    def damaged(self, service: str, script: str) -> Iterator[None]:
         """A copy after some statements; each must change a row or a part of the schema."""
         # As in the shell `sqlite3`, foreign keys are not checked.
         with closing(sqlite3.connect(self._scratch / f"{service}.db")) as copy:
@@ -123,7 +128,7 @@ class StoppedSystem:
         broken = await check(
             self._open[service],
             RULES[service],
-            _FACTS[service],
+            FACTS[service],
             folder=folder,
             wall_at=self._wall_at,
             pause=_no_pause,

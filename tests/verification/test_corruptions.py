@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from skyway.cli.verify.command import RULES as ACROSS
+from tests.end_to_end.verified import broken_rules
 from tests.verification.access_corruptions import ACCESS_CORRUPTIONS
 from tests.verification.calendar_corruptions import CALENDAR_CORRUPTIONS
 from tests.verification.composition_corruptions import COMPOSITION_CORRUPTIONS
@@ -38,6 +39,24 @@ def test_a_corruption_is_named(
     stopped_system: StoppedSystem, aside: asyncio.Runner, corruption: Corruption
 ) -> None:
     broken = aside.run(stopped_system.broken(corruption))
+
+    assert corruption.rule in {each.rule for each in broken}
+
+
+@pytest.mark.parametrize("is_across", [False, True], ids=["of one service", "across services"])
+def test_the_check_after_stories_names_a_corruption(
+    stopped_system: StoppedSystem, aside: asyncio.Runner, is_across: bool
+) -> None:
+    across = {rule.name for rule in ACROSS}
+    corruption = next(
+        each
+        for each in CORRUPTIONS
+        if len(each.scripts) == 1 and (each.rule in across) == is_across
+    )
+    [(service, script)] = corruption.scripts.items()
+
+    with stopped_system.damaged(service, script):
+        broken = aside.run(broken_rules(stopped_system.urls))
 
     assert corruption.rule in {each.rule for each in broken}
 
