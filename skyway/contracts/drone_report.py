@@ -20,6 +20,7 @@ from skyway.bounds import (
     Words,
 )
 from skyway.contracts.flight_step import StepKind
+from skyway.contracts.instruction import RefusalCode
 from skyway.contracts.message import DroneMessage, FleetMoment, Message, Soc
 from skyway.geo import Position
 from skyway.ids import InstructionId, MissionId, PackageId, StationId
@@ -119,22 +120,6 @@ class ActiveFailsafe(WireModel):
     fault: Annotated[Fault, Field(description="What is wrong.")]
     failsafe: Annotated[Failsafe, Field(description="What the drone does about it.")]
     station_id: StationId | None = None
-
-
-class RefusalCode(StrEnum):
-    """Why a drone refuses an instruction."""
-
-    MALFORMED = "MALFORMED"
-    UNSUPPORTED_STEP = "UNSUPPORTED_STEP"
-    STALE_REVISION = "STALE_REVISION"
-    STEP_RELEASED = "STEP_RELEASED"
-    SEQUENCE_GAP = "SEQUENCE_GAP"
-    EXPIRED = "EXPIRED"
-    NOT_AT_START = "NOT_AT_START"
-    OTHER_MISSION_ACTIVE = "OTHER_MISSION_ACTIVE"
-    INSUFFICIENT_ENERGY = "INSUFFICIENT_ENERGY"
-    OVERWEIGHT = "OVERWEIGHT"
-    FAILSAFE_ACTIVE = "FAILSAFE_ACTIVE"
 
 
 class Ack(DroneMessage):

@@ -1,5 +1,6 @@
 """Cloud to drone: missions and immediate instructions, numbered without gaps in each stream."""
 
+from enum import StrEnum
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -7,6 +8,22 @@ from pydantic import Field
 from skyway.contracts.flight_step import FlightStep, PackageOnBoard
 from skyway.contracts.message import FleetMoment, Message
 from skyway.ids import DeliveryId, InstructionId, MissionId
+
+
+class RefusalCode(StrEnum):
+    """Why a drone refuses an instruction."""
+
+    MALFORMED = "MALFORMED"
+    UNSUPPORTED_STEP = "UNSUPPORTED_STEP"
+    STALE_REVISION = "STALE_REVISION"
+    STEP_RELEASED = "STEP_RELEASED"
+    SEQUENCE_GAP = "SEQUENCE_GAP"
+    EXPIRED = "EXPIRED"
+    NOT_AT_START = "NOT_AT_START"
+    OTHER_MISSION_ACTIVE = "OTHER_MISSION_ACTIVE"
+    INSUFFICIENT_ENERGY = "INSUFFICIENT_ENERGY"
+    OVERWEIGHT = "OVERWEIGHT"
+    FAILSAFE_ACTIVE = "FAILSAFE_ACTIVE"
 
 
 class _Instruction(Message):

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from skyway.contracts.drone_report import Ack, DroneEvent, DroneState, RefusalCode
-from skyway.contracts.instruction import Instruction
+from skyway.contracts.drone_report import Ack, DroneEvent, DroneState
+from skyway.contracts.instruction import Instruction, RefusalCode
 from skyway.contracts.topics import CONNECTION, TOPICS
 from skyway.runtime.signing.key_pair import PrivateKey, is_signed_by, public_key_bytes
 

@@ -10,7 +10,8 @@ from skyway_drone_agent.journal.records import EventRecorded
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 from skyway_drone_agent.vehicle import Outcome
 
-from skyway.contracts.drone_report import DroneEvent, RefusalCode
+from skyway.contracts.drone_report import DroneEvent
+from skyway.contracts.instruction import RefusalCode
 
 
 @pytest.fixture

@@ -4,9 +4,9 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import AliasChoices, Field
 
-from skyway.contracts.drone_report import DroneEvent, Failsafe, Fault, RefusalCode
+from skyway.contracts.drone_report import DroneEvent, Failsafe, Fault
 from skyway.contracts.flight_step import FlyStep
-from skyway.contracts.instruction import Instruction
+from skyway.contracts.instruction import Instruction, RefusalCode
 from skyway.contracts.message import FleetMoment, Soc
 from skyway.geo import Position
 from skyway.ids import InstructionId, StationId

@@ -10,8 +10,8 @@ from typing import Any, Final, Literal, Protocol
 
 from pydantic import TypeAdapter, ValidationError
 
-from skyway.contracts.drone_report import Ack, RefusalCode
-from skyway.contracts.instruction import AnyInstruction, Instruction, ReportInstruction
+from skyway.contracts.drone_report import Ack
+from skyway.contracts.instruction import AnyInstruction, Instruction, RefusalCode, ReportInstruction
 from skyway.contracts.topics import ACKS, INSTRUCTIONS, Topic
 from skyway.ids import InstructionId
 from skyway.json_model import WireModel

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from skyway.contracts.drone_report import Failsafe, RefusalCode
+from skyway.contracts.drone_report import Failsafe
 from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
 from skyway.contracts.instruction import (
     AnyInstruction,
@@ -12,6 +12,7 @@ from skyway.contracts.instruction import (
     DivertInstruction,
     HoldInstruction,
     MissionInstruction,
+    RefusalCode,
     ReportInstruction,
     ResumeInstruction,
     ReturnHomeInstruction,

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from skyway.contracts.drone_report import RefusalCode
 from skyway.contracts.flight_step import PackageOnBoard
+from skyway.contracts.instruction import RefusalCode
 from skyway.ids import PackageId
 
 

@@ -3,7 +3,7 @@
 from datetime import timedelta
 from typing import Any
 
-from skyway.contracts.drone_report import RefusalCode
+from skyway.contracts.instruction import RefusalCode
 
 
 def test_an_instruction_that_comes_again_gets_the_same_answer(desk: Any, trip: Any) -> None:

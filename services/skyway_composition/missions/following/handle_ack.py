@@ -3,7 +3,8 @@
 import logging
 from typing import Final
 
-from skyway.contracts.drone_report import Ack, RefusalCode
+from skyway.contracts.drone_report import Ack
+from skyway.contracts.instruction import RefusalCode
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import (
     SentInstruction,
