@@ -126,6 +126,22 @@ presence = Table(
     Index("presence_by_change", "changed"),
 )
 
+#: What the flights of a drone have shown about it: means, which begin at 1. No row: nothing yet.
+learned_values = Table(
+    "learned_values",
+    metadata,
+    Column("drone_id", Text, ForeignKey("drones.drone_id", ondelete="CASCADE"), primary_key=True),
+    Column("flights", BigInteger, nullable=False),
+    Column("recharges", BigInteger, nullable=False),
+    Column("still_air_factor", Double, nullable=False),
+    Column("state_of_health", Double, nullable=False),
+    Column("charge_rate_factor", Double, nullable=False),
+    # The last state that was learned from.
+    Column("learned_session", BigInteger, nullable=False),
+    Column("learned_seq", BigInteger, nullable=False),
+    Column("since_ms", BigInteger, nullable=False),
+)
+
 #: Alarms about drones on their way to composition.
 waiting_alarms = Table(
     "waiting_alarms",

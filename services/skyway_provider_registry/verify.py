@@ -19,6 +19,7 @@ from skyway.contracts.drones import DroneAlarm
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.service_facts import AnyFacts, DroneFacts, HintFacts, ProviderFacts
 from skyway.delivery.offer import Tariff
+from skyway.drone.learned_values import CHARGE_RATE_BOUNDS, HEALTH_BOUNDS, STILL_AIR_BOUNDS
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DRONE_MODELS
 from skyway.runtime.signing.key_pair import public_key_bytes
@@ -39,6 +40,7 @@ from skyway_provider_registry.tables import (
     drones,
     enrolment_tokens,
     idempotency,
+    learned_values,
     metadata,
     mission_hints,
     presence,
@@ -227,6 +229,18 @@ _DRONES: Final = (
             )
         ),
         "Set the home to the place of the station `home_station_id`: see GET /v1/networks.",
+    ),
+    Rule(
+        "what was learned about a drone is within its bounds",
+        select(learned_values.c.drone_id).where(
+            or_(
+                ~learned_values.c.still_air_factor.between(*STILL_AIR_BOUNDS),
+                ~learned_values.c.state_of_health.between(*HEALTH_BOUNDS),
+                ~learned_values.c.charge_rate_factor.between(*CHARGE_RATE_BOUNDS),
+                learned_values.c.flights + learned_values.c.recharges < 1,
+            )
+        ),
+        "Delete the row of `learned_values`: plans use the drone's model until it has flown again.",
     ),
     Rule(
         "credentials were renewed at a possible moment",

@@ -10,6 +10,7 @@ from pydantic import Field
 from skyway.contracts.message import Soc
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import ProviderChoice
+from skyway.drone.learned_values import AS_MODELLED, LearnedValues, model_as_learned
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
@@ -55,7 +56,11 @@ class CandidateQuery(WireModel):
 
 
 class Candidate(WireModel):
-    """A drone that could fly the request, as the registry knows it now."""
+    """A drone that could fly the request, as the registry knows it now.
+
+    Its flights are planned with its `planned_model`; its `model` is what all drones of its type can
+    do.
+    """
 
     provider_id: ProviderId
     drone_id: DroneId
@@ -69,6 +74,14 @@ class Candidate(WireModel):
     no_shows: Annotated[
         int, Field(ge=0, description="Its provider's missions of late whose drones did not come.")
     ] = 0
+    learned: Annotated[
+        LearnedValues, Field(description="What its flights have shown about this drone.")
+    ] = AS_MODELLED
+
+    @property
+    def planned_model(self) -> DroneModel:
+        """The drone's model with what its flights have shown."""
+        return model_as_learned(self.model, self.learned)
 
 
 #: NO_DRONES to LOW_CHARGE come from the registry, the others from the planner and from booking.

@@ -29,6 +29,8 @@ from skyway.json_model import WireModel
 #: A delivery has at most 100 packages.
 _PackageIds = Annotated[tuple[PackageId, ...], Field(max_length=100)]
 
+_Factor = Annotated[float, Field(gt=0, le=1_000)]
+
 AlarmLevel = Literal["WARNING", "URGENT", "CRITICAL"]
 
 
@@ -82,9 +84,10 @@ class DroneHealth(WireModel):
     """The results of the analysis on board.
 
     `soc_error` is one standard deviation of the estimated charge. `consumption_factor` is the
-    energy used divided by the energy of the drone model (1.0: as planned). `range_m` is the
-    distance that can still be flown with this load above the reserve. `safe_landings` are the
-    nearest stations in reach.
+    energy used divided by the energy of the drone model (1.0: as planned), in this wind and with
+    this battery; `still_air_factor` is the drone's own part of it, of the flights just flown.
+    `range_m` is the distance that can still be flown with this load above the reserve.
+    `safe_landings` are the nearest stations in reach.
     """
 
     voltage_v: Annotated[Volts, Field(description="Battery voltage in volts.")]
@@ -100,9 +103,22 @@ class DroneHealth(WireModel):
     temperature_c: Annotated[Celsius, Field(description="Battery temperature in degrees Celsius.")]
     state_of_health: Soc
     consumption_factor: Annotated[
-        float,
-        Field(gt=0, le=1_000, description="Energy used per energy planned; 1.0 is as planned."),
+        _Factor, Field(description="Energy used per energy planned; 1.0 is as planned.")
     ] = 1.0
+    still_air_factor: Annotated[
+        _Factor | None,
+        Field(
+            description="Energy used by the last flights, divided by the model's for the same "
+            "flights in the same wind; null before a flight.",
+        ),
+    ] = None
+    charge_rate_factor: Annotated[
+        _Factor | None,
+        Field(
+            description="How fast the last recharge raised the state of charge, divided by the "
+            "model's charge curve; null without a measured recharge.",
+        ),
+    ] = None
     range_m: Annotated[
         Metres,
         Field(description="How far the drone can still fly above its reserve, in metres."),

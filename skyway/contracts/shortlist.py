@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 from skyway.contracts.candidate import Candidate, Loading, ProviderReason, Standby
 from skyway.contracts.message import Soc
 from skyway.delivery.offer import Tariff
+from skyway.drone.learned_values import AS_MODELLED, LearnedValues, model_as_learned
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneId, DroneModelId, ProviderId, StationId
 from skyway.json_model import WireModel
@@ -64,6 +65,13 @@ class Shortlist(WireModel):
         tuple[Standby, ...],
         Field(description="What the drone of each row does when it is idle; without it, HOME."),
     ] = ()
+    learned: Annotated[
+        tuple[LearnedValues, ...],
+        Field(
+            description="What flights have shown about the drone of each row; empty if all drones "
+            "are as their models say."
+        ),
+    ] = ()
 
     @classmethod
     def of(cls, candidates: Iterable[Candidate]) -> Self:
@@ -89,13 +97,16 @@ class Shortlist(WireModel):
             station_ids=tuple(each.station_id for each in listed),
             home_station_ids=tuple(each.home_station_id for each in listed),
             standbys=tuple(each.standby for each in listed),
+            learned=learned_column(each.learned for each in listed),
         )
 
     @model_validator(mode="after")
     def _rows_are_whole(self) -> Self:
         columns = (self.provider_ids, self.model_ids, self.socs)
         places = (self.station_ids, self.home_station_ids, self.each_standby)
-        if {len(column) for column in (*columns, *places)} != {len(self.drone_ids)}:
+        if {len(column) for column in (*columns, *places, self.each_learned)} != {
+            len(self.drone_ids)
+        }:
             raise ValueError("the columns must be as long as drone_ids")
         if not {model.model_id for model in self.models}.issuperset(self.model_ids):
             raise ValueError("model_ids names a model that is not among the models")
@@ -123,6 +134,21 @@ class Shortlist(WireModel):
         """The standby of each row; an older registry sends none, and its drones fly home."""
         return self.standbys or tuple("HOME" for _ in self.drone_ids)
 
+    @cached_property
+    def each_learned(self) -> tuple[LearnedValues, ...]:
+        """The learned values of each row; an older registry sends none."""
+        return self.learned or tuple(AS_MODELLED for _ in self.drone_ids)
+
+    @cached_property
+    def kinds(self) -> tuple[tuple[DroneModelId, LearnedValues], ...]:
+        """The model and the learned values of each row; equal ones fly and charge alike."""
+        return tuple(zip(self.model_ids, self.each_learned, strict=True))
+
+    @cached_property
+    def planned_model_of(self) -> Mapping[tuple[DroneModelId, LearnedValues], DroneModel]:
+        """The models that flights are planned with, by their kinds."""
+        return {kind: model_as_learned(self.model_of[kind[0]], kind[1]) for kind in self.kinds}
+
     @property
     def candidates(self) -> tuple[Candidate, ...]:
         """The drones one by one, nearest first."""
@@ -142,6 +168,7 @@ class Shortlist(WireModel):
             tariff=terms.tariff,
             loading=terms.loading,
             no_shows=terms.no_shows,
+            learned=self.each_learned[row],
         )
 
     def only(self, rows: Sequence[int]) -> Self:
@@ -158,6 +185,7 @@ class Shortlist(WireModel):
             station_ids=tuple(self.station_ids[row] for row in rows),
             home_station_ids=tuple(self.home_station_ids[row] for row in rows),
             standbys=tuple(self.each_standby[row] for row in rows),
+            learned=learned_column(self.each_learned[row] for row in rows),
         )
 
     def with_tariff(self, provider_id: ProviderId, tariff: Tariff | None) -> Self:
@@ -182,6 +210,12 @@ class Shortlist(WireModel):
     def of_provider(self, provider_id: ProviderId) -> Self:
         """The shortlist of one provider's drones."""
         return self.only([row for row, of in enumerate(self.provider_ids) if of == provider_id])
+
+
+def learned_column(values: Iterable[LearnedValues]) -> tuple[LearnedValues, ...]:
+    """The column `learned` of a shortlist; empty if it says nothing."""
+    column = tuple(values)
+    return column if any(each != AS_MODELLED for each in column) else ()
 
 
 class Candidates(WireModel):

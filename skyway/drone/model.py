@@ -128,8 +128,8 @@ class DroneModel(JsonModel):
         return curve
 
     def __hash__(self) -> int:
-        """By the model's id, which equal models share; hashing all fields would take long."""
-        return hash(self.model_id)
+        """By what differs between the drones of a model; hashing all fields would take long."""
+        return hash((self.model_id, self.power_empty_w, self.battery_j))
 
     @cached_property
     def charge_columns(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -8,8 +8,11 @@ from pydantic import ValidationError
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Tariff
+from skyway.drone.learned_values import LearnedValues
 from skyway.drone.models import DJI_MATRICE_300_RTK, PAPER_SCENARIO
 from skyway.ids import ProviderId
+
+WORN = LearnedValues(state_of_health=0.9)
 
 
 def make_candidate(number: int, **members: Any) -> Candidate:
@@ -35,6 +38,7 @@ def test_candidates_arrive_as_they_were_and_in_their_order() -> None:
         make_candidate(3),
         make_candidate(1, provider_id="prv_2", tariff=Tariff(base=5), loading="CONFIRMED"),
         make_candidate(2, model=DJI_MATRICE_300_RTK, standby="STAY"),
+        make_candidate(4, learned=WORN),
     )
 
     arrived = sent(Shortlist.of(candidates))
@@ -56,6 +60,17 @@ def test_a_model_and_the_terms_of_a_provider_are_sent_once() -> None:
     assert (len(shortlist.models), len(shortlist.providers)) == (1, 1)
 
 
+def test_learned_values_are_sent_only_if_a_drone_has_some() -> None:
+    as_modelled = Shortlist.of([make_candidate(1), make_candidate(2)])
+    mixed = Shortlist.of([make_candidate(1), make_candidate(2, learned=WORN)])
+
+    assert as_modelled.learned == mixed.only([0]).learned == ()
+    assert [each.planned_model.battery_j for each in sent(mixed).candidates] == [
+        PAPER_SCENARIO.battery_j,
+        pytest.approx(0.9 * PAPER_SCENARIO.battery_j),
+    ]
+
+
 def test_a_shortlist_without_drones_is_empty() -> None:
     assert sent(Shortlist()).is_empty
     assert Shortlist().candidates == ()
@@ -69,6 +84,8 @@ def test_a_shortlist_without_drones_is_empty() -> None:
         ("station_ids", ["a", "b"]),
         ("standbys", ["STAY", "HOME"]),
         ("standbys", ["ROAM"]),
+        ("learned", [{}, {}]),
+        ("learned", [{"state_of_health": 0.1}]),
         ("models", []),
         ("providers", []),
         ("model_ids", ["unheard-of"]),

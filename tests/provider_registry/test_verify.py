@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from skyway_provider_registry.tables import broker_accounts, drones, presence
+from skyway_provider_registry.tables import broker_accounts, drones, learned_values, presence
 from skyway_provider_registry.verify import RULES
 from sqlalchemy import Executable, delete, insert, update
 
@@ -20,6 +20,20 @@ BREAKS: dict[str, tuple[Executable, str]] = {
         "drn_9",
     ),
     "every drone has one presence": (delete(presence), "drn_000001"),
+    "what was learned about a drone is within its bounds": (
+        insert(learned_values).values(
+            drone_id="drn_000001",
+            flights=1,
+            recharges=0,
+            still_air_factor=2.5,
+            state_of_health=1.0,
+            charge_rate_factor=1.0,
+            learned_session=1,
+            learned_seq=1,
+            since_ms=0,
+        ),
+        "drn_000001",
+    ),
     "every drone has an existing model": (update(drones).values(model_id="gone"), "drn_000001"),
 }
 

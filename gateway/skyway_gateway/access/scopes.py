@@ -92,6 +92,7 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         f"DELETE {_DRONE}",
         f"POST {_DRONE}/enrolment-tokens",
         f"DELETE {_DRONE}/credentials",
+        f"DELETE {_DRONE}/learned-values",
         "PUT /v1/drone-models/{model_id}",
     ),
     "keys:read": ("GET /v1/keys", "GET /v1/keys/{key_id}"),

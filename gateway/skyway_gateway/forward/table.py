@@ -97,6 +97,12 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded(
         "DELETE", "/v1/providers/{provider_id}/drones/{drone_id}/credentials", "registry", _FLEETS
     ),
+    Forwarded(
+        "DELETE",
+        "/v1/providers/{provider_id}/drones/{drone_id}/learned-values",
+        "registry",
+        _FLEETS,
+    ),
     Forwarded("POST", "/v1/enrolments", "registry", (), limit_bytes=_KEYLESS_BYTES),
     Forwarded("POST", "/v1/enrolments/rotations", "registry", _DRONE),
     Forwarded("GET", CELLS_PATH, "registry", _OPERATOR),

@@ -135,14 +135,14 @@ class Contest:
 
 
 def _twins_among(shortlist: Shortlist, openings: Mapping[DroneId, Opening]) -> npt.NDArray[np.intp]:
-    """A number for each row; rows with equal model, place, charge, home and standby share one.
+    """A number for each row; rows with equal kind, place, charge, home and standby share one.
 
     A drone that has other missions shares its number with no other drone, because the pads of
     those missions are free for this drone only.
     """
     numbers: dict[object, int] = {}
     plans = zip(
-        shortlist.model_ids,
+        shortlist.kinds,
         shortlist.station_ids,
         shortlist.socs,
         shortlist.home_station_ids,

@@ -170,7 +170,7 @@ class TripFinder:
         opening = self.openings.get(candidate.drone_id)
         key = (
             opening,
-            candidate.model,
+            candidate.planned_model,
             candidate.station_id,
             candidate.soc,
             StandbyChoice.of(candidate),
@@ -214,7 +214,7 @@ class TripFinder:
                 return _TOO_SHORT
             detail = "the deadline lies before the earliest start"
             return self._with_deadline(NoTrip("TOO_LATE", detail, is_temporary=False), start_ms)
-        standing = Standing(candidate.model, candidate.soc, candidate.station_id)
+        standing = Standing(candidate.planned_model, candidate.soc, candidate.station_id)
 
         async def begun_at(begins_ms: int) -> Trip | NoTrip:
             problem = delivery_problem(

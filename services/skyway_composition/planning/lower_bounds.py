@@ -101,13 +101,11 @@ def _paces(
     shortlist: Shortlist, request: DeliveryRequest, settings: NetworkSettings, *, tour_m: float
 ) -> _Paces:
     """The paces of the candidates on a tour of this length, with the energy margin."""
-    by_model = {
-        model_id: _pace(
-            with_margin(model, settings.energy_margin), request, settings, tour_m=tour_m
-        )
-        for model_id, model in shortlist.model_of.items()
+    by_kind = {
+        kind: _pace(with_margin(model, settings.energy_margin), request, settings, tour_m=tour_m)
+        for kind, model in shortlist.planned_model_of.items()
     }
-    return _Paces(*_looked_up(by_model, shortlist.model_ids))
+    return _Paces(*_looked_up(by_kind, shortlist.kinds))
 
 
 def _pace(

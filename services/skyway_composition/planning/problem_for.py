@@ -35,7 +35,7 @@ _HEADROOM, _STEPS = 0.02, 20
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """A drone on the ground, able to start; `model` is its true model, without margin.
+    """A drone on the ground, able to start; `model` is its planned model, without margin.
 
     Its own `energy_margin` counts if it is larger than the network's.
     """
@@ -227,7 +227,7 @@ def with_margin(model: DroneModel, energy_margin: float) -> DroneModel:
     """The model as planning uses it: every flight needs `energy_margin` more energy, as a share.
 
     Only problems hold such a model. Code that compares a drone with its plan, or asks for another
-    plan, needs the true model; otherwise the margin is added twice.
+    plan, needs the planned model; otherwise the margin is added twice.
     """
     power_w = model.power_empty_w * (1 + energy_margin)
     return model.model_copy(update={"power_empty_w": power_w})

@@ -125,7 +125,7 @@ def _needs_too_much(mission: SentMission, candidate: str) -> bool:
         drone = Candidate.read(candidate)
     except ValueError:
         return False  # another rule names texts that cannot be read
-    model, rows = drone.model, mission.rows
+    model, rows = drone.planned_model, mission.rows
     is_new = mission.revision == 1 and all(row.status == "PLANNED" for row in rows)
     soc = drone.soc if is_new else model.top_soc
     least_soc = model.reserve_soc - _ENERGY_TOLERANCE

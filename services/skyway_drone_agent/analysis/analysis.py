@@ -10,7 +10,7 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_drone_agent.analysis.battery_charge import BatteryEstimate, first_charge
-from skyway_drone_agent.analysis.battery_health import BatteryHealth
+from skyway_drone_agent.analysis.battery_health import BatteryHealth, ChargeRate
 from skyway_drone_agent.analysis.flight_estimates import EnergyUseMonitor, Velocity, WindEstimate
 from skyway_drone_agent.analysis.landings import NO_LANDINGS, LandingSource, RememberedLandings
 from skyway_drone_agent.analysis.leg import Leg, LegCache, off_course_m
@@ -55,6 +55,8 @@ class Assessment:
     cell_spread_v: float
     state_of_health: float
     consumption_factor: float
+    still_air_factor: float | None
+    charge_rate_factor: float | None
     wind_mps: Velocity | None
     velocity_mps: Velocity
     range_m: float
@@ -83,6 +85,7 @@ class Analysis:
 
     __slots__ = (
         "_charge",
+        "_charge_rate",
         "_energy",
         "_health",
         "_landings",
@@ -105,6 +108,7 @@ class Analysis:
         self._pack = pack
         self._charge: BatteryEstimate | None = None
         self._health = BatteryHealth(pack, rated_j=model.battery_j, state_of_health=state_of_health)
+        self._charge_rate = ChargeRate(model)
         self._energy = EnergyUseMonitor(power_w=model.power_empty_w)
         self._wind = WindEstimate()
         self._landings = RememberedLandings(book)
@@ -117,6 +121,7 @@ class Analysis:
         step = run.step if run is not None and isinstance(run.step, FlyStep) else None
         leg = self._legs.leg(step, load_kg=logbook.load_kg) if step else None
         charge = self._learn(reading, run, leg, soc=logbook.soc)
+        self._charge_rate.update(reading, run, soc=charge.soc)
         wind_mps = self._wind.update(reading, is_flying=leg is not None)
         if logbook.mission is not None:
             self._energy.begin(logbook.mission.mission_id, reading.at)
@@ -174,6 +179,8 @@ class Analysis:
             cell_spread_v=self._health.cell_spread_v,
             state_of_health=reach.state_of_health,
             consumption_factor=reach.factor_over(ahead),
+            still_air_factor=self._energy.measured,
+            charge_rate_factor=self._charge_rate.factor,
             wind_mps=wind_mps,
             velocity_mps=reading.ground_mps,
             range_m=reach.range_m(load_kg),

@@ -1,11 +1,14 @@
-"""How the battery ages: its capacity, and the voltage spread of its cells."""
+"""How the battery ages: its capacity, the voltage spread of its cells, and how fast it charges."""
 
 import math
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
-from skyway_drone_agent.vehicle import BatteryPack, Reading
+from skyway.contracts.flight_step import RechargeStep
+from skyway.drone.charging import recharge_time_s
+from skyway.drone.model import DroneModel
+from skyway_drone_agent.vehicle import BatteryPack, Reading, StepRun
 
 #: The battery is at rest below this current.
 _REST_A: Final = 1.0
@@ -131,3 +134,48 @@ class BatteryHealth:
             share = 1.0 - math.exp(-max(0.0, seconds) / _SPREAD_OVER_S)
         self._seen_at = reading.at
         self.cell_spread_v += share * (spread_v - self.cell_spread_v)
+
+
+#: Seconds on a pad before a recharge is measured: the charge after a flight is estimated under
+#: load, and the voltage at rest corrects it first.
+_SETTLES_WITHIN_S: Final = 180.0
+
+#: A recharge that gives less charge is not measured: the error of the estimate would count much.
+_LEAST_GAIN: Final = 0.1
+
+#: Limits of the factor; beyond them something else is wrong.
+_SLOWEST, _FASTEST = 0.05, 10.0
+
+
+class ChargeRate:
+    """How fast the last recharge raised the charge, divided by the model's charge curve.
+
+    `factor` is of the last recharge that was long enough, and None before one. Time beside an
+    occupied pad does not count.
+    """
+
+    __slots__ = ("_arrived_at", "_begun", "_model", "factor")
+
+    def __init__(self, model: DroneModel) -> None:
+        self.factor: float | None = None
+        self._model = model
+        self._arrived_at: datetime | None = None
+        self._begun: tuple[datetime, float] | None = None
+
+    def update(self, reading: Reading, run: StepRun | None, *, soc: float) -> None:
+        """Learn from this reading and its estimated charge."""
+        if run is None or not isinstance(run.step, RechargeStep) or not reading.pad_is_free:
+            self._arrived_at = self._begun = None
+            return
+        if self._arrived_at is None:
+            self._arrived_at = reading.at
+        soc = min(max(soc, self._model.charge_curve[0].soc), self._model.top_soc)
+        if self._begun is None:
+            if (reading.at - self._arrived_at).total_seconds() >= _SETTLES_WITHIN_S:
+                self._begun = (reading.at, soc)
+            return
+        begun_at, begun_soc = self._begun
+        seconds = (reading.at - begun_at).total_seconds()
+        if seconds > 0.0 and soc - begun_soc >= _LEAST_GAIN:
+            factor = recharge_time_s(self._model, begun_soc, soc) / seconds
+            self.factor = min(_FASTEST, max(_SLOWEST, factor))

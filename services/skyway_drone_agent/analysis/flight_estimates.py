@@ -109,6 +109,11 @@ class EnergyUseMonitor:
         stood_s = (at - self._flown_at).total_seconds()
         return 1.0 + (factor - 1.0) * math.exp(-max(0.0, stood_s) / _USE_FORGOTTEN_OVER_S)
 
+    @property
+    def measured(self) -> float | None:
+        """The factor of the last flights as it was when they ended; None before a flight."""
+        return None if self._flown_at is None else self.factor(self._flown_at)
+
     def begin(self, mission_id: MissionId, at: datetime) -> None:
         """Start the comparison for a new mission, with the factor of the mission before."""
         if mission_id == self._mission_id:

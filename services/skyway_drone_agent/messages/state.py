@@ -78,6 +78,8 @@ def health_of(assessment: Assessment) -> DroneHealth:
         temperature_c=assessment.temperature_c,
         state_of_health=assessment.state_of_health,
         consumption_factor=assessment.consumption_factor,
+        still_air_factor=assessment.still_air_factor,
+        charge_rate_factor=assessment.charge_rate_factor,
         range_m=assessment.range_m,
         wind=Wind(east_mps=wind[0], north_mps=wind[1]) if wind else None,
         safe_landings=tuple(landing.station_id for landing in assessment.safe_landings),

@@ -14,6 +14,7 @@ from skyway.contracts.candidate import (
 )
 from skyway.contracts.shortlist import ProviderTerms
 from skyway.delivery.offer import Tariff
+from skyway.drone.learned_values import AS_MODELLED, LearnedValues
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, NetworkId, ProviderId, StationId
@@ -55,6 +56,7 @@ class CachedDrone:
     is_busy: bool
     standby: Standby | None = None
     free_ms: int = 0
+    learned: LearnedValues = AS_MODELLED
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from skyway.contracts.candidate import (
     ProviderReason,
     ProviderReasonCode,
 )
-from skyway.contracts.shortlist import Candidates, Shortlist
+from skyway.contracts.shortlist import Candidates, Shortlist, learned_column
 from skyway.delivery.request import ProviderChoice
 from skyway.geo import EARTH_RADIUS_M, unit_vector
 from skyway.ids import ProviderId
@@ -178,6 +178,7 @@ def _shortlist(
         station_ids=tuple(each.station_id for each in drones if each.station_id is not None),
         home_station_ids=tuple(each.home_station_id for each in drones),
         standbys=tuple(each.standby or providers[each.provider_id].standby for each in drones),
+        learned=learned_column(each.learned for each in drones),
     )
 
 

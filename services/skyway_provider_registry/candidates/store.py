@@ -14,9 +14,16 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvider
 from skyway_provider_registry.change_store import ONLY_ROW, ChangeMarks
 from skyway_provider_registry.presence.drone_presence import SILENCE
+from skyway_provider_registry.presence.learned_store import LEARNED_COLUMNS, learned_of
 from skyway_provider_registry.presence.store import IS_LAST_MISSION, LAST_MISSION
 from skyway_provider_registry.providers import store as providers
-from skyway_provider_registry.tables import changes, drones, mission_hints, presence
+from skyway_provider_registry.tables import (
+    changes,
+    drones,
+    learned_values,
+    mission_hints,
+    presence,
+)
 
 #: No change has a larger number.
 _LAST_CHANGE: Final = 2**63 - 1
@@ -52,10 +59,13 @@ _columns: Final = (
     LAST_MISSION.c.free_ms,
     LAST_MISSION.c.free_station_id,
     LAST_MISSION.c.free_soc,
+    *LEARNED_COLUMNS,
 )
-_drones_with_presence: Final = drones.join(
-    presence, presence.c.drone_id == drones.c.drone_id
-).outerjoin(LAST_MISSION, IS_LAST_MISSION)
+_drones_with_presence: Final = (
+    drones.join(presence, presence.c.drone_id == drones.c.drone_id)
+    .outerjoin(LAST_MISSION, IS_LAST_MISSION)
+    .outerjoin(learned_values, learned_values.c.drone_id == drones.c.drone_id)
+)
 _EVERY_DRONE: Final = select(*_columns).select_from(_drones_with_presence)
 #: PostgreSQL expects few rows from a range with two ends. From an open range it expects a third of
 #: the table, and then it reads all mission hints.
@@ -132,4 +142,5 @@ def cached_drone(
         is_busy=bool(row.is_busy and not is_free_later),
         free_ms=row.free_ms if is_free_later else 0,
         standby=row.standby,
+        learned=learned_of(row).planned,
     )

@@ -19,6 +19,7 @@ from skyway.ids import DroneId, DroneModelId, MissionId, NetworkId, ProviderId, 
 from skyway.json_model import JsonModel
 from skyway_provider_registry.enrolment.signing_key import SigningKey
 from skyway_provider_registry.presence.drone_presence import Activity, Presence, condition_of
+from skyway_provider_registry.presence.learning import LearnedDrone
 
 DroneStateName = Literal[
     "REGISTERED",
@@ -42,6 +43,10 @@ DroneName = Annotated[
 ]
 ModelId = Annotated[DroneModelId, Field(description="id of the drone model")]
 HomeStationId = Annotated[StationId, Field(description="id of the drone's home station")]
+OwnStandby = Annotated[
+    Standby | None,
+    Field(description="HOME, STAY or PARKING when it is idle; null means as its provider"),
+]
 Registration = Annotated[
     str,
     Field(
@@ -114,10 +119,7 @@ class NewDrone(JsonModel):
     soc: Annotated[
         Soc, Field(description="state of charge until the drone's first state message, 0 to 1")
     ] = 1.0
-    standby: Annotated[
-        Standby | None,
-        Field(description="HOME, STAY or PARKING when it is idle; null means as its provider"),
-    ] = None
+    standby: OwnStandby = None
     public_key: SigningKey = None
 
 
@@ -138,10 +140,7 @@ class DroneChange(JsonModel):
         Literal["MAINTENANCE", "AVAILABLE"] | None,
         Field(description="MAINTENANCE takes the drone out of service, AVAILABLE puts it back"),
     ] = None
-    standby: Annotated[
-        Standby | None,
-        Field(description="HOME, STAY or PARKING when it is idle; null means as its provider"),
-    ] = None
+    standby: OwnStandby = None
 
     @field_validator("home_station_id", "state")
     @classmethod
@@ -196,6 +195,7 @@ class Drone(JsonModel):
         ),
     ]
     health: Annotated[DroneHealth | None, Field(description="what the drone reports of itself")]
+    learned: Annotated[LearnedDrone | None, Field(description="what its flights have shown")]
     faults: Annotated[tuple[Fault, ...], Field(description="faults that are present now")]
     failsafe: Annotated[
         ActiveFailsafe | None, Field(description="the failsafe that the drone carries out now")
@@ -250,6 +250,7 @@ class FleetDrone:
     free_from: FreeFrom | None = None
     #: Of its home; None if an older version has registered it.
     network_id: NetworkId | None = None
+    learned: LearnedDrone | None = None
 
     def state(self, wall_now: datetime) -> DroneStateName:
         """Its state at this moment of wall time."""
@@ -292,6 +293,7 @@ class FleetDrone:
             "mission_id": self.presence.mission_id,
             "free_from": self.free_from,
             "health": condition.health,
+            "learned": self.learned,
             "faults": condition.faults,
             "failsafe": condition.failsafe,
             "last_seen_at": self.presence.last_seen_at,

@@ -44,6 +44,7 @@ from skyway_provider_registry.fleets.registration import (
 )
 from skyway_provider_registry.fleets.statistics_store import FleetStatistics, totals
 from skyway_provider_registry.fleets.store import every_model
+from skyway_provider_registry.presence import learned_store
 from skyway_provider_registry.presence.drone_presence import SILENCE
 from skyway_provider_registry.providers import store as providers
 
@@ -120,6 +121,17 @@ def fleet_routes(
                 tx.connection, caller, provider_id=provider_id, drone_id=drone_id
             )
         return drone.shown(clock.wall_now())
+
+    @router.delete("/{drone_id}/learned-values", status_code=204)
+    async def forget_learned_values(
+        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Response:
+        """Forget what a drone's flights have shown, after a change of its battery or motors."""
+        caller.must_be("operator", "provider")
+        async with db.write() as tx:
+            await store.change(tx, caller, provider_id=provider_id, drone_id=drone_id, values={})
+            await learned_store.forget(tx, drone_id)
+        return Response(status_code=204)
 
     @router.delete("/{drone_id}", status_code=204, responses=conflicts("ON_MISSION"))
     async def delete_drone(

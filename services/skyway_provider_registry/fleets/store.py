@@ -19,6 +19,7 @@ from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.change_store import mark_removal
 from skyway_provider_registry.fleets.drone import FleetDrone
+from skyway_provider_registry.presence.learned_store import LEARNED_COLUMNS, shown
 from skyway_provider_registry.presence.store import (
     IS_LAST_MISSION,
     LAST_MISSION,
@@ -28,7 +29,7 @@ from skyway_provider_registry.presence.store import (
     touch,
 )
 from skyway_provider_registry.providers.store import owned
-from skyway_provider_registry.tables import drone_models, drones, providers
+from skyway_provider_registry.tables import drone_models, drones, learned_values, providers
 
 #: Registrations in one IN list.
 _CHUNK: Final = 500
@@ -36,9 +37,10 @@ _CHUNK: Final = 500
 _presence = PRESENCE.subquery("drone_presence")
 _free = tuple(LAST_MISSION.c[name] for name in ("free_ms", "free_station_id", "free_soc"))
 _fleet = (
-    select(drones, *(c for c in _presence.c if c.name != "drone_id"), *_free)
+    select(drones, *(c for c in _presence.c if c.name != "drone_id"), *_free, *LEARNED_COLUMNS)
     .join_from(drones, _presence, _presence.c.drone_id == drones.c.drone_id)
     .outerjoin(LAST_MISSION, IS_LAST_MISSION)
+    .outerjoin(learned_values, learned_values.c.drone_id == drones.c.drone_id)
 )
 
 Models = Mapping[DroneModelId, DroneModel]
@@ -219,6 +221,7 @@ def _drone(row: AnyRow, models: Mapping[DroneModelId, DroneModel]) -> FleetDrone
         presence=presence_of(row),
         free_from=free_from_of(row),
         network_id=row.network_id,
+        learned=shown(row),
     )
 
 

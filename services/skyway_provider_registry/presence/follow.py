@@ -21,6 +21,7 @@ from skyway.runtime.sql.database import Database
 from skyway_provider_registry import renewal_store
 from skyway_provider_registry.presence.judge_states import StateJudge, StationPlace, nowhere_known
 from skyway_provider_registry.presence.jump_store import put_in_maintenance
+from skyway_provider_registry.presence.learned_store import learn
 from skyway_provider_registry.presence.sighting_store import (
     PresenceMessage,
     ReceptionTime,
@@ -125,6 +126,7 @@ class Recorder:
             received_at = ReceptionTime(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
             async with self.db.write() as tx:
                 await record(tx, sightings, received_at, ahead=judgement.ahead)
+                await learn(tx, judgement.ended, now=received_at.fleet_at)
                 await put_in_maintenance(tx, judgement.alarms)
         return [(DroneId(item.ids[1]), item.message) for item in own if item.topic is TELEMETRY]
 

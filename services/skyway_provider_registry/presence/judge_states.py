@@ -25,11 +25,15 @@ from skyway_provider_registry.presence.jump import (
     why_jumped,
     why_not_there,
 )
+from skyway_provider_registry.presence.learned_store import EndedStep
 from skyway_provider_registry.presence.sighting_store import Sighting
 
 #: How much longer one state may be on its way than the next, fleet and wall seconds. Our own
 #: choice: the broker gives up a client that is silent for 15 s.
 _ON_ITS_WAY_S: Final = (30.0, 30.0)
+
+#: The activities whose end shows something about the drone.
+_LEARNED_FROM: Final = ("FLYING", "RECHARGING")
 
 #: Where a station is; None if that is not known.
 StationPlace = Callable[[StationId], Position | None]
@@ -42,10 +46,14 @@ def nowhere_known(_station_id: StationId) -> Position | None:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """The drones that jumped, each with an alarm, and how much the others are ahead."""
+    """The drones that jumped, each with an alarm; of the others how much they are ahead.
+
+    `ended` are those that have ended a flight or a recharge.
+    """
 
     alarms: list[DroneAlarm] = field(default_factory=list)
     ahead: dict[DroneId, Ahead] = field(default_factory=dict)
+    ended: dict[DroneId, EndedStep] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +84,9 @@ class StateJudge:
                 judgement.alarms.append(_alarm(owners[drone_id], drone_id, reason, message, now))
             elif sighting.state is not None:
                 judgement.ahead[drone_id] = ahead_at(last, sighting.state, received_at=now)
+                step = _ended_step(last, sighting.state)
+                if step is not None:
+                    judgement.ended[drone_id] = step
         return judgement
 
     def _faults(
@@ -94,6 +105,14 @@ class StateJudge:
             reason = why_jumped(last, sample, received_at=now, margin=margin)
             if reason is not None:
                 yield reason, sample
+
+
+def _ended_step(last: LastSeen, state: DroneState) -> EndedStep | None:
+    """The flight or the recharge that this state ends; None if it ends none."""
+    is_newer = (state.session, state.seq) > (last.session, last.seq)
+    if not is_newer or last.activity not in _LEARNED_FROM or state.activity == last.activity:
+        return None
+    return EndedStep(before=last.activity, mission_id=last.mission_id, state=state)
 
 
 def _is_newer(sample: Telemetry, last: LastSeen) -> bool:

@@ -15,6 +15,7 @@ from typing import Final
 from skyway.contracts.drone_report import DroneState, Telemetry
 from skyway.drone.model import DroneModel
 from skyway.geo import Position, distance_m
+from skyway.ids import MissionId
 
 #: The strongest tailwind with which a drone is believed to fly, metres per second, as composition
 #: believes it. Our own choice.
@@ -50,6 +51,8 @@ class LastSeen:
     soc: float
     ahead: Ahead
     model: DroneModel
+    activity: str
+    mission_id: MissionId | None = None
 
     @property
     def fastest_mps(self) -> float:

@@ -32,6 +32,8 @@ _LAST_SEEN: Final = (
         presence.c.longitude_deg,
         presence.c.latitude_deg,
         presence.c.soc,
+        presence.c.activity,
+        presence.c.mission_id,
         presence.c.ahead_m,
         presence.c.ahead_soc,
         drones.c.model_id,
@@ -82,6 +84,8 @@ def _last_seen(row: Row[*tuple[Any, ...]], models: Mapping[DroneModelId, DroneMo
         soc=row.soc,
         ahead=Ahead(row.ahead_m, row.ahead_soc),
         model=models[row.model_id],
+        activity=row.activity,
+        mission_id=row.mission_id,
     )
 
 

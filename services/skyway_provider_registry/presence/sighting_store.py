@@ -14,7 +14,7 @@ from skyway.units import moment_to_ms
 from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.presence.drone_presence import condition_text
 from skyway_provider_registry.presence.jump import Ahead
-from skyway_provider_registry.tables import presence
+from skyway_provider_registry.tables import learned_values, presence
 
 PresenceMessage = Connection | DroneState | Telemetry
 M = TypeVar("M", Connection, DroneState, Telemetry)
@@ -93,6 +93,10 @@ async def forget_order(tx: Tx, drone_ids: Collection[DroneId]) -> None:
     forgotten = dict.fromkeys(order, -1) | {"changed": change}
     rows = presence.c.drone_id.in_(sorted(drone_ids))
     await tx.execute(presence.update().where(rows).values(forgotten))
+    learned = learned_values.c.drone_id.in_(sorted(drone_ids))
+    await tx.execute(
+        learned_values.update().where(learned).values(learned_session=-1, learned_seq=-1)
+    )
 
 
 async def record(

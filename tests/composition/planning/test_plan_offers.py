@@ -22,6 +22,9 @@ from skyway.units import moment_to_ms
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
+WORN = {"still_air_factor": 1.05, "state_of_health": 0.95, "charge_rate_factor": 0.8}
+
+
 class CountingSolver(SolverPool):
     """Remembers the problems that it composed, without the ways home."""
 
@@ -65,6 +68,21 @@ async def test_equal_drones_are_composed_once(composition: Any, make: Any) -> No
     assert (len(offers.ranked), asked) == (5, ["a"])
 
 
+async def test_drones_that_fly_alike_share_a_plan_and_a_worn_drone_gets_its_own(
+    composition: Any, make: Any
+) -> None:
+    worn = [make.candidate(number, learned=WORN) for number in (2, 3)]
+    request = make.request("b", qos={"weights": {"time": 1, "energy": 1}})
+
+    alike, asked = await offers_of(composition, request, *worn)
+    best, _ = await offers_of(composition, request, *worn, make.candidate(1))
+
+    assert (len(alike.ranked), asked) == (2, ["a"])
+    (new, *_) = best.ranked
+    assert new.values.drone_id == "drn_1"
+    assert alike.ranked[0].values.energy_j == pytest.approx(1.05 * new.values.energy_j)
+
+
 async def test_a_drone_too_far_to_win_is_not_composed_when_only_time_counts(
     composition: Any, make: Any
 ) -> None:
@@ -89,13 +107,15 @@ async def test_a_drone_that_may_be_cheaper_is_composed_when_the_price_counts(
     assert sorted(asked) == ["a", "b"]
 
 
-@pytest.mark.parametrize("soc", [1.0, 0.4])
+@pytest.mark.parametrize(
+    ("soc", "learned"), [(1.0, {}), (0.4, {}), (0.4, {"still_air_factor": 0.8}), (0.8, WORN)]
+)
 @pytest.mark.parametrize("station_id", list("abcde"))
 async def test_no_offer_is_below_its_lower_bounds(
-    composition: Any, make: Any, station_id: str, soc: float
+    composition: Any, make: Any, station_id: str, soc: float, learned: dict[str, float]
 ) -> None:
     skyway = await composition.parts.networks.current("row")
-    candidate = make.candidate(station_id=station_id, soc=soc)
+    candidate = make.candidate(station_id=station_id, soc=soc, learned=learned)
     for request in (make.request("b"), make.request("c", "e"), make.request("e", "a", "c")):
         offers, _ = await offers_of(composition, request, candidate)
 

@@ -1,15 +1,20 @@
-"""The capacity of a battery, learned from precise charges at rest."""
+"""The capacity of a battery, learned from precise charges at rest, and how fast it charges."""
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from skyway_drone_agent.analysis.battery_health import BatteryHealth
-from skyway_drone_agent.vehicle import BatteryPack, Reading
+from skyway_drone_agent.analysis.battery_health import BatteryHealth, ChargeRate
+from skyway_drone_agent.vehicle import BatteryPack, Reading, StepRun
 
+from skyway.contracts.flight_step import RechargeStep
+from skyway.drone.charging import soc_after_recharge
+from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.geo import Position
+from skyway.ids import StationId
 
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
 PACK = BatteryPack()
@@ -87,3 +92,47 @@ def test_the_difference_of_the_cells_is_smoothed() -> None:
     health.update(make_reading(0, 0.9, capacity=1.0), resistance_ohm=0.02)
 
     assert health.cell_spread_v == pytest.approx(0.1)
+
+
+def recharged(*, factor: float, free_after_s: float = 0.0, until_soc: float = 0.8) -> ChargeRate:
+    """A recharge from 0.2 at so many times the model's rate, beside an occupied pad at first."""
+    rate = ChargeRate(DJI_MATRICE_300_RTK)
+    run = make_recharge()
+    for at_s in range(0, 20_000, 30):
+        charged_s = max(0.0, at_s - free_after_s) * factor
+        soc = soc_after_recharge(DJI_MATRICE_300_RTK, 0.2, charged_s)
+        if soc >= until_soc:
+            break
+        reading = replace(make_reading(at_s, soc, capacity=1.0), pad_is_free=at_s >= free_after_s)
+        rate.update(reading, run, soc=soc)
+    rate.update(make_reading(30_000, until_soc, capacity=1.0), None, soc=until_soc)
+    return rate
+
+
+def make_recharge() -> StepRun:
+    until_at = START + timedelta(days=1)
+    step = RechargeStep(
+        step_id=1,
+        station_id=StationId("a"),
+        pad=0,
+        until_soc=1.0,
+        not_before_at=START,
+        not_after_at=until_at,
+        planned_start_at=START,
+        planned_end_at=until_at,
+    )
+    return StepRun(step, START, soc=0.2, load_kg=0.0, position=Position(-98.0, 30.0))
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.8, 1.0, 1.1])
+def test_the_charge_rate_is_measured_against_the_curve(factor: float) -> None:
+    assert recharged(factor=factor).factor == pytest.approx(factor, rel=1e-6)
+    assert recharged(factor=factor, until_soc=0.95).factor == pytest.approx(factor, rel=1e-6)
+
+
+def test_time_beside_an_occupied_pad_does_not_count_as_slow_charging() -> None:
+    assert recharged(factor=0.9, free_after_s=2_000.0).factor == pytest.approx(0.9, rel=1e-6)
+
+
+def test_a_short_recharge_is_not_measured() -> None:
+    assert recharged(factor=0.9, until_soc=0.25).factor is None

@@ -9,7 +9,8 @@ from sqlalchemy.dialects import postgresql
 
 from skyway.runtime.sql.database import Database
 
-#: Fleets of two thousand, and the reports of five thousand missions since yesterday.
+#: Fleets of two thousand drones that have flown, and the reports of five thousand missions since
+#: yesterday.
 _FLEETS: Final = """
 INSERT INTO providers (provider_id, name, tariff, state, created_ms)
   VALUES ('p', 'P', '{}', 'ACTIVE', 0);
@@ -19,6 +20,9 @@ INSERT INTO drones (drone_id, provider_id, model_id, home_station_id, home_longi
 INSERT INTO presence (drone_id, connection_session, connection_number, connection_rank,
     state_session, state_seq, sample_session, sample_seq, mission_id, changed)
   SELECT 'd' || i, 1, 1, 1, 1, 1, 1, 1, 'm' || i, i FROM generate_series(1, 2000) AS i;
+INSERT INTO learned_values (drone_id, flights, recharges, still_air_factor, state_of_health,
+    charge_rate_factor, learned_session, learned_seq, since_ms)
+  SELECT 'd' || i, 1, 1, 1, 1, 1, 1, 1, 0 FROM generate_series(1, 2000) AS i;
 INSERT INTO mission_hints (mission_id, drone_id, seq, mission_state, is_live, reported_wall_ms)
   SELECT 'm' || i, 'd' || (i % 2000 + 1), 1, 'ENDED', false, 0 FROM generate_series(1, 5000) AS i;
 INSERT INTO changes ("only", latest, providers, removals) VALUES (1, 2000, 1, 0)

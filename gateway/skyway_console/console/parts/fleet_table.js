@@ -7,19 +7,29 @@ import {pathTo} from "../routes.js";
 import {inWords, percent, shortId, stationName} from "../words.js";
 import {attempt} from "./messages.js";
 import {ShareBar} from "./share_bar.js";
+import {SureButton} from "./sure_button.js";
 
 const LOW_CHARGE = 0.2;
 
 const faultName = (fault) => inWords(typeof fault === "string" ? fault : fault.code);
 
+// What its flights have shown about a drone, against its model.
+const learnedText = ({planned, flights}) =>
+  `energy use ${percent(planned.still_air_factor)}, battery ${percent(planned.state_of_health)}, `
+  + `charging ${percent(planned.charge_rate_factor)} of the model's, by ${flights} flights`;
+
 function Commands({drone, onChange, onToken}) {
-  const {drone_id: droneId, provider_id: provider, state} = drone;
+  const {drone_id: droneId, provider_id: provider, state, learned} = drone;
   const path = `/v1/providers/${part(provider)}/drones/${part(droneId)}`;
   const name = drone.name ?? shortId(droneId);
   const put = async (wanted, done) => {
     if (await attempt(() => call("PATCH", path, {state: wanted}), done)) onChange();
   };
   const token = () => attempt(async () => onToken(name, await post(`${path}/enrolment-tokens`)));
+  const forget = async () => {
+    const done = `${name} counts as its model says until it has flown again.`;
+    if (await attempt(() => call("DELETE", `${path}/learned-values`), done)) onChange();
+  };
   return html`
     <div class="commands">
       ${state === "MAINTENANCE"
@@ -30,17 +40,20 @@ function Commands({drone, onChange, onToken}) {
             Into maintenance</button>`}
       <button class="small" aria-label=${`Another enrolment token for ${name}`} onClick=${token}>
         Enrolment token</button>
+      ${learned && html`<${SureButton} verb="Forget" label=${`Forget what flights of ${name} have shown`}
+        onSure=${forget} />`}
     </div>`;
 }
 
 function DroneRow({drone, onChange, onToken}) {
   const {drone_id: droneId, name, registration, model_id: model, home_station_id: home} = drone;
-  const {state, activity, soc, faults = []} = drone;
+  const {state, activity, soc, learned, faults = []} = drone;
   return html`
     <tr data-drone=${droneId}>
       <td><a href=${pathTo("map", "drone", droneId)}>${name ?? shortId(droneId)}</a>
         <br /><small>${registration ?? ""}</small></td>
-      <td>${model}<br /><small>home ${stationName(home)}</small></td>
+      <td>${model}<br /><small>home ${stationName(home)}</small>
+        ${learned && html`<br /><small>${learnedText(learned)}</small>`}</td>
       <td class="state">${inWords(state)}${activity && activity !== "IDLE" ? html`
         <br /><small>${inWords(activity)}</small>` : ""}</td>
       <td>${percent(soc)}<${ShareBar} share=${soc} kind=${soc < LOW_CHARGE ? "low" : "charge"} /></td>

@@ -148,7 +148,7 @@ def _problem(
 ) -> Problem:
     return delivery_problem(
         world,
-        Standing(record.candidate.model, slot.soc, slot.station_id),
+        Standing(record.candidate.planned_model, slot.soc, slot.station_id),
         request=record.request,
         start_ms=max(slot.at_ms, from_ms),
         latest_ms=latest_ms,

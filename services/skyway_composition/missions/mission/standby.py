@@ -152,7 +152,9 @@ async def trip_with_other_standby(
         solver,
         world,
         record.mission.plan,
-        standing=Standing(candidate.model, served.soc_from, served.station_id, energy_margin),
+        standing=Standing(
+            candidate.planned_model, served.soc_from, served.station_id, energy_margin
+        ),
         standby=StandbyChoice.of(candidate),
         start_ms=moment_to_ms(record.mission.start_at),
     )

@@ -66,7 +66,7 @@ class Case:
         return find_anchor(
             self.situation,
             self.trouble,
-            model=with_margin(self.record.candidate.model, energy_margin),
+            model=with_margin(self.situation.model, energy_margin),
             closed=closed,
             now_ms=moment_to_ms(clock.now()),
             earliest_ms=earliest_ms,

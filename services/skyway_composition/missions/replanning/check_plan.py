@@ -21,6 +21,7 @@ from skyway_composition.missions.replanning.request_plan import request_plan
 from skyway_composition.missions.replanning.situation import (
     Situation,
     Whereabouts,
+    factor_beyond,
     waits_for_pad,
     whereabouts,
 )
@@ -129,7 +130,7 @@ def _is_as_booked(record: MissionRecord, state: DroneState | None, *, now: datet
     is_changed = mission.loading != "AUTOMATIC" or record.aims
     if state is None or state.mission_id != mission.mission_id or not is_to_begin or is_changed:
         return False
-    factor = 1.0 if state.health is None else state.health.consumption_factor
+    factor = factor_beyond(record, state)
     return (
         (state.activity, state.station_id) == ("IDLE", drone.station_id)
         and state.at <= mission.start_at
@@ -153,7 +154,7 @@ def _expected(
     for step in situation.planned:
         load = load.after(step) if step.step_id < where.next_step else load
     steps = [each for each in situation.planned if each.step_id >= where.next_step]
-    model, more = record.candidate.model, used_more(situation.consumption_factor)
+    model, more = situation.model, used_more(situation.consumption_factor)
     careful = with_margin(model, max(more, record.mission.margins.energy_margin))
     true = with_margin(model, more) if more else model
     ahead = list(predict(steps, where, model=careful, load=load, now_ms=now_ms))

@@ -144,7 +144,7 @@ class Foresight:
             return None
         steps = [each for each in situation.planned if each.step_id >= where.next_step]
         load = Load(situation.masses_kg, situation.carried)
-        model = situation.record.candidate.model
+        model = situation.model
         for each in predict(steps, where, model=model, load=load, now_ms=self._now_ms):
             if isinstance(each.step, FlyStep) and each.step.lands:
                 return PlannedLanding(station_id=each.step.to_id, at=ms_to_moment(each.end_ms))

@@ -6,6 +6,8 @@ from typing import Final, Self
 
 from skyway.contracts.drone_report import ActiveFailsafe, DroneEvent, DroneState, Failsafe, Fault
 from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
+from skyway.drone.learned_values import model_as_learned
+from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, PackageId, StationId
 from skyway.runtime.clock import FleetClock
@@ -78,12 +80,22 @@ class Situation:
 
     @property
     def consumption_factor(self) -> float:
-        """The drone's last reported energy use relative to its model; 1 before a report."""
-        state = self.link.state
-        return 1.0 if state is None or state.health is None else state.health.consumption_factor
+        """The drone's last reported energy use relative to its planned model; 1 before a report."""
+        return factor_beyond(self.record, self.link.state)
+
+    @property
+    def model(self) -> DroneModel:
+        """The drone's planned model; a lower charge rate that the drone reports counts immediately.
+
+        Otherwise each session of the mission would be planned too short.
+        """
+        candidate, state = self.record.candidate, self.link.state
+        health = None if state is None else state.health
+        reported = None if health is None else health.charge_rate_factor
+        return model_as_learned(candidate.model, candidate.learned.charging_at_most(reported))
 
     def energy_margin(self, settings: NetworkSettings) -> float:
-        """The share of energy that plans add to what the drone's model says."""
+        """The share of energy that plans add to what the drone's planned model says."""
         return max(settings.energy_margin, planned_more(self.consumption_factor))
 
     @property
@@ -96,6 +108,16 @@ class Situation:
     def masses_kg(self) -> dict[PackageId, float]:
         """The mass of each package of the mission."""
         return {each.package_id: each.mass_kg for each in self.record.request.packages}
+
+
+def factor_beyond(record: MissionRecord, state: DroneState | None) -> float:
+    """The energy use in a drone's report relative to its planned model; 1 before a report.
+
+    The drone compares with its model, and its plan counts what was learned about it already.
+    """
+    if state is None or state.health is None:
+        return 1.0
+    return record.candidate.learned.beyond(state.health.consumption_factor)
 
 
 def steering_failsafe(record: MissionRecord, state: DroneState | None) -> ActiveFailsafe | None:

@@ -18,6 +18,8 @@ HEALTH = {
     "range_m": 10_000.0,
 }
 
+WORN = {"still_air_factor": 1.1, "state_of_health": 0.9}
+
 
 @pytest.fixture
 async def ready(composition: Any, drone: Any) -> dict[str, Any]:
@@ -66,6 +68,23 @@ async def test_a_drone_in_worse_condition_than_booked_needs_another_plan(
     (trouble,) = await troubles(composition)
     assert trouble is not None
     assert "MORE_ENERGY" in trouble
+
+
+@pytest.mark.parametrize(("learned", "needs_another"), [({}, True), (WORN, False)])
+async def test_a_drone_that_uses_what_was_learned_about_it_keeps_its_plan(
+    composition: Any, drone: Any, make: Any, learned: dict[str, float], needs_another: bool
+) -> None:
+    await composition.receive(drone.state(stream=0))
+    await composition.book(make.candidate(learned=learned))
+    (instruction,) = await composition.sent()
+    await composition.receive(drone.ack(instruction))
+    ready = {"mission_id": instruction.mission_id, "mission_revision": 1, "step_id": 1}
+
+    used = {"health": HEALTH | {"consumption_factor": 1.25}}
+    await composition.receive(drone.state(**ready | used))
+
+    (trouble,) = await troubles(composition)
+    assert (trouble is not None) is needs_another
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ class RemainderPlanner:
     @property
     def model(self) -> DroneModel:
         """The drone's model with the margin that flights are planned with."""
-        return with_margin(self.record.candidate.model, self._energy_margin)
+        return with_margin(self.situation.model, self._energy_margin)
 
     @property
     def _energy_margin(self) -> float:
@@ -229,7 +229,7 @@ class RemainderPlanner:
 
     def _standing(self, anchor: Anchor) -> Standing:
         """The drone at the anchor; a drone below its reserve charges there first."""
-        model = self.record.candidate.model
+        model = self.situation.model
         soc = max(anchor.soc, model.reserve_soc)
         return Standing(model, soc, anchor.station_id, self._energy_margin)
 

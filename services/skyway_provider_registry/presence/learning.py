@@ -1,0 +1,147 @@
+"""What a drone's own flights show about it: energy use, battery and charging, against its model.
+
+Each value is a mean that begins at the model's, which counts as some flights. One flight moves it
+by little, and by at most so much, however far away it was. So a broken sensor or an odd day does
+not matter, and a drone that lies for a flight gains nothing. Old flights are forgotten slowly:
+motors and batteries age.
+
+A drone estimates wind from its air speed, and reports its energy use without it. So wind is not
+learned as a property of the drone.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Final, Self
+
+from pydantic import Field
+
+from skyway.bounds import Moment
+from skyway.contracts.drone_report import DroneHealth, DroneState
+from skyway.drone.learned_values import (
+    CHARGE_RATE_BOUNDS,
+    HEALTH_BOUNDS,
+    STILL_AIR_BOUNDS,
+    LearnedValues,
+)
+from skyway.json_model import JsonModel
+
+#: So many flights, or recharges, the model's value counts as. The drone itself estimates its
+#: battery over several flights. Our own choice, as are the next numbers.
+_FLIGHTS_OF_MODEL: Final = 3
+_RECHARGES_OF_MODEL: Final = 1
+
+#: The mean is over about so many of the last flights or recharges.
+_REMEMBERED: Final = 20
+
+#: An observation further from the mean than this counts as so far away (Huber 1964).
+_FARTHEST: Final = 0.25
+
+#: A drone that is better than its model is planned as such after so many flights or recharges:
+#: then its plans carry less charge, and its offers cost less.
+_EVIDENCE: Final = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Learned:
+    """The values of a drone after so many flights and recharges."""
+
+    flights: int = 0
+    recharges: int = 0
+    still_air_factor: float = 1.0
+    state_of_health: float = 1.0
+    charge_rate_factor: float = 1.0
+
+    def after_flight(self, health: DroneHealth) -> Self:
+        """The values after a flight that the drone reports about; the same if it measured none."""
+        if health.still_air_factor is None:
+            return self
+        flights = self.flights + 1
+        factor = _mean(
+            self.still_air_factor,
+            health.still_air_factor,
+            weight=_FLIGHTS_OF_MODEL + flights,
+            bounds=STILL_AIR_BOUNDS,
+        )
+        return replace(self._with_battery(health), flights=flights, still_air_factor=factor)
+
+    def after_recharge(self, health: DroneHealth) -> Self:
+        """The values after a recharge; the same if the drone measured none."""
+        if health.charge_rate_factor is None:
+            return self
+        recharges = self.recharges + 1
+        factor = _mean(
+            self.charge_rate_factor,
+            health.charge_rate_factor,
+            weight=_RECHARGES_OF_MODEL + recharges,
+            bounds=CHARGE_RATE_BOUNDS,
+        )
+        return replace(self._with_battery(health), recharges=recharges, charge_rate_factor=factor)
+
+    @property
+    def planned(self) -> LearnedValues:
+        """The values that plans use."""
+        flying, charging = self.still_air_factor, self.charge_rate_factor
+        return LearnedValues.in_steps(
+            still_air_factor=flying if self.flights >= _EVIDENCE else max(1.0, flying),
+            state_of_health=self.state_of_health,
+            charge_rate_factor=charging if self.recharges >= _EVIDENCE else min(1.0, charging),
+        )
+
+    def _with_battery(self, health: DroneHealth) -> Self:
+        observed = self.flights + self.recharges + 1
+        mean = _mean(
+            self.state_of_health,
+            health.state_of_health,
+            weight=_RECHARGES_OF_MODEL + observed,
+            bounds=HEALTH_BOUNDS,
+        )
+        return replace(self, state_of_health=mean)
+
+
+def learned_from(learned: Learned, *, before: str, state: DroneState) -> Learned:
+    """The values after this state of a drone whose activity was `before`."""
+    if state.health is None or state.activity == before:
+        return learned
+    if before == "FLYING" and state.activity != "DOWN":
+        return learned.after_flight(state.health)
+    return learned.after_recharge(state.health) if before == "RECHARGING" else learned
+
+
+def _mean(mean: float, observed: float, *, weight: int, bounds: tuple[float, float]) -> float:
+    """The mean with one more observation, which counts as one in `weight`."""
+    away = min(_FARTHEST, max(-_FARTHEST, observed - mean))
+    return min(bounds[1], max(bounds[0], mean + away / min(weight, _REMEMBERED)))
+
+
+class LearnedDrone(JsonModel):
+    """What the flights of a drone have shown, and what plans use of it."""
+
+    still_air_factor: Annotated[
+        float,
+        Field(
+            description="energy that its flights use in still air, divided by the model's",
+            examples=[1.12],
+        ),
+    ]
+    state_of_health: Annotated[
+        float,
+        Field(
+            description="energy that its full battery holds, divided by the model's", examples=[0.9]
+        ),
+    ]
+    charge_rate_factor: Annotated[
+        float,
+        Field(
+            description="how fast its state of charge rises on a pad, divided by the model's",
+            examples=[0.86],
+        ),
+    ]
+    flights: Annotated[int, Field(description="flights that this rests on", examples=[42])]
+    recharges: Annotated[int, Field(description="recharges that this rests on", examples=[17])]
+    since_at: Annotated[Moment, Field(description="moment of the first of them, fleet time")]
+    planned: Annotated[
+        LearnedValues,
+        Field(
+            description="what plans use: in steps of 0.05, rounded to the worse one; better than "
+            "the model only after 20 flights or recharges"
+        ),
+    ]

@@ -1,0 +1,225 @@
+"""What flights show about a drone: learned slowly, once, within bounds; forgotten on request."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from skyway_provider_registry.presence.follow import Recorder
+from skyway_provider_registry.presence.learning import Learned
+from skyway_provider_registry.verify import RULES
+
+from skyway.contracts.drone_report import DroneHealth, DroneState
+from skyway.contracts.shortlist import Candidates
+from skyway.contracts.topics import CONNECTION, STATE
+from skyway.drone.learned_values import AS_MODELLED, LearnedValues
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
+from tests.broken_rules import broken_rules
+
+pytestmark = pytest.mark.databases("sqlite")
+
+
+def make_health(
+    *, use: float | None = None, health: float = 1.0, charging: float | None = None
+) -> DroneHealth:
+    return DroneHealth(
+        voltage_v=22.0,
+        current_a=1.0,
+        soc_error=0.01,
+        cell_spread_v=0.01,
+        temperature_c=20.0,
+        state_of_health=health,
+        still_air_factor=use,
+        charge_rate_factor=charging,
+        range_m=10_000.0,
+    )
+
+
+def flown(uses: Sequence[float], *, health: float = 1.0) -> Learned:
+    learned = Learned()
+    for use in uses:
+        learned = learned.after_flight(make_health(use=use, health=health))
+    return learned
+
+
+def test_a_drone_that_is_as_its_model_stays_so() -> None:
+    assert flown([1.01, 0.98, 1.02, 0.99] * 10).planned == AS_MODELLED
+
+
+def test_a_drone_that_uses_more_energy_is_planned_so_after_some_flights() -> None:
+    planned = [flown([1.12] * flights).planned.still_air_factor for flights in (1, 5, 20)]
+
+    assert planned == [1.05, 1.1, 1.1]
+
+
+def test_a_worn_battery_and_slow_charging_are_learned() -> None:
+    learned = flown([1.0] * 3, health=0.88)
+    for _ in range(4):
+        learned = learned.after_recharge(make_health(health=0.88, charging=0.8))
+
+    assert learned.planned == LearnedValues(state_of_health=0.9, charge_rate_factor=0.85)
+
+
+def test_a_drone_is_planned_as_better_than_its_model_only_after_many_flights() -> None:
+    assert flown([0.8] * 19).planned.still_air_factor == 1.0
+    assert flown([0.8] * 20).planned.still_air_factor == pytest.approx(0.85)
+
+
+def test_one_odd_flight_changes_hardly_anything() -> None:
+    usual = [1.1] * 20
+
+    assert flown([*usual, 900.0]).planned == flown(usual).planned
+    assert flown([*usual, 0.001]).planned == flown(usual).planned
+
+
+@settings(max_examples=50)
+@given(
+    reports=st.lists(
+        st.tuples(st.floats(1e-6, 1e3), st.floats(0, 1), st.floats(1e-6, 1e3)), max_size=60
+    )
+)
+def test_no_report_leads_out_of_the_bounds(reports: list[tuple[float, float, float]]) -> None:
+    learned = Learned()
+    for use, health, charging in reports:
+        report = make_health(use=use, health=health, charging=charging)
+        learned = learned.after_flight(report).after_recharge(report)
+
+    planned = learned.planned
+
+    assert LearnedValues.model_validate(planned.model_dump()) == planned
+    assert learned.flights == learned.recharges == len(reports)
+
+
+@dataclass
+class FlyingDrone:
+    """A drone with a mission of composition, and what the registry learns from its states."""
+
+    api: Any
+    db: Database
+    clock: ManualClock
+    make: Callable[..., DroneState]
+    drone: dict[str, Any]
+    seq: int = 1
+
+    async def flies(self, health: DroneHealth, *, mission_id: str = "msn_1") -> DroneState:
+        """Take off and land; the state after the landing."""
+        states = []
+        for activity in ("FLYING", "WAITING"):
+            self.seq += 1
+            self.clock.advance(timedelta(minutes=5))
+            states.append(
+                self.make(7, self.seq, activity=activity, mission_id=mission_id, health=health)
+            )
+            await self.sends(states[-1])
+        return states[-1]
+
+    async def sends(self, state: DroneState) -> None:
+        ids = (self.drone["provider_id"], self.drone["drone_id"])
+        await Recorder(self.db, self.clock).record([Received(STATE, ids, state, False)])
+
+    async def call(self, method: str, path: str = "") -> Any:
+        drone = f"/v1/providers/{self.drone['provider_id']}/drones/{self.drone['drone_id']}"
+        return await self.api(f"provider:{self.drone['provider_id']}", method, drone + path)
+
+    async def learned(self) -> Any:
+        return (await self.call("GET")).json()["learned"]
+
+    async def planned(self) -> LearnedValues:
+        """What a request for candidates gets."""
+        query = {
+            "pickup_station_id": "san-marcos",
+            "pickup_position": [-97.9, 29.9],
+            "payload_kg": 1.0,
+            "providers": {},
+        }
+        answer = await self.api(None, "POST", "/internal/candidates", query, service="gateway")
+        (candidate,) = Candidates.read(answer.content).shortlist.candidates
+        return candidate.learned
+
+
+@pytest.fixture
+async def drone(
+    api: Any, db: Database, clock: ManualClock, state: Callable[..., DroneState], online: Any
+) -> FlyingDrone:
+    made = await api.drone(await api.provider())
+    ids = (made["provider_id"], made["drone_id"])
+    await Recorder(db, clock).record(
+        [Received(CONNECTION, ids, online(7, 1), False), Received(STATE, ids, state(7, 1), False)]
+    )
+    report = {
+        "report_id": "rpt_1",
+        "delivery_id": "dlv_1",
+        "attempt": 1,
+        "trip": 1,
+        "mission_id": "msn_1",
+        "provider_id": made["provider_id"],
+        "drone_id": made["drone_id"],
+        "seq": 1,
+        "kind": "ENDED",
+        "at": "2026-03-01T12:00:00Z",
+        "mission_state": "COMPLETED",
+    }
+    await api(None, "POST", "/internal/mission-reports", report, service="composition")
+    return FlyingDrone(api, db, clock, state, made)
+
+
+@pytest.mark.databases("sqlite", "postgresql")
+async def test_what_flights_show_is_shown_planned_with_and_forgotten_on_request(
+    drone: FlyingDrone,
+) -> None:
+    assert await drone.learned() is None
+    assert await drone.planned() == AS_MODELLED
+
+    for _ in range(5):
+        await drone.flies(make_health(use=1.1, health=0.88))
+
+    shown = await drone.learned()
+    assert (shown["flights"], shown["recharges"]) == (5, 0)
+    assert shown["still_air_factor"] == pytest.approx(1.0625, abs=1e-3)
+    assert await drone.planned() == LearnedValues(still_air_factor=1.05, state_of_health=0.9)
+    assert LearnedValues.model_validate(shown["planned"]) == await drone.planned()
+    assert await broken_rules(drone.db, RULES) == []
+
+    answer = await drone.call("DELETE", "/learned-values")
+
+    assert answer.status_code == 204, answer.text
+    assert await drone.learned() is None
+    assert await drone.planned() == AS_MODELLED
+
+
+async def test_a_landing_counts_once_however_often_it_is_read(drone: FlyingDrone) -> None:
+    landed = await drone.flies(make_health(use=1.1))
+    await drone.sends(landed)
+    await drone.sends(landed)
+
+    assert (await drone.learned())["flights"] == 1
+
+
+async def test_flights_without_a_mission_of_composition_do_not_count(drone: FlyingDrone) -> None:
+    await drone.flies(make_health(use=0.8), mission_id="msn_of_its_own")
+
+    assert await drone.learned() is None
+
+
+async def test_a_drone_that_measures_nothing_is_planned_by_its_model(drone: FlyingDrone) -> None:
+    await drone.flies(make_health(use=None, health=0.7))
+
+    assert await drone.learned() is None
+
+
+async def test_only_the_own_provider_may_reset_what_was_learned(
+    drone: FlyingDrone, api: Any
+) -> None:
+    await drone.flies(make_health(use=1.1))
+    path = f"/v1/providers/{drone.drone['provider_id']}/drones/{drone.drone['drone_id']}"
+
+    for caller, status in (("provider:prv_other", 404), (f"drone:{drone.drone['drone_id']}", 403)):
+        answer = await api(caller, "DELETE", f"{path}/learned-values")
+        assert answer.status_code == status, answer.text
+
+    assert (await drone.learned())["flights"] == 1
