@@ -42,6 +42,7 @@ class Flown:
     disturbances: Disturbances
     drone_id: DroneId
     soc: float = 1.0
+    begins_at: datetime = START
 
     @property
     def physics(self) -> Physics:
@@ -50,7 +51,8 @@ class Flown:
 
     def moments(self, *, every_s: float = 1.0) -> Iterator[Moment]:
         """The moments of all steps, each step begun when the one before has ended."""
-        physics, logbook, now = self.physics, _ready(self.steps, soc=self.soc), START
+        physics, now = self.physics, self.begins_at
+        logbook = _ready(self.steps, soc=self.soc)
         for step in self.steps:
             begun = StepBegun(
                 step_id=step.step_id,

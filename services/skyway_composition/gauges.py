@@ -28,6 +28,7 @@ ALARM_CODES: Final = frozenset(
         "IMPLAUSIBLE",
         "LATE_HAND_OVER",
         "LOADING_TIMEOUT",
+        "MAINTENANCE_DUE",
         "MASS_MISMATCH",
         "MISSION_IN_DOUBT",
         "NO_SAFE_LANDING",

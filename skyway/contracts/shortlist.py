@@ -5,7 +5,7 @@ each model and each provider's terms are sent once. The values that differ betwe
 columns, which the gateway and composition read without making an object for each drone.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Annotated, Self
 
@@ -140,14 +140,26 @@ class Shortlist(WireModel):
         return self.learned or tuple(AS_MODELLED for _ in self.drone_ids)
 
     @cached_property
-    def kinds(self) -> tuple[tuple[DroneModelId, LearnedValues], ...]:
-        """The model and the learned values of each row; equal ones fly and charge alike."""
-        return tuple(zip(self.model_ids, self.each_learned, strict=True))
+    def kinds(self) -> tuple[Hashable, ...]:
+        """A key of each row's model and learned values; rows with equal keys fly and charge alike.
+
+        It is the model's id where no drone has learned values: all composing looks it up.
+        """
+        if not self.learned:
+            return self.model_ids
+        return tuple(zip(self.model_ids, self.learned, strict=True))
 
     @cached_property
-    def planned_model_of(self) -> Mapping[tuple[DroneModelId, LearnedValues], DroneModel]:
+    def planned_model_of(self) -> Mapping[Hashable, DroneModel]:
         """The models that flights are planned with, by their kinds."""
-        return {kind: model_as_learned(self.model_of[kind[0]], kind[1]) for kind in self.kinds}
+        if not self.learned:
+            models: dict[Hashable, DroneModel] = dict(self.model_of.items())
+            return models
+        rows = {kind: row for row, kind in enumerate(self.kinds)}
+        return {
+            kind: model_as_learned(self.model_of[self.model_ids[row]], self.learned[row])
+            for kind, row in rows.items()
+        }
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -215,7 +227,9 @@ class Shortlist(WireModel):
 def learned_column(values: Iterable[LearnedValues]) -> tuple[LearnedValues, ...]:
     """The column `learned` of a shortlist; empty if it says nothing."""
     column = tuple(values)
-    return column if any(each != AS_MODELLED for each in column) else ()
+    # Most are the same object: comparing costs more.
+    says_something = any(each is not AS_MODELLED and each != AS_MODELLED for each in column)
+    return column if says_something else ()
 
 
 class Candidates(WireModel):

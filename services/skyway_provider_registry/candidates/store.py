@@ -7,6 +7,7 @@ from sqlalchemy import BigInteger, and_, bindparam, exists, literal_column, or_,
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.announced_networks import CachedNetworks
+from skyway.drone.learned_values import AS_MODELLED
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneModelId, ProviderId
@@ -142,5 +143,5 @@ def cached_drone(
         is_busy=bool(row.is_busy and not is_free_later),
         free_ms=row.free_ms if is_free_later else 0,
         standby=row.standby,
-        learned=learned_of(row).planned,
+        learned=AS_MODELLED if row.flights is None else learned_of(row).planned,
     )

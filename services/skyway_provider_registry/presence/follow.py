@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any, Final
 
 from skyway.contracts.drone_report import Connection, Telemetry
+from skyway.contracts.drones import DroneAlarm
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY, Topic
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock
@@ -20,7 +21,7 @@ from skyway.runtime.mqtt.moments import earliest_believed, latest_believed
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry import renewal_store
 from skyway_provider_registry.presence.judge_states import StateJudge, StationPlace, nowhere_known
-from skyway_provider_registry.presence.jump_store import put_in_maintenance
+from skyway_provider_registry.presence.jump_store import keep_waiting, put_in_maintenance
 from skyway_provider_registry.presence.learned_store import learn
 from skyway_provider_registry.presence.sighting_store import (
     PresenceMessage,
@@ -126,9 +127,21 @@ class Recorder:
             received_at = ReceptionTime(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
             async with self.db.write() as tx:
                 await record(tx, sightings, received_at, ahead=judgement.ahead)
-                await learn(tx, judgement.ended, now=received_at.fleet_at)
+                worse = await learn(tx, judgement.ended, now=received_at.fleet_at)
+                for drone_id, reason in worse.items():
+                    await keep_waiting(tx, self._maintenance_due(drone_id, reason))
                 await put_in_maintenance(tx, judgement.alarms)
         return [(DroneId(item.ids[1]), item.message) for item in own if item.topic is TELEMETRY]
+
+    def _maintenance_due(self, drone_id: DroneId, reason: str) -> DroneAlarm:
+        return DroneAlarm(
+            provider_id=self.owners[drone_id],
+            drone_id=drone_id,
+            level="WARNING",
+            code="MAINTENANCE_DUE",
+            detail=reason,
+            at=self.clock.now(),
+        )
 
     async def _without_earlier_credentials(
         self, batch: Sequence[Received[Any]]

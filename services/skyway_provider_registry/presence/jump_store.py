@@ -1,4 +1,4 @@
-"""All SQL of jumps: the last states of drones, and drones that are taken out of service."""
+"""All SQL of jumps and of waiting alarms: last states, and drones that are taken out of service."""
 
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Final
@@ -95,14 +95,22 @@ async def put_in_maintenance(tx: Tx, alarms: Sequence[DroneAlarm]) -> None:
         await touch(tx, alarm.drone_id)
         this = drones.c.drone_id == alarm.drone_id
         await tx.execute(update(drones).where(this).values(is_in_maintenance=True))
-        statement = tx.insert(waiting_alarms).values(
-            drone_id=alarm.drone_id, alarm=alarm.model_dump_json()
+        await keep_waiting(tx, alarm)
+
+
+async def keep_waiting(tx: Tx, alarm: DroneAlarm) -> None:
+    """Keep an alarm about a drone until composition has it; a WARNING replaces no other alarm."""
+    statement = tx.insert(waiting_alarms).values(
+        drone_id=alarm.drone_id, alarm=alarm.model_dump_json()
+    )
+    if alarm.level == "WARNING":
+        await tx.execute(statement.on_conflict_do_nothing(index_elements=["drone_id"]))
+        return
+    await tx.execute(
+        statement.on_conflict_do_update(
+            index_elements=["drone_id"], set_={"alarm": statement.excluded.alarm}
         )
-        await tx.execute(
-            statement.on_conflict_do_update(
-                index_elements=["drone_id"], set_={"alarm": statement.excluded.alarm}
-            )
-        )
+    )
 
 
 async def waiting(

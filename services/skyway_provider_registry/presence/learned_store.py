@@ -12,7 +12,12 @@ from skyway.ids import DroneId, MissionId
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_provider_registry.presence.learning import Learned, LearnedDrone, learned_from
+from skyway_provider_registry.presence.learning import (
+    Learned,
+    LearnedDrone,
+    learned_from,
+    why_maintenance,
+)
 from skyway_provider_registry.tables import learned_values, mission_hints
 
 #: The columns that say what was learned; a query over drones joins them.
@@ -48,12 +53,15 @@ class EndedStep:
     state: DroneState
 
 
-async def learn(tx: Tx, ended: Mapping[DroneId, EndedStep], *, now: datetime) -> None:
-    """Learn from these states; each counts once, however often and by whom it is read.
+async def learn(tx: Tx, ended: Mapping[DroneId, EndedStep], *, now: datetime) -> dict[DroneId, str]:
+    """Learn from these states; the result is why which drones need maintenance.
+
+    Each state counts once, however often and by whichever replica it is read.
 
     The rows of `presence` are locked, and so are these. Only missions of composition count: a drone
     that pretends to fly gains nothing.
     """
+    worse: dict[DroneId, str] = {}
     for drone_id, step in sorted(ended.items()):
         state, about = step.state, {"about": drone_id}
         row = (await tx.execute(_LEARNED, about)).one_or_none()
@@ -77,6 +85,10 @@ async def learn(tx: Tx, ended: Mapping[DroneId, EndedStep], *, now: datetime) ->
             drone_id=drone_id, since_ms=moment_to_ms(now), **values
         )
         await tx.execute(new.on_conflict_do_update(index_elements=["drone_id"], set_=values))
+        reason = why_maintenance(before, after)
+        if reason is not None:
+            worse[drone_id] = reason
+    return worse
 
 
 async def forget(tx: Tx, drone_id: DroneId) -> None:

@@ -17,6 +17,7 @@ from pydantic import Field
 from skyway.bounds import Moment
 from skyway.contracts.drone_report import DroneHealth, DroneState
 from skyway.drone.learned_values import (
+    AS_MODELLED,
     CHARGE_RATE_BOUNDS,
     HEALTH_BOUNDS,
     STILL_AIR_BOUNDS,
@@ -38,6 +39,12 @@ _FARTHEST: Final = 0.25
 #: A drone that is better than its model is planned as such after so many flights or recharges:
 #: then its plans carry less charge, and its offers cost less.
 _EVIDENCE: Final = 20
+
+
+#: A drone that is planned with values beyond these needs a person who looks at its motors, or at
+#: its contacts. The drone itself raises an alarm about a worn battery. Our own choice.
+_MOST_USE: Final = 1.3
+_SLOWEST_CHARGING: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +87,13 @@ class Learned:
     def planned(self) -> LearnedValues:
         """The values that plans use."""
         flying, charging = self.still_air_factor, self.charge_rate_factor
-        return LearnedValues.in_steps(
+        values = LearnedValues.in_steps(
             still_air_factor=flying if self.flights >= _EVIDENCE else max(1.0, flying),
             state_of_health=self.state_of_health,
             charge_rate_factor=charging if self.recharges >= _EVIDENCE else min(1.0, charging),
         )
+        # The same object for all such drones: selection compares it without looking into it.
+        return AS_MODELLED if values == AS_MODELLED else values
 
     def _with_battery(self, health: DroneHealth) -> Self:
         observed = self.flights + self.recharges + 1
@@ -104,6 +113,22 @@ def learned_from(learned: Learned, *, before: str, state: DroneState) -> Learned
     if before == "FLYING" and state.activity != "DOWN":
         return learned.after_flight(state.health)
     return learned.after_recharge(state.health) if before == "RECHARGING" else learned
+
+
+def why_maintenance(before: Learned, after: Learned) -> str | None:
+    """Why a person should look at the drone; None if it has not become worse beyond a limit."""
+    was, now = before.planned, after.planned
+    if _MOST_USE <= now.still_air_factor > was.still_air_factor:
+        return (
+            f"its last flights used {after.still_air_factor:.2f} times the energy of its model in "
+            "still air: look at its motors and propellers"
+        )
+    if _SLOWEST_CHARGING >= now.charge_rate_factor < was.charge_rate_factor:
+        return (
+            f"it charges at {after.charge_rate_factor:.2f} of its model's rate: look at its "
+            "contacts and its battery"
+        )
+    return None
 
 
 def _mean(mean: float, observed: float, *, weight: int, bounds: tuple[float, float]) -> float:

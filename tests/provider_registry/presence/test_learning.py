@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from skyway_provider_registry.presence import jump_store
 from skyway_provider_registry.presence.follow import Recorder
 from skyway_provider_registry.presence.learning import Learned
 from skyway_provider_registry.verify import RULES
@@ -190,6 +191,20 @@ async def test_what_flights_show_is_shown_planned_with_and_forgotten_on_request(
     assert answer.status_code == 204, answer.text
     assert await drone.learned() is None
     assert await drone.planned() == AS_MODELLED
+
+
+async def test_a_drone_that_becomes_much_worse_raises_an_alarm_for_maintenance_once(
+    drone: FlyingDrone,
+) -> None:
+    for _ in range(8):
+        await drone.flies(make_health(use=1.6))
+
+    async with drone.db.read() as connection:
+        (alarm, _network), *others = await jump_store.waiting(connection, limit=10)
+    assert others == []
+    assert (alarm.code, alarm.level) == ("MAINTENANCE_DUE", "WARNING")
+    assert "1.27 times the energy" in alarm.detail
+    assert (await drone.call("GET")).json()["state"] != "MAINTENANCE"
 
 
 async def test_a_landing_counts_once_however_often_it_is_read(drone: FlyingDrone) -> None:
