@@ -9,6 +9,7 @@ from skyway_composition.planning.problem_for import planned_more, used_more
 
 from skyway.contracts.drone_report import DroneHealth
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, RechargeStep, ReturnStep
+from skyway.drone.charging import recharge_time_s
 from skyway.drone.flight import flight_energy_j
 from skyway.drone.models import PAPER_SCENARIO as MODEL
 from skyway.geo import Position, distance_m
@@ -50,7 +51,7 @@ async def alarms(composition: Any) -> list[Any]:
     return list(answer.json()["items"])
 
 
-def health(consumption_factor: float) -> DroneHealth:
+def health(consumption_factor: float, *, charging: float | None = None) -> DroneHealth:
     return DroneHealth(
         voltage_v=44.0,
         current_a=10.0,
@@ -59,6 +60,7 @@ def health(consumption_factor: float) -> DroneHealth:
         temperature_c=20.0,
         state_of_health=1.0,
         consumption_factor=consumption_factor,
+        charge_rate_factor=charging,
         range_m=10_000.0,
     )
 
@@ -312,6 +314,35 @@ async def test_a_drone_in_headwind_gets_a_plan_that_it_can_fly(
     assert flight["energy_j"] == pytest.approx(1.35 * as_modelled_j, rel=1e-3)
     revision = [each for each in await composition.sent() if each.kind == "MISSION"][-1]
     assert isinstance(revision.steps[0], RechargeStep)
+
+
+@pytest.mark.parametrize(("charging", "longer"), [(None, 1.0), (1.1, 1.0), (0.5, 2.0)])
+async def test_a_drone_that_reports_slow_charging_gets_longer_sessions_in_its_next_plan(
+    composition: Any, drone: Any, charging: float | None, longer: float
+) -> None:
+    first = await failed_at(
+        composition, drone, 4, "b", "BATTERY_SHORT", soc=0.3, detail="too little"
+    )
+    stands = drone.state(
+        mission_id=first.mission_id,
+        mission_revision=1,
+        activity="WAITING",
+        step_id=4,
+        released_through=4,
+        station_id="b",
+        soc=0.3,
+        package_ids=("p1",),
+        health=health(1.0, charging=charging),
+    )
+    await composition.receive(stands)
+
+    await composition.replanner.step()
+
+    (revision,) = await composition.sent()
+    session = revision.steps[0]
+    planned_s = (session.planned_end_at - session.planned_start_at).total_seconds()
+    by_model_s = recharge_time_s(MODEL, 0.3, session.until_soc)
+    assert planned_s == pytest.approx(longer * by_model_s, rel=1e-3)
 
 
 @pytest.mark.parametrize(
