@@ -1,6 +1,7 @@
 """Runs composition: ``python -m skyway_composition [serve | migrate | verify | archive]``.
 
-``python -m skyway_composition copy URL`` copies its database into the database at the URL.
+``python -m skyway_composition copy URL`` seals its database, and copies it into the database at the
+URL. ``unseal`` lets a sealed database accept changes again.
 """
 
 import asyncio
@@ -26,34 +27,50 @@ def _serve(settings: CompositionSettings) -> int:
     return serve(build_app(settings), settings)
 
 
-def _copy(arguments: Sequence[str]) -> int:
-    from skyway.runtime.settings import DatabaseSettings
+async def _copy(source_url: str, target_url: str) -> None:
     from skyway.runtime.sql.database import Database
     from skyway.runtime.sql.migrations import migrate
     from skyway_composition.copy_store import copy_database
 
-    async def copy(target_url: str) -> None:
-        await migrate(target_url, _PACKAGE)
-        source_url = DatabaseSettings.load().database_url
-        async with Database(source_url) as source, Database(target_url) as target:
-            for table, rows in (await copy_database(source, target)).items():
-                sys.stdout.write(f"{table}: {rows} rows\n")
+    await migrate(target_url, _PACKAGE)
+    async with Database(source_url) as source, Database(target_url) as target:
+        for table, rows in (await copy_database(source, target)).items():
+            sys.stdout.write(f"{table}: {rows} rows\n")
+
+
+async def _unseal(database_url: str) -> None:
+    from skyway.runtime.sql.database import Database
+    from skyway_composition.seal_store import unseal
+
+    async with Database(database_url) as db, db.write() as tx:
+        was_sealed = await unseal(tx)
+    sys.stdout.write(
+        "the database accepts changes again\n" if was_sealed else "the database was not sealed\n"
+    )
+
+
+def _change_database(command: str, arguments: Sequence[str]) -> int:
+    """Run `copy URL` or `unseal`; the exit code."""
+    from skyway.runtime.settings import DatabaseSettings
 
     try:
-        [target_url] = arguments
-        asyncio.run(copy(target_url))
+        own_url = DatabaseSettings.load().database_url
+        if command == "copy" and len(arguments) == 1:
+            asyncio.run(_copy(own_url, arguments[0]))
+        elif command == "unseal" and not arguments:
+            asyncio.run(_unseal(own_url))
+        else:
+            sys.stderr.write(f"{_PACKAGE}: copy needs the URL of the other database, unseal none\n")
+            return 2
     except SkywayError as error:
         sys.stderr.write(f"{_PACKAGE}: {error}\n")
         return exit_code_of(error)
-    except ValueError:
-        sys.stderr.write(f"{_PACKAGE}: copy needs the URL of the other database\n")
-        return 2
     return 0
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["copy"]:
-        sys.exit(_copy(sys.argv[2:]))
+    if sys.argv[1:2] in (["copy"], ["unseal"]):
+        sys.exit(_change_database(sys.argv[1], sys.argv[2:]))
     process = ServiceProcess(
         "composition", _PACKAGE, CompositionSettings, _serve, RULES, FACTS, ARCHIVED
     )

@@ -7,7 +7,6 @@ from typing import Final
 
 from fastapi import FastAPI
 
-from skyway.cells import READ_EVERY_S
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -20,7 +19,7 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import ServiceEntrance
 from skyway.runtime.http.identity import ServiceIdentity, read_secret
 from skyway.runtime.http.metrics_routes import figures_routes, metrics_routes, readiness_gauges
-from skyway.runtime.loops import Loops, repeat
+from skyway.runtime.loops import Loops
 from skyway.runtime.metrics import GaugeSource
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.signing.cloud_key_file import read_signing_key
@@ -182,11 +181,10 @@ def build_app(settings: CompositionSettings) -> FastAPI:
             mqtt,
             Loops() as loops,
         ):
-            refresh = parts.own_cells.cells.refresh
-            loops.start("cells", repeat("cells", refresh, every_s=READ_EVERY_S))
+            await parts.own_cells.read_database(parts.db)
             loops.start("warm", parts.solver.warm())
             work.start(loops)
-            start_pruning(loops, parts.membership, parts.db, parts.clock, settings)
+            start_pruning(loops, parts.membership, parts.own_cells, parts.db, parts.clock, settings)
             yield
 
     async def readiness() -> dict[str, bool]:

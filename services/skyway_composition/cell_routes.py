@@ -17,6 +17,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition import cell_store
 from skyway_composition.own_cells import OwnCells
+from skyway_composition.seal_store import seal_id
 
 #: The calls that begin something new, by method and the beginning and end of their path.
 _BEGINNINGS: Final = (
@@ -39,14 +40,17 @@ class CellEntrance:
     async def __call__(self, request: Request) -> Mapping[str, str]:
         """Check the service's secret, and the network that the request names."""
         headers = await self.entrance(request)
+        path: str = request.scope["path"]
         if (text := request.headers.get(CELL_HEADER)) is not None:
-            path: str = request.scope["path"]
             begins = any(
                 request.method == method and path.startswith(first) and path.endswith(last)
                 for method, first, last in _BEGINNINGS
             )
             await self.own.refuse_misdirected(NamedCell.parse(text), begins=begins)
-        elif request.method == "PUT" and (published := _NETWORK.fullmatch(request.scope["path"])):
+            return headers
+        if path.startswith(("/v1/", "/internal/")) and path != CELL_WORK:
+            self.own.refuse_when_retired()
+        if request.method == "PUT" and (published := _NETWORK.fullmatch(path)):
             # The sender may not know yet that the network has a cell.
             self.own.refuse_foreign(NetworkId(published[1]))
         return headers
@@ -72,6 +76,9 @@ def cell_routes(
                 ),
                 unsent=await cell_store.unsent_messages(connection),
                 rows=await cell_store.rows(connection),
+                revision=await cell_store.revision(connection),
+                seal_id=await seal_id(connection, "SEALED"),
+                copied_seal_id=await seal_id(connection, "COPIED"),
             )
 
     return router

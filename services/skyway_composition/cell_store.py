@@ -6,6 +6,7 @@ from sqlalchemy import func, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import NetworkId
+from skyway.runtime.sql.revisions import read_standing
 from skyway_composition.tables import (
     alarms,
     closures,
@@ -17,10 +18,11 @@ from skyway_composition.tables import (
     offer_holds,
     outbox,
     replicas,
+    seals,
 )
 
-#: The tables that are copied and compared. The live replicas belong to the server itself.
-HELD: Final = tuple(table for table in metadata.sorted_tables if table is not replicas)
+#: The tables that are copied and compared. Live replicas and seals belong to the server itself.
+HELD: Final = tuple(table for table in metadata.sorted_tables if table not in (replicas, seals))
 
 #: Changes that add no row. They differ if a row changed after the database was copied.
 _CHANGES: Final = {
@@ -35,6 +37,12 @@ async def network_ids(connection: AsyncConnection) -> tuple[NetworkId, ...]:
     """All networks of this database."""
     found = await connection.execute(select(networks.c.network_id).order_by(networks.c.network_id))
     return tuple(found.scalars())
+
+
+async def revision(connection: AsyncConnection) -> str | None:
+    """The newest migration of this database; None if the database was never migrated."""
+    standing = await connection.run_sync(read_standing)
+    return None if standing is None else standing.revision
 
 
 async def open_missions(connection: AsyncConnection) -> int:

@@ -1,6 +1,7 @@
 """Copies a database of composition into another database, for the move of a cell.
 
-One database may be SQLite and the other PostgreSQL. Everything is copied in one transaction.
+The database is sealed first, so that it cannot change after the copy. One database may be SQLite
+and the other PostgreSQL. Everything is copied in one transaction.
 """
 
 from collections.abc import AsyncIterator
@@ -11,7 +12,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.errors import SkywayError
 from skyway.runtime.sql.database import Database
-from skyway_composition.cell_store import HELD, network_ids, open_missions, unsent_messages
+from skyway_composition.cell_store import HELD, network_ids, open_missions, revision
+from skyway_composition.seal_store import put_seal, seal, seal_id, unseal
 from skyway_composition.tables import alarms, closures, missions
 
 #: The number of rows that are read and written together.
@@ -19,39 +21,56 @@ _TOGETHER: Final = 500
 
 
 async def copy_database(source: Database, target: Database) -> dict[str, int]:
-    """Copy all rows of one database into another; the number of copied rows by table.
+    """Seal a database and copy all its rows into another; the number of copied rows by table.
 
-    Rows of an earlier copy in the target are replaced, unless a server has worked with them.
+    Rows of an earlier copy in the target are replaced, unless a server has worked with them. If the
+    copy fails, the source is not sealed, unless it was sealed before.
 
     Raises
     ------
     SkywayError
-        The source has not finished its work, or the target has data of its own.
+        The source has not finished its work or is of another version of Skyway, or the target has
+        data of its own.
     """
+    async with source.read() as reading, target.read() as writing:
+        await _must_be_alike(reading, writing)
+        was_sealed = await seal_id(reading, "SEALED") is not None
+    sealed = await seal(source)
+    try:
+        return await _copy(source, target, sealed)
+    except BaseException:
+        if not was_sealed:
+            async with source.write() as tx:
+                await unseal(tx)
+        raise
+
+
+async def _copy(source: Database, target: Database, sealed: str) -> dict[str, int]:
     copied: dict[str, int] = {}
-    async with source.survey() as reading:
-        await _must_be_idle(reading)
-        async with target.write() as tx:
-            await _must_be_replaceable(tx.connection, reading)
-            for table in reversed(HELD):
-                await tx.execute(delete(table))
-            for table in HELD:
-                copied[table.name] = 0
-                async for rows in _rows_of(reading, table):
-                    await tx.execute(table.insert(), rows)
-                    copied[table.name] += len(rows)
-                found = await tx.execute(select(func.count()).select_from(table))
-                if found.scalar_one() != copied[table.name]:
-                    raise SkywayError(f"{table.name} could not be copied as a whole")
+    async with source.survey() as reading, target.write() as tx:
+        await _must_be_replaceable(tx.connection, reading)
+        await unseal(tx)
+        for table in reversed(HELD):
+            await tx.execute(delete(table))
+        for table in HELD:
+            copied[table.name] = 0
+            async for rows in _rows_of(reading, table):
+                await tx.execute(table.insert(), rows)
+                copied[table.name] += len(rows)
+            found = await tx.execute(select(func.count()).select_from(table))
+            if found.scalar_one() != copied[table.name]:
+                raise SkywayError(f"{table.name} could not be copied as a whole")
+        await put_seal(tx, "COPIED", sealed)
     return copied
 
 
-async def _must_be_idle(source: AsyncConnection) -> None:
-    missions, messages = await open_missions(source), await unsent_messages(source)
-    if missions or messages:
+async def _must_be_alike(source: AsyncConnection, target: AsyncConnection) -> None:
+    """The target has the newest migration of this program."""
+    theirs, ours = [await revision(each) for each in (source, target)]
+    if theirs != ours:
         raise SkywayError(
-            f"{missions} missions are not over and {messages} messages are unsent: close the cells "
-            "of this server (skyway cell close), and copy when its work is done"
+            f"the database stands at revision {theirs}, and this version of Skyway needs {ours}: "
+            "copy with the version of its server, or upgrade that server first"
         )
 
 

@@ -2,8 +2,13 @@
 
 A request that follows a row of the table names its network and the row's generation. The server
 refuses the request if another server serves the network, or if the sender has read an older row.
+
+A server is retired when other servers serve all networks of its database: it was copied, and its
+cells have moved, or will move to it. A retired server answers nothing, and its loops do nothing.
 """
 
+import asyncio
+from collections.abc import Awaitable, Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -16,6 +21,12 @@ from skyway.ids import DroneId, NetworkId
 from skyway.runtime.errors import Misdirected, ServiceUnavailable
 from skyway.runtime.mqtt.inbox import Arrival
 from skyway.runtime.mqtt.signature_check import Reception
+from skyway.runtime.sql.database import Database
+from skyway_composition import cell_store
+from skyway_composition.seal_store import seal_id
+
+#: A step of a loop; whether there is more to do immediately.
+Step = Callable[[], Awaitable[bool]]
 
 #: A cell that has not read the table for so long books nothing, because it may have moved. Wall
 #: seconds. Bookings need the registry anyway, for their candidates.
@@ -32,13 +43,18 @@ _MOST_HOMES: Final = 200_000
 class OwnCells:
     """The networks and drones of this server; `url` is its own address in the table of cells.
 
-    `is_default`: whether this server serves the networks that have no cell.
+    `is_default`: whether this server serves the networks that have no cell. `networks` are those in
+    its database; `is_sealed`: whether the database refuses changes, because it was copied.
     """
 
     cells: Cells
     url: str | None
     is_default: bool
+    networks: Collection[NetworkId] = ()
+    is_sealed: bool = False
     _homes: dict[str, NetworkId] = field(default_factory=dict)
+    #: Wakes who waits for a change of the table.
+    _refreshed: asyncio.Event = field(default_factory=asyncio.Event)
 
     def serves(self, network_id: NetworkId) -> bool:
         """Whether this server serves the network; True before the table was read."""
@@ -46,6 +62,71 @@ class OwnCells:
         if cell is None:
             return self.is_default or self.cells.age_s is None
         return cell.url == self.url
+
+    @property
+    def foreign(self) -> frozenset[NetworkId]:
+        """The networks in this server's database that another server serves."""
+        return frozenset(each for each in self.networks if not self.serves(each))
+
+    @property
+    def is_retired(self) -> bool:
+        """Whether this server serves nothing of what is in its database.
+
+        Before the table was read: whether the database is sealed.
+        """
+        if self.cells.age_s is None:
+            return self.is_sealed
+        return bool(self.networks) and len(self.foreign) == len(self.networks)
+
+    async def read_database(self, db: Database) -> None:
+        """Read which networks are in this server's database, and whether it is sealed."""
+        async with db.read() as connection:
+            self.networks = await cell_store.network_ids(connection)
+            self.is_sealed = await seal_id(connection, "SEALED") is not None
+
+    async def refresh(self, db: Database) -> bool:
+        """Read the table of cells; whether this server now serves more of its database.
+
+        Raises
+        ------
+        ServiceUnavailable
+            There is no answer; the cached table stays.
+        """
+        was_retired, foreign = self.is_retired, self.foreign
+        await self.cells.refresh()
+        if self.cells.newest:
+            await self.read_database(db)
+        self._refreshed.set()
+        self._refreshed.clear()
+        return (was_retired and not self.is_retired) or bool(foreign - self.foreign)
+
+    async def until_active(self) -> None:
+        """Wait until this server is not retired."""
+        while self.is_retired:
+            await self._refreshed.wait()
+
+    def while_active(self, step: Step) -> Step:
+        """A step of a loop that is left out while this server is retired."""
+
+        async def active_step() -> bool:
+            return not self.is_retired and await step()
+
+        return active_step
+
+    def refuse_when_retired(self) -> None:
+        """Go on only if this server is not retired; for requests that name no network.
+
+        Raises
+        ------
+        Misdirected
+            Other servers serve all its networks.
+        """
+        if self.is_retired:
+            names = ", ".join(self.networks)
+            raise Misdirected(
+                f"this server ({self.url}) serves none of the networks in its database ({names}). "
+                "If its cells have moved, stop it, or give it an empty database"
+            )
 
     def note_home(self, drone_id: DroneId, network_id: NetworkId | None) -> None:
         """Note the home network of a drone; None if the registry does not know it."""
@@ -129,7 +210,8 @@ class OwnDrones:
 
     def is_ours(self, ids: tuple[str, ...]) -> bool:
         """Whether this process reads the messages of this sender."""
-        return not self.own.is_foreign(ids[1]) and self.reception.is_ours(ids)
+        is_foreign = self.own.is_retired or self.own.is_foreign(ids[1])
+        return not is_foreign and self.reception.is_ours(ids)
 
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         """Whether to drop the messages of this sender, unread."""

@@ -1,13 +1,15 @@
 """The loops that run beside composition's REST answers.
 
 Each replica sends messages, follows its own drones, and replans missions when it is woken. Only the
-leader runs the loops that look at all rows from time to time.
+leader runs the loops that look at all rows from time to time. A retired server (`own_cells`) does
+none of this.
 """
 
 from collections.abc import Mapping
 from functools import partial
 from typing import Final, Never
 
+from skyway.cells import READ_EVERY_S
 from skyway.contracts.mission_reports import MANY_MISSION_REPORTS, MISSION_REPORTS
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.loops import Loops, Wake, repeat
@@ -45,7 +47,9 @@ class Work:
         self._parts = parts
         self._mqtt = mqtt
         self._membership = parts.membership
-        self._instructions = MqttSender(db, mqtt, clock, polls=self._membership.polls)
+        self._own = parts.own_cells
+        polls = self._membership.polls
+        self._instructions = MqttSender(db, mqtt, clock, ready=self._may_publish, polls=polls)
         self._reports = ReportSender(
             db,
             clients,
@@ -53,7 +57,8 @@ class Work:
             together={MISSION_REPORTS: MANY_MISSION_REPORTS},
             # To the registry a report is only a hint: our own index says which drones are busy.
             paces={"registry": hint_pace()},
-            polls=self._membership.polls,
+            ready=self._own.until_active,
+            polls=polls,
         )
         self._listening = parts.listening
         self._handler = parts.handler
@@ -84,17 +89,32 @@ class Work:
         self._loading_timeouts = LoadingTimeouts(db, parts.networks, clock, mint)
         self._keeper = parts.keeper
         self._ground_stops = GroundStopEnforcer(db, parts.closings, clock)
-        self._station_states = StationStates(db, mqtt, clock, mint)
-        self._network_versions = NetworkVersions(db, mqtt, clock, mint)
+        self._station_states = StationStates(db, mqtt, clock, mint, self._own)
+        self._network_versions = NetworkVersions(db, mqtt, clock, mint, self._own)
 
     async def greet(self) -> None:
         """After every connect: publish retained messages again, ask drones for missed events."""
         self._listening.begin()
         self._membership.set_listening(True)
+        self._publish_again()
+        if not self._own.is_retired:
+            await self._handler.ask_live_drones(self._listening.owns)
+
+    def _publish_again(self) -> None:
         self._station_states.forget()
         self._network_versions.forget()
         self._parts.published.set()
-        await self._handler.ask_live_drones(self._listening.owns)
+
+    async def _may_publish(self) -> None:
+        await self._own.until_active()
+        await self._mqtt.wait_connected()
+
+    async def _read_cells(self) -> bool:
+        """Read the table of cells. A server that begins to serve networks knows no drone yet."""
+        if await self._own.refresh(self._parts.db):
+            self._publish_again()
+            self._membership.gained.set()
+        return False
 
     async def _notice_lost_connections(self) -> Never:
         """End the listening whenever the connection to the broker is lost; `greet` begins it."""
@@ -107,6 +127,7 @@ class Work:
     def start(self, loops: Loops) -> None:
         """Start all loops."""
         self._membership.start(loops)
+        loops.start("cells", repeat("cells", self._read_cells, every_s=READ_EVERY_S))
         loops.start("listening", self._notice_lost_connections())
         loops.start("gained drones", repeat("gained drones", self._gained.step, every_s=1.0))
         loops.start("instructions", self._instructions.run())
@@ -117,14 +138,16 @@ class Work:
             ("overdue", self._overdue.step, Wake()),
             ("quarantine", self._parts.quarantine.step, self._parts.quarantine.wake),
         ):
-            loops.start(name, repeat(name, step, every_s=_STEP_EVERY_S, wake=wake))
+            active = self._own.while_active(step)
+            loops.start(name, repeat(name, active, every_s=_STEP_EVERY_S, wake=wake))
         # Each replica does the work it was woken for. The leader also finds work that others left.
         for name, step, wake in (
             ("recompose", self._replanner.step, self._parts.stuck),
             ("calendars", self._calendars.step, self._parts.calendars),
         ):
+            active = self._own.while_active(step)
             polls = self._membership.polls
-            loops.start(name, repeat(name, step, every_s=_STEP_EVERY_S, wake=wake, polls=polls))
+            loops.start(name, repeat(name, active, every_s=_STEP_EVERY_S, wake=wake, polls=polls))
         self._start_leading(loops)
 
     def _start_leading(self, loops: Loops) -> None:
@@ -139,12 +162,12 @@ class Work:
             ("station states", led(states.step, begin=states.forget), _STEP_EVERY_S),
             ("withdrawn drones", led(self._withdrawn.step), _ASK_REGISTRY_EVERY_S),
         ):
-            loops.start(name, repeat(name, step, every_s=every_s))
+            loops.start(name, repeat(name, self._own.while_active(step), every_s=every_s))
         loops.start(
             "network versions",
             repeat(
                 "network versions",
-                led(versions.step, begin=versions.forget),
+                self._own.while_active(led(versions.step, begin=versions.forget)),
                 every_s=_STEP_EVERY_S,
                 wake=self._parts.published,
             ),

@@ -66,17 +66,20 @@ def copy_command(
     source: Annotated[str, typer.Option("--from", help="URL of the old server's database.")],
     target: Annotated[str, typer.Option("--to", help="URL of the new server's database.")],
 ) -> None:
-    """Copy the database of an idle server of composition, on a machine that reaches both."""
-    done = subprocess.run(
-        [sys.executable, "-m", PACKAGES["composition"], "copy", target],
-        env={**os.environ, "SKYWAY_DATABASE_URL": source},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode != 0:
-        fail(f"nothing was copied: {done.stderr.strip()}")
-    typer.echo(done.stdout.rstrip())
+    """Seal and copy the database of an idle server, on a machine that reaches both databases.
+
+    The sealed database refuses all changes: go on with `move`, or undo the seal with `unseal`.
+    """
+    typer.echo(_run_composition("copy", target, database=source, failed="nothing was copied"))
+    typer.echo("the old database is sealed: go on with skyway cell move")
+
+
+@cell_app.command("unseal")
+def unseal_command(
+    database: Annotated[str, typer.Option(help="URL of the sealed database.")],
+) -> None:
+    """Accept changes again in a database that was copied, for a cell that does not move."""
+    typer.echo(_run_composition("unseal", database=database, failed="nothing was unsealed"))
 
 
 @cell_app.command("move")
@@ -87,7 +90,21 @@ def move_command(
 ) -> None:
     """Move a closed network to another server with a copy of its database, and open it again."""
     _show(_call(data_folder(data), "POST", f"{network}/moves", _ServerPlace(url=url)))
-    typer.echo("stop the old server now: its database is out of date")
+    typer.echo("the old server does nothing more: stop it when you like")
+
+
+def _run_composition(*arguments: str, database: str, failed: str) -> str:
+    """What a command of composition prints; `failed` begins the error if it fails."""
+    done = subprocess.run(
+        [sys.executable, "-m", PACKAGES["composition"], *arguments],
+        env={**os.environ, "SKYWAY_DATABASE_URL": database},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode != 0:
+        fail(f"{failed}: {done.stderr.strip()}")
+    return done.stdout.rstrip()
 
 
 def _show(cell: dict[str, Any]) -> None:  # a cell as the gateway answers

@@ -106,3 +106,12 @@ class CellWork(WireModel):
     rows: Annotated[
         dict[str, int], Field(description="Number of rows of each table that a move copies.")
     ]
+    revision: Annotated[
+        str | None, Field(description="Newest migration of its database; null before 0.2.")
+    ] = None
+    seal_id: Annotated[
+        str | None, Field(description="The seal of its database, which refuses all changes.")
+    ] = None
+    copied_seal_id: Annotated[
+        str | None, Field(description="The seal of the database of which its own is a copy.")
+    ] = None

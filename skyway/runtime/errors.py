@@ -155,12 +155,16 @@ class RowRefused(SkywayError):
 
 
 class ServiceUnavailable(SkywayError):
-    """Another service, or the database, does not answer now; asking later may help."""
+    """Another service, or the database, does not answer now; asking later may help.
 
-    def __init__(self, service: str, detail: str) -> None:
+    `code` names the reason for programs, where there is one: ``CELL_SEALED``.
+    """
+
+    def __init__(self, service: str, detail: str, *, code: str | None = None) -> None:
         super().__init__(f"{service} is unavailable: {detail}")
         self.service = service
         self.detail = detail
+        self.code = code
 
 
 class MqttUnavailable(ServiceUnavailable):

@@ -1,5 +1,6 @@
 """A server of composition serves only its own networks, and its idle database can be copied."""
 
+import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -7,8 +8,9 @@ import pytest
 from skyway_composition.cell_store import rows
 from skyway_composition.copy_store import copy_database
 from skyway_composition.own_cells import OwnCells, OwnDrones
-from skyway_composition.tables import closures, outbox, replicas
-from sqlalchemy import text
+from skyway_composition.seal_store import seal, seal_id, unseal
+from skyway_composition.tables import closures, networks, outbox, replicas
+from sqlalchemy import select, text
 
 from skyway.cells import Cells
 from skyway.contracts.cells import CELL_HEADER, CELL_WORK, CellTable, CellWork, NetworkCell
@@ -16,10 +18,12 @@ from skyway.contracts.mission import BookMissions
 from skyway.contracts.shortlist import Shortlist
 from skyway.errors import SkywayError
 from skyway.ids import DroneId, NetworkId
+from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.migrations import migrate
 
-OPERATOR = "operator:op"
+OPERATOR, GATEWAY = "operator:op", "service:gateway"
+BOOKING_PATH = "/internal/deliveries/dlv_1/missions"
 OURS, OTHERS = "http://ours", "http://others"
 ROW = NetworkId("row")
 
@@ -54,6 +58,12 @@ def serve(composition: Any, wall: dict[str, float]) -> Serve:
         return own
 
     return given
+
+
+def booking(make: Any) -> dict[str, Any]:
+    return BookMissions(
+        attempt=1, request=make.request("c"), shortlist=Shortlist.of([make.candidate()])
+    ).model_dump(mode="json")
 
 
 async def read_network(composition: Any, header: str) -> Any:
@@ -157,16 +167,8 @@ async def test_a_gateway_that_has_not_read_the_row_of_a_network_books_only_at_it
 ) -> None:
     elsewhere = cell(OTHERS).model_copy(update={"network_id": NetworkId("north")})
     await serve(*([elsewhere] if row is None else [row]), is_default=True)
-    booking = BookMissions(
-        attempt=1, request=make.request("c"), shortlist=Shortlist.of([make.candidate()])
-    )
 
-    answer = await composition(
-        "service:gateway",
-        "PUT",
-        "/internal/deliveries/dlv_1/missions",
-        booking.model_dump(mode="json"),
-    )
+    answer = await composition(GATEWAY, "PUT", BOOKING_PATH, booking(make))
 
     assert answer.status_code == status, answer.text
     missions = await composition.rows("SELECT mission_id FROM missions")
@@ -228,8 +230,125 @@ async def test_a_copy_has_every_row_and_can_be_repeated(
 
             async with composition.db.read() as source, target.read() as copied:
                 assert await rows(copied) == await rows(source)
-            body = {"until": None, "reason": "roof"}
-            await composition(OPERATOR, "POST", "/v1/stations/b/closures", body)
+    async with composition.db.read() as connection:
+        assert await seal_id(connection, "SEALED") is not None
+
+
+async def close_station(composition: Any) -> Any:
+    body = {"until": None, "reason": "roof"}
+    return await composition(OPERATOR, "POST", "/v1/stations/b/closures", body)
+
+
+async def test_a_copied_database_refuses_changes_until_it_is_unsealed(
+    composition: Any, sqlite_url: str, package: str, make: Any
+) -> None:
+    target_url = f"{sqlite_url}.copy"
+    await migrate(target_url, package)
+    async with Database(target_url, outbox=outbox) as target:
+        await copy_database(composition.db, target)
+
+        closed = await close_station(composition)
+        missions = await composition.rows("SELECT mission_id FROM missions")
+        booked = await composition(GATEWAY, "PUT", BOOKING_PATH, booking(make))
+
+        for refused in (closed, booked):
+            assert refused.status_code == 503
+            assert refused.json()["code"] == "CELL_SEALED"
+            assert "after the move" in refused.json()["detail"]
+        assert missions == await composition.rows("SELECT mission_id FROM missions")
+        assert (await read_network(composition, "row;0")).status_code == 421
+        # The copy accepts changes. A copy back replaces the sealed database, which is free again.
+        async with target.write() as tx:
+            await tx.execute(closures.delete())
+        await copy_database(target, composition.db)
+        assert (await close_station(composition)).status_code == 201
+
+
+@pytest.mark.parametrize(
+    "migrated_url", [pytest.param("postgresql", marks=pytest.mark.integration)], indirect=True
+)
+async def test_a_transaction_that_began_before_the_seal_delays_the_seal_or_fails(
+    composition: Any, migrated_url: str
+) -> None:
+    """A replica that is stopped in a transaction must not commit to a database that was copied."""
+    new = {"network_id": "n", "version": 1, "sha256": "", "published_ms": 0}
+    async with Database(migrated_url) as other:
+
+        async def commit_late() -> None:
+            async with composition.db.write() as late:
+                await late.execute(select(networks))
+                await seal(other)
+                await late.execute(networks.insert(), new)
+
+        with pytest.raises(ServiceUnavailable, match="sealed"):
+            await commit_late()
+        async with other.write() as tx:
+            assert await unseal(tx)
+        async with composition.db.write() as early:
+            await early.execute(networks.insert(), new)
+            with pytest.raises(SkywayError, match="a lock was not available"):
+                await seal(other)
+
+    assert len(await composition.rows("SELECT network_id FROM networks")) == 2
+
+
+async def test_a_retired_server_refuses_requests_and_leaves_its_loops_out(
+    composition: Any, serve: Serve
+) -> None:
+    steps = list[int]()
+
+    async def step() -> bool:
+        steps.append(1)
+        return True
+
+    own = await serve(cell(OTHERS), is_default=True)
+    gained = await own.refresh(composition.db)
+    refused = await composition(OPERATOR, "GET", "/v1/missions")
+    assert (own.is_retired, gained) == (True, False)
+    assert refused.status_code == 421
+    assert "(row)" in refused.json()["detail"]
+    assert (await work(composition)).network_ids == ("row",)
+    assert not await own.while_active(step)()
+    waiting = asyncio.create_task(own.until_active())
+
+    async def moved_here() -> CellTable:
+        return CellTable(cells=(cell(OURS, generation=3),))
+
+    own.cells = Cells(moved_here)
+    own.cells.put(CellTable(cells=(cell(OTHERS),)))
+    own.is_sealed = True
+    assert await own.refresh(composition.db)
+    await waiting
+    assert await own.while_active(step)()
+    assert steps == [1]
+    assert (await composition(OPERATOR, "GET", "/v1/missions")).status_code == 200
+
+
+async def test_a_server_with_a_sealed_database_does_nothing_before_it_has_read_the_table(
+    composition: Any, serve: Serve
+) -> None:
+    own: OwnCells = composition.parts.own_cells
+    await own.read_database(composition.db)
+    assert not own.is_retired
+
+    await seal(composition.db)
+    await own.read_database(composition.db)
+
+    assert own.is_retired
+
+
+async def test_a_database_of_another_revision_is_not_copied(
+    composition: Any, sqlite_url: str, package: str
+) -> None:
+    target_url = f"{sqlite_url}.copy"
+    await migrate(target_url, package)
+    async with composition.db.write() as tx:
+        await tx.execute(text("UPDATE alembic_version SET version_num = '0014'"))
+    async with Database(target_url, outbox=outbox) as target:
+        with pytest.raises(SkywayError, match=r"revision 0014.*upgrade that server first"):
+            await copy_database(composition.db, target)
+
+    assert (await work(composition)).seal_id is None
 
 
 async def test_a_busy_server_is_not_copied_and_other_data_is_not_replaced(
@@ -248,6 +367,7 @@ async def test_a_busy_server_is_not_copied_and_other_data_is_not_replaced(
         with pytest.raises(SkywayError, match="mine"):
             await copy_database(composition.db, target)
     await composition.book()
+    await migrate(f"{sqlite_url}.other", package)
     async with Database(f"{sqlite_url}.other", outbox=outbox) as target:
         with pytest.raises(SkywayError, match="1 missions are not over"):
             await copy_database(composition.db, target)
@@ -263,6 +383,7 @@ async def test_a_copy_that_its_server_has_worked_with_is_not_replaced(
         await composition(OPERATOR, "POST", "/v1/stations/b/closures", body)
         await copy_database(composition.db, target)
         async with composition.db.write() as tx:
+            await unseal(tx)
             await tx.execute(closures.delete())
 
         # The target has a closure that the source has not, as after a move.

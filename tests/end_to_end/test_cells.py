@@ -138,12 +138,20 @@ def test_a_cell_works_alone_and_moves_when_it_is_idle(system: LocalSystem) -> No
         cancelled = system.call("POST", f"/v1/deliveries/{waiting}/cancel", key=key, body={})
         assert cancelled.json()["state"] == "CANCELLED", cancelled.text
         system.eventually(lambda: copy(first, second), "a copy after the end of all missions")
+        # What the old server accepted now would be lost.
+        sealed = system.call(
+            "POST",
+            "/v1/stations/north-s3/closures",
+            key=system.keys["SKYWAY_OPERATOR_KEY"],
+            body={"until": None, "reason": "roof"},
+        )
+        assert (sealed.status_code, sealed.json()["code"]) == (503, "CELL_SEALED"), sealed.text
+        assert "skyway cell unseal" in refusal(system, "open", "north")
         second.start()
-        # A booking that began before the cell was closed may take half a minute.
         system.eventually(
             lambda: run(system, "move", "north", "--to", second.url).exit_code == 0, "the move"
         )
-        first.stop()
+        # The old server is left running, and does no harm.
 
         moved = system.request_delivery(["north-s2"], pickup="north-s1")
         system.until_state(moved, "COMPLETED")

@@ -33,6 +33,7 @@ from skyway_composition.networks.station_store import (
     stations_elsewhere,
 )
 from skyway_composition.networks.store import VersionRow, all_current
+from skyway_composition.own_cells import OwnCells
 
 #: The most stations or segments that a sentence names.
 _MOST_NAMED = 5
@@ -243,12 +244,13 @@ def _named(names: Iterable[str]) -> str:
 
 @dataclass(slots=True)
 class NetworkVersions:
-    """Publishes the current versions that it has not published yet."""
+    """Publishes the current versions of own networks that it has not published yet."""
 
     db: Database
     mqtt: MqttClient
     clock: FleetClock
     mint: Mint
+    own: OwnCells
     _published: dict[NetworkId, int] = field(default_factory=dict)
 
     def forget(self) -> None:
@@ -262,7 +264,8 @@ class NetworkVersions:
         async with self.db.read() as connection:
             rows = await all_current(connection)
         for row in rows:
-            if self._published.get(row.network_id) != row.version:
+            is_own = row.network_id not in self.own.foreign
+            if is_own and self._published.get(row.network_id) != row.version:
                 message = NetworkVersion(
                     message_id=self.mint("msg"),
                     sent_at=self.clock.now(),

@@ -1,4 +1,7 @@
-"""Publish the occupancy of stations over MQTT: retained, on change and after every connect."""
+"""Publish the occupancy of stations over MQTT: retained, on change and after every connect.
+
+Only the stations of this server's own networks are published.
+"""
 
 from dataclasses import dataclass, field
 
@@ -10,9 +13,10 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.own_cells import OwnCells
 from skyway_composition.pads.occupancy import Occupancy
 from skyway_composition.pads.occupied_store import occupied_stations
-from skyway_composition.pads.store import pads_everywhere, pads_of_all
+from skyway_composition.pads.store import pads_everywhere, pads_of_all, stations_of
 
 
 @dataclass(slots=True)
@@ -27,6 +31,7 @@ class StationStates:
     mqtt: MqttClient
     clock: FleetClock
     mint: Mint
+    own: OwnCells
     _published: dict[StationId, Occupancy] = field(default_factory=dict)
     _connects: int = 1
     _published_connects: int = 0
@@ -58,7 +63,11 @@ class StationStates:
                 pads = await pads_of_all(connection, others) if others else {}
             else:
                 pads = await pads_everywhere(connection)
-        return {station_id: Occupancy(count) for station_id, count in pads.items()} | occupied
+            foreign = set[StationId]()
+            if self.own.foreign:
+                foreign = await stations_of(connection, sorted(self.own.foreign))
+        uses = {station_id: Occupancy(count) for station_id, count in pads.items()} | occupied
+        return {station_id: use for station_id, use in uses.items() if station_id not in foreign}
 
     def _published_as_used(self) -> set[StationId]:
         return {station_id for station_id, use in self._published.items() if not use.is_none}

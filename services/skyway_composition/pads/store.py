@@ -289,3 +289,11 @@ async def pads_everywhere(connection: AsyncConnection) -> dict[StationId, int]:
     """The number of pads of every station."""
     found = await connection.execute(select(stations.c.station_id, stations.c.pads))
     return {row.station_id: row.pads for row in found}
+
+
+async def stations_of(
+    connection: AsyncConnection, network_ids: Sequence[NetworkId]
+) -> set[StationId]:
+    """The stations of these networks."""
+    query = select(stations.c.station_id).where(stations.c.network_id.in_(network_ids))
+    return set((await connection.execute(query)).scalars())

@@ -24,6 +24,7 @@ from skyway_composition.tables.networks import (
     network_versions,
     networks,
     pad_reservations,
+    seals,
     stations,
 )
 from skyway_composition.tables.no_shows import no_shows
@@ -54,6 +55,7 @@ __all__ = [
     "pad_reservations",
     "quarantine",
     "replicas",
+    "seals",
     "stations",
 ]
 

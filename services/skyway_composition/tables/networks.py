@@ -109,3 +109,14 @@ closures = Table(
     Index("closures_in_force", "network_id", "lifted_ms", "until_ms"),
     Index("closures_by_station", "station_id"),
 )
+
+#: SEALED: this database was copied for the move of its cell, and refuses changes. COPIED: this
+#: database is a copy of a database that has the same seal.
+seals = Table(
+    "seals",
+    metadata,
+    Column("kind", Text, primary_key=True),
+    Column("seal_id", Text, nullable=False),
+    Column("made_wall_ms", BigInteger, nullable=False),
+    CheckConstraint("kind IN ('SEALED', 'COPIED')", name="seal_kind"),
+)

@@ -1,14 +1,12 @@
 """Asks the servers of composition, and then adds, closes, opens and moves cells.
 
-A move loses nothing: it needs an old server that has finished its work, and a new server whose
-database holds the same number of rows in each table.
+A move loses nothing: it needs an old server that has finished its work, whose database was sealed
+before it was copied, and a new server with this copy.
 """
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from datetime import timedelta
 from fnmatch import fnmatchcase
-from typing import Final
 from urllib.parse import urlsplit
 
 from skyway.cells import CellClients
@@ -19,9 +17,6 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound, RowRefused
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.cells import store
-
-#: A server may notice only after 10 s that a cell is closed. A booking takes at most 20 s.
-_BOOKINGS_END_WITHIN: Final = timedelta(seconds=30)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +69,14 @@ class CellChanges:
         ------
         NotFound
             The network has no cell.
+        Conflict
+            CELL_SEALED: its server could not accept any request.
+        ServiceUnavailable
+            The cell is to be opened, and its server does not answer.
         """
         while (cell := await self._cell(network_id)).state != state:
+            if state == "OPEN":
+                _refuse_sealed(cell, await self._work(cell.url))
             async with self.db.write() as tx:
                 if state == "CLOSED":
                     await store.close(tx, cell, wall_at=self.clock.wall_now())
@@ -95,8 +96,9 @@ class CellChanges:
         InvalidInput
             The deployment does not allow this host.
         Conflict
-            CELL_OPEN, CELL_BUSY, CELL_NOT_ALONE: the old server may still work. CELL_NOT_COPIED,
-            WRONG_SERVER: the new server cannot take over. CELL_CHANGED: the table has changed.
+            CELL_OPEN, CELL_BUSY, CELL_NOT_ALONE, CELL_NOT_SEALED: the old server may still work.
+            CELL_NOT_COPIED, OTHER_VERSION, WRONG_SERVER: the new server cannot take over.
+            CELL_CHANGED: the table has changed.
         ServiceUnavailable
             The old or the new server does not answer.
         """
@@ -106,23 +108,16 @@ class CellChanges:
         async with self.db.read() as connection:
             moving = [each for each in await store.every(connection) if each.url == cell.url]
         _refuse_open(moving)
-        self._refuse_just_closed(moving)
         old = await self._work(cell.url)
         _refuse_busy(cell, moving, old)
-        _refuse_incomplete(cell, old, url=url, new=await self._own_work(url))
+        new = await self._own_work(url)
+        _refuse_other_version(cell, old, url=url, new=new)
+        _refuse_another_copy(cell, old, url=url, new=new)
+        _refuse_incomplete(cell, old, url=url, new=new)
         async with self.db.write() as tx:
             if not await store.open_at(tx, moving, url=url):
                 raise Conflict("CELL_CHANGED", "another call has changed the cell: try again")
         return await self._changed(network_id)
-
-    def _refuse_just_closed(self, moving: Sequence[NetworkCell]) -> None:
-        closed_at = max(each.closed_at for each in moving if each.closed_at is not None)
-        if self.clock.wall_now() < closed_at + _BOOKINGS_END_WITHIN:
-            raise Conflict(
-                "CELL_BUSY",
-                f"a booking that began before the cell was closed at {closed_at} may take "
-                f"{_BOOKINGS_END_WITHIN.total_seconds():g} s: wait, and try again",
-            )
 
     async def _changed(self, network_id: NetworkId) -> NetworkCell:
         """The cell after a change; this process reads the change before the caller gets it."""
@@ -178,6 +173,16 @@ def _refuse_another(cell: NetworkCell, url: str) -> None:
         )
 
 
+def _refuse_sealed(cell: NetworkCell, work: CellWork) -> None:
+    if work.seal_id is not None:
+        raise Conflict(
+            "CELL_SEALED",
+            f"the database at {cell.url} was sealed to be copied. Go on with the move (skyway cell "
+            "move). If the cell stays at this server, run skyway cell unseal with the URL of the "
+            "database, and open the cell after that",
+        )
+
+
 def _refuse_open(moving: Sequence[NetworkCell]) -> None:
     names = [each.network_id for each in moving if each.state == "OPEN"]
     if names:
@@ -201,6 +206,32 @@ def _refuse_busy(cell: NetworkCell, moving: Sequence[NetworkCell], work: CellWor
             "CELL_BUSY",
             f"{work.open_missions} missions are not over, {work.held_offers} offers are held and "
             f"{work.unsent} messages are unsent at {cell.url}: wait, and try again",
+        )
+
+
+def _refuse_other_version(cell: NetworkCell, old: CellWork, *, url: str, new: CellWork) -> None:
+    if old.revision is None or old.revision != new.revision:
+        raise Conflict(
+            "OTHER_VERSION",
+            f"the database at {cell.url} stands at revision {old.revision}, and that at {url} at "
+            f"{new.revision}: install the same version of Skyway at both, copy the database "
+            "(skyway cell copy), and try again",
+        )
+
+
+def _refuse_another_copy(cell: NetworkCell, old: CellWork, *, url: str, new: CellWork) -> None:
+    """Go on only if the new database is a copy of the old one, which has not changed since."""
+    if old.seal_id is None:
+        raise Conflict(
+            "CELL_NOT_SEALED",
+            f"the database at {cell.url} still accepts changes: copy it (skyway cell copy), which "
+            "seals it, and try again",
+        )
+    if new.copied_seal_id != old.seal_id or new.seal_id is not None:
+        raise Conflict(
+            "CELL_NOT_COPIED",
+            f"the database at {url} is no copy of the sealed database at {cell.url}, or was copied "
+            "elsewhere itself: copy the database (skyway cell copy), and try again",
         )
 
 

@@ -63,7 +63,7 @@ def cell_routes(*, db: Database, gate: ServiceGate, changes: CellChanges) -> Ser
         caller.must_be("operator")
         return await changes.add(network_id, url=place.url)
 
-    @router.patch("/v1/cells/{network_id}", responses=NOT_FOUND)
+    @router.patch("/v1/cells/{network_id}", responses={**NOT_FOUND, **conflicts("CELL_SEALED")})
     async def update_cell(
         network_id: NetworkId, caller: Annotated[Caller, Depends(gate)], change: CellStateChange
     ) -> NetworkCell:
@@ -80,7 +80,9 @@ def cell_routes(*, db: Database, gate: ServiceGate, changes: CellChanges) -> Ser
                 "CELL_CHANGED",
                 "CELL_NOT_ALONE",
                 "CELL_NOT_COPIED",
+                "CELL_NOT_SEALED",
                 "CELL_OPEN",
+                "OTHER_VERSION",
                 "WRONG_SERVER",
             ),
         },

@@ -95,7 +95,7 @@ def problem_of(error: SkywayError) -> ProblemDetails:
     if isinstance(error, ScopeMissing):
         problem = _problem(kind, error.detail, code="SCOPE_MISSING")
         return ProblemDetails.model_validate({"scope": error.scope, **problem.model_dump()})
-    if isinstance(error, BudgetSpent):
+    if isinstance(error, BudgetSpent | ServiceUnavailable):
         return _problem(kind, str(error), code=error.code)
     return _problem(kind, str(error))
 

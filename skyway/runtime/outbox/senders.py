@@ -17,6 +17,7 @@ from skyway.runtime.metrics import count, observe
 from skyway.runtime.outbox.stream_sender import (
     Retry,
     StreamSender,
+    no_wait,
     quick_pace,
     retry_later,
     unhurried_pace,
@@ -67,6 +68,7 @@ class MqttSender:
         clock: FleetClock,
         *,
         pace: Pace | None = None,
+        ready: Callable[[], Awaitable[None]] | None = None,
         polls: Callable[[], bool] = always,
     ) -> None:
         self._mqtt = mqtt
@@ -77,7 +79,7 @@ class MqttSender:
             clock=clock,
             pace=pace or quick_pace(),
             lease_s=_MQTT_LEASE_S,
-            ready=mqtt.wait_connected,
+            ready=ready or mqtt.wait_connected,
             polls=polls,
         )
 
@@ -117,6 +119,7 @@ class ReportSender:
     other.
 
     `paces` says how often to look for the reports to a service; the default is `unhurried_pace`.
+    `ready` waits until reports may be sent.
     """
 
     def __init__(
@@ -127,6 +130,7 @@ class ReportSender:
         *,
         together: Mapping[str, str] | None = None,
         paces: Mapping[str, Pace] | None = None,
+        ready: Callable[[], Awaitable[None]] = no_wait,
         polls: Callable[[], bool] = always,
     ) -> None:
         self._clients = clients
@@ -134,7 +138,15 @@ class ReportSender:
         self._batches: dict[tuple[str, str], _ReportBatch] = {}
         pace_of = {service: unhurried_pace() for service in clients} | dict(paces or {})
         self._senders = [
-            StreamSender(db, service, self._post, clock=clock, pace=pace_of[service], polls=polls)
+            StreamSender(
+                db,
+                service,
+                self._post,
+                clock=clock,
+                pace=pace_of[service],
+                ready=ready,
+                polls=polls,
+            )
             for service in clients
         ]
         for service in clients:

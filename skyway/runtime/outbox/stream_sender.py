@@ -97,7 +97,7 @@ class _Waiting:
     due_at_ms: int
 
 
-async def _no_wait() -> None:
+async def no_wait() -> None:
     """Return immediately: sending needs nothing first."""
 
 
@@ -113,7 +113,7 @@ class StreamSender:
         clock: FleetClock,
         pace: Pace,
         lease_s: float = _LEASE_S,
-        ready: Callable[[], Awaitable[None]] = _no_wait,
+        ready: Callable[[], Awaitable[None]] = no_wait,
         polls: Callable[[], bool] = always,
     ) -> None:
         if db.outbox is None:

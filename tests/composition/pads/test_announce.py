@@ -9,7 +9,11 @@ from skyway_composition.networks.publish import NetworkVersions
 from skyway_composition.pads.announce import StationStates
 from skyway_composition.parts import Parts
 
+from skyway.cells import Cells
+from skyway.contracts.cells import CellTable
 from skyway.runtime.mqtt.client import MqttClient
+
+OPERATOR = "operator:op"
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
@@ -26,11 +30,13 @@ class Broker:
 
 
 def station_states(parts: Parts, broker: Broker) -> StationStates:
-    return StationStates(parts.db, cast(MqttClient, broker), parts.clock, parts.mint)
+    mqtt = cast(MqttClient, broker)
+    return StationStates(parts.db, mqtt, parts.clock, parts.mint, parts.own_cells)
 
 
 def network_versions(parts: Parts, broker: Broker) -> NetworkVersions:
-    return NetworkVersions(parts.db, cast(MqttClient, broker), parts.clock, parts.mint)
+    mqtt = cast(MqttClient, broker)
+    return NetworkVersions(parts.db, mqtt, parts.clock, parts.mint, parts.own_cells)
 
 
 async def test_a_station_is_published_when_a_reservation_begins_and_ends(composition: Any) -> None:
@@ -140,3 +146,27 @@ async def test_a_reserved_pad_that_fails_is_free_when_outage_and_reservation_are
         message for name, message in broker.published if name == "skyway/v1/stations/b/state"
     ]
     assert (published[-1].pads_taken, published[-1].next_free_at) == (1, until)
+
+
+async def test_stations_and_versions_of_a_network_at_another_server_are_not_published(
+    composition: Any, make: Any
+) -> None:
+    parts, broker = composition.parts, Broker()
+    path = "/v1/networks/moved"
+    assert (await composition(OPERATOR, "PUT", path, make.network(stations="xyz"))).is_success
+    cell = {"network_id": "moved", "url": "http://other", "state": "OPEN", "generation": 1}
+
+    async def read() -> CellTable:
+        return CellTable.model_validate({"cells": [cell]})
+
+    parts.own_cells.cells = Cells(read)
+    await parts.own_cells.refresh(parts.db)
+    await station_states(parts, broker).step()
+    await network_versions(parts, broker).step()
+
+    published = {name for name, _ in broker.published}
+    assert not parts.own_cells.is_retired
+    assert published == {
+        *(f"skyway/v1/stations/{each}/state" for each in "abcde"),
+        "skyway/v1/networks/row/version",
+    }
