@@ -67,6 +67,8 @@ async def _copy(source: Database, target: Database, sealed: str) -> dict[str, in
 async def _must_be_alike(source: AsyncConnection, target: AsyncConnection) -> None:
     """The target has the newest migration of this program."""
     theirs, ours = [await revision(each) for each in (source, target)]
+    if theirs is None:
+        raise SkywayError("the database to copy has no tables of Skyway: check its URL")
     if theirs != ours:
         raise SkywayError(
             f"the database stands at revision {theirs}, and this version of Skyway needs {ours}: "

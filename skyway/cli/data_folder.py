@@ -88,6 +88,11 @@ class DataFolder:
         return self.path / "journals"
 
     @property
+    def cells_file(self) -> Path:
+        """The ports of the cells, if the system has any."""
+        return self.path / "cells.json"
+
+    @property
     def small_world_request(self) -> Path:
         """An empty file by which the gateway asks for the small world."""
         return self.path / "small-world.requested"

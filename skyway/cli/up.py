@@ -47,27 +47,38 @@ def up_command(
             "delivery requested every few seconds.",
         ),
     ] = False,
+    cells: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=50,
+            help="Servers of composition for regions of their own. A data folder keeps its cells: "
+            "later starts need no option.",
+        ),
+    ] = 0,
 ) -> None:
     """Start all processes and keep them running until Ctrl-C."""
     folder = data_folder(data)
     ports = Ports(gateway=port, broker=mqtt_port)
-    asyncio.run(_up(folder, rate=rate or (_DEMO_RATE if demo else _RATE), ports=ports, demo=demo))
+    chosen_rate = rate or (_DEMO_RATE if demo else _RATE)
+    asyncio.run(_up(folder, rate=chosen_rate, ports=ports, demo=demo, cells=cells))
 
 
-async def _up(folder: DataFolder, *, rate: float, ports: Ports, demo: bool) -> None:
+async def _up(folder: DataFolder, *, rate: float, ports: Ports, demo: bool, cells: int) -> None:
     console = Console()
     with asked_to_stop() as asked:
-        await first_of(asked.wait(), _run(console, folder, rate=rate, ports=ports, demo=demo))
+        running = _run(console, folder, rate=rate, ports=ports, demo=demo, cells=cells)
+        await first_of(asked.wait(), running)
     console.print("Skyway has stopped; nothing is left running.")
 
 
 async def _run(
-    console: Console, folder: DataFolder, *, rate: float, ports: Ports, demo: bool
+    console: Console, folder: DataFolder, *, rate: float, ports: Ports, demo: bool, cells: int
 ) -> None:
     def say(line: str) -> None:
         console.print(line, soft_wrap=True, markup=False)
 
-    async with running_system(folder, rate=rate, ports=ports, say=say) as system:
+    async with running_system(folder, rate=rate, ports=ports, say=say, cells=cells) as system:
         announce(console, system, link=await login_link(system))
         if demo:
             folder.small_world_request.touch()

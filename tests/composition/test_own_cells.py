@@ -348,6 +348,10 @@ async def test_a_database_of_another_revision_is_not_copied(
         with pytest.raises(SkywayError, match=r"revision 0014.*upgrade that server first"):
             await copy_database(composition.db, target)
 
+        async with Database(f"{sqlite_url}.nothing") as nothing:
+            with pytest.raises(SkywayError, match="check its URL"):
+                await copy_database(nothing, target)
+
     assert (await work(composition)).seal_id is None
 
 

@@ -52,6 +52,10 @@ def announce(console: Console, system: System, *, link: str) -> None:
         "registry": system.urls["registry"],
         "composition": system.urls["composition"],
         "broker": system.mqtt_url,
+        **{
+            name: f"{url} (skyway cell add NETWORK --url={url})"
+            for name, url in system.cells.items()
+        },
     }
     lines = [
         "Skyway is up:",

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
+from skyway.cli.system.cells import cell_names
 from skyway.cli.system.retry import NotNow, until_done
 from skyway.cli.system.supervisor import Child
 
@@ -30,10 +31,11 @@ REPLICATED = ("registry", "composition", "gateway")
 
 @dataclass(frozen=True, slots=True)
 class Ports:
-    """The public ports; 0 is any free port. All other processes use free ports."""
+    """The public ports and the ports of cells; 0 is any free port. All others are free ports."""
 
     gateway: int = 8000
     broker: int = 1883
+    cells: tuple[int, ...] = ()
 
 
 def bind(ports: Ports, held: ExitStack) -> dict[str, socket.socket]:
@@ -46,6 +48,7 @@ def bind(ports: Ports, held: ExitStack) -> dict[str, socket.socket]:
         "broker": ports.broker,
         "composition": 0,
         "gateway": ports.gateway,
+        **dict(zip(cell_names(len(ports.cells)), ports.cells, strict=True)),
     }
     if named_broker() is not None:
         del ports_by_name["broker"]
@@ -80,6 +83,12 @@ def service_urls(sockets: Mapping[str, socket.socket]) -> dict[str, str]:
     return {name: f"http://{_HOST}:{_port(sockets[name])}" for name in CLOUD_SERVICES}
 
 
+def cell_urls(sockets: Mapping[str, socket.socket]) -> dict[str, str]:
+    """The URL of each cell."""
+    names = (name for name in cell_names(len(sockets)) if name in sockets)
+    return {name: f"http://{_HOST}:{_port(sockets[name])}" for name in names}
+
+
 def environment(folder: DataFolder, sockets: Mapping[str, socket.socket]) -> dict[str, str]:
     """The settings of all processes; each process gets its database and socket in addition."""
     settings = {
@@ -95,6 +104,8 @@ def environment(folder: DataFolder, sockets: Mapping[str, socket.socket]) -> dic
         settings["SKYWAY_DRONE_CA_DIR"] = str(folder.drone_ca.resolve())
     for name, url in service_urls(sockets).items():
         settings[f"SKYWAY_{name.upper()}_URL"] = url
+    if cell_urls(sockets):
+        settings["SKYWAY_CELL_HOSTS"] = os.environ.get("SKYWAY_CELL_HOSTS", _HOST)
     broker = named_broker()
     if broker is None:
         url = f"mqtt://{_HOST}:{_port(sockets['broker'])}"
@@ -119,14 +130,19 @@ def child(
     shared: Mapping[str, str],
     database_urls: Mapping[str, str],
 ) -> Child:
-    """One process for the supervisor to keep running; `shared` are the settings of all."""
+    """One process for the supervisor to keep running; `shared` are the settings of all.
+
+    The process of a cell is a further composition.
+    """
     own = dict(shared)
     if name in database_urls:
         own["SKYWAY_DATABASE_URL"] = database_urls[name]
         own["SKYWAY_PORT"] = str(_port(listener))
+    if name not in PACKAGES:
+        own["SKYWAY_CELL_URL"] = f"http://{_HOST}:{_port(listener)}"
     return Child(
         name=name,
-        command=(sys.executable, "-m", PACKAGES[name]),
+        command=(sys.executable, "-m", PACKAGES.get(name, PACKAGES["composition"])),
         log=folder.log(name),
         environment=own,
         listener=listener,

@@ -1,6 +1,7 @@
 """The database of each service of a local system: a SQLite file, or PostgreSQL."""
 
 import os
+from collections.abc import Sequence
 from urllib.parse import SplitResult, urlsplit
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
@@ -12,8 +13,8 @@ from skyway.errors import SkywayError
 _WRONG_SETTINGS = ("28", "3D", "42")
 
 
-async def database_urls(folder: DataFolder) -> dict[str, str]:
-    """The database URL of each service; missing PostgreSQL databases are created.
+async def database_urls(folder: DataFolder, cells: Sequence[str] = ()) -> dict[str, str]:
+    """The database URL of each service and cell; missing PostgreSQL databases are created.
 
     `SKYWAY_DATABASE_URL` names the server, and the database to connect to for that.
 
@@ -25,14 +26,15 @@ async def database_urls(folder: DataFolder) -> dict[str, str]:
         The server refuses the role, or the URL is wrong.
     """
     server = os.environ.get("SKYWAY_DATABASE_URL")
+    every = (*CLOUD_SERVICES, *cells)
     if server is None:
-        return {service: folder.database_url(service) for service in CLOUD_SERVICES}
+        return {service: folder.database_url(service) for service in every}
     parts = urlsplit(server)
     if parts.scheme != "postgresql":
         raise SkywayError(
             f"SKYWAY_DATABASE_URL begins with {parts.scheme}://; it must begin with postgresql://"
         )
-    names = {service: f"skyway_{service}" for service in CLOUD_SERVICES}
+    names = {service: f"skyway_{service.replace('-', '_')}" for service in every}
     await _create_missing(parts, list(names.values()))
     return {service: _with_database(parts, name) for service, name in names.items()}
 

@@ -5,15 +5,17 @@ import os
 import sys
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import ExitStack, asynccontextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from skyway.cli.data_folder import DataFolder, held
 from skyway.cli.system.broker_files import write_mosquitto_files
+from skyway.cli.system.cells import keep_ports, kept_ports
 from skyway.cli.system.children import (
     REPLICATED,
     Ports,
     bind_when_free,
+    cell_urls,
     child,
     environment,
     is_nats,
@@ -37,6 +39,8 @@ class System:
     supervisor: Supervisor
     urls: Mapping[str, str]
     mqtt_url: str
+    #: The URL of each cell.
+    cells: Mapping[str, str] = field(default_factory=dict)
 
     def start_fleet(self, name: str, fleet_file: Path, *, gives_way_by: int = 0) -> None:
         """Keep an agent process running that flies the drones of this file."""
@@ -62,12 +66,14 @@ async def running_system(
     ports: Ports,
     say: Callable[[str], None],
     replicas: int = 1,
+    cells: int = 0,
 ) -> AsyncIterator[System]:
     """Start everything, wait until it is ready, and end everything on leaving.
 
     `SKYWAY_DATABASE_URL` and `SKYWAY_MQTT_URL` replace the embedded database and broker. When the
     start takes long, or a process has to be started again, `say` gets the reason. Gateway and
-    composition may have several `replicas`, which share their socket; this needs PostgreSQL.
+    composition may have several `replicas`, which share their socket; this needs PostgreSQL. And as
+    many further servers of composition as `cells` have databases of their own.
 
     Raises
     ------
@@ -80,16 +86,20 @@ async def running_system(
     with ExitStack() as opened:
         opened.enter_context(held(folder))
         anchor_clock(folder, rate=rate)
+        ports = replace(ports, cells=kept_ports(folder, cells))
         sockets = await bind_when_free(ports, opened, say=say)
+        keep_ports(folder, sockets)
         settings = environment(folder, sockets)
         if "broker" not in sockets and not is_nats():
             write_mosquitto_files(folder)
-        databases = await until_done(lambda: database_urls(folder), say=say)
+        its_cells = cell_urls(sockets)
+        databases = await until_done(lambda: database_urls(folder, list(its_cells)), say=say)
         system = System(
             folder=folder,
             supervisor=Supervisor(say=say),
             urls=service_urls(sockets),
             mqtt_url=os.environ.get("SKYWAY_MQTT_DRONE_URL", settings["SKYWAY_MQTT_URL"]),
+            cells=its_cells,
         )
         own_broker_url = settings["SKYWAY_MQTT_URL"] if "broker" in sockets else ""
         write_keys_file(
@@ -108,7 +118,8 @@ async def running_system(
                             replace(process, name=its_name, log=folder.log(its_name))
                         )
                 # Each service says for as long as it takes what it waits for.
-                await first_of(until_ready(system.urls, say=say), system.supervisor.failed())
+                servers = {**system.urls, **its_cells}
+                await first_of(until_ready(servers, say=say), system.supervisor.failed())
                 yield system
         finally:
             for keeper in keepers:

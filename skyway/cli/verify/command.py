@@ -12,6 +12,7 @@ import typer
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import fail
+from skyway.cli.system.cells import cell_names, kept_ports
 from skyway.cli.system.databases import database_urls
 from skyway.cli.verify.delivery_rules import DELIVERY_RULES
 from skyway.cli.verify.drone_rules import DRONE_RULES
@@ -36,7 +37,11 @@ def verify_command(
     data: DataOption = None,
     cells: Annotated[
         list[str] | None,
-        typer.Option("--cell", help="The URL of a cell's database; once for each cell."),
+        typer.Option(
+            "--cell",
+            help="The URL of a further cell's database; once for each cell that is not of "
+            "`skyway up --cells`.",
+        ),
     ] = None,
     repair: Annotated[
         bool,
@@ -45,8 +50,10 @@ def verify_command(
 ) -> None:
     """Check all invariants of the databases; exit code 1 when one is violated."""
     folder = data_folder(data)
-    urls = asyncio.run(database_urls(folder))
-    urls |= {cell_name(number): url for number, url in enumerate(cells or (), start=1)}
+    own = cell_names(len(kept_ports(folder)))
+    urls = asyncio.run(database_urls(folder, own))
+    of_cells = [*(urls.pop(name) for name in own), *(cells or ())]
+    urls |= {cell_name(number): url for number, url in enumerate(of_cells, start=1)}
     for url in urls.values():
         _must_exist(url)
     try:

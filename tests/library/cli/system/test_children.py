@@ -1,4 +1,4 @@
-"""Whether a local system starts the embedded broker or uses an external one."""
+"""Which processes a local system starts, and their settings."""
 
 from contextlib import ExitStack
 from pathlib import Path
@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.system.children import Ports, bind, environment
+from skyway.cli.system.cells import keep_ports, kept_ports
+from skyway.cli.system.children import Ports, bind, cell_urls, child, environment
 from skyway.cli.system.secrets import make_secrets, write_keys_file
 
 URL = "mqtt://127.0.0.1:1883"
@@ -70,3 +71,30 @@ def test_the_keys_of_a_system_with_an_external_broker_name_it(
 
     assert "broker" not in processes
     assert url == URL
+
+
+def test_cells_keep_their_addresses_and_have_databases_of_their_own(folder: DataFolder) -> None:
+    urls = list[dict[str, str]]()
+    for count in (2, 0, 3):
+        with ExitStack() as held:
+            ports = Ports(gateway=0, broker=0, cells=kept_ports(folder, count))
+            sockets = bind(ports, held)
+            keep_ports(folder, sockets)
+            urls.append(cell_urls(sockets))
+            process = child(
+                "cell-2",
+                folder,
+                listener=sockets["cell-2"],
+                shared=environment(folder, sockets),
+                database_urls={"cell-2": "sqlite:///cell-2.db"},
+            )
+
+    first, again, more = urls
+    assert list(first) == ["cell-1", "cell-2"]
+    assert again == first
+    assert list(more) == ["cell-1", "cell-2", "cell-3"]
+    assert first.items() <= more.items()
+    assert process.command[-1] == "skyway_composition"
+    assert process.environment["SKYWAY_CELL_URL"] == more["cell-2"]
+    assert process.environment["SKYWAY_CELL_HOSTS"] == "127.0.0.1"
+    assert process.environment["SKYWAY_DATABASE_URL"] == "sqlite:///cell-2.db"
