@@ -41,6 +41,7 @@ NOT_FOR_VALUES: Final = frozenset(
         "broker_kind",
         "broker_password_file",
         "broker_pid_file",
+        "cell_url",
         "clock_file",
         "composition_url",
         "console_map",

@@ -94,6 +94,20 @@ CASES: Final[Mapping[str, Values]] = {
         },
         "agents": {"enabled": True},
     },
+    "cells": {
+        "cells": [
+            {"name": "texas", "networks": ["texas-corridor"]},
+            {
+                "name": "north",
+                "networks": ["north-1", "north-2"],
+                "replicas": 3,
+                "databaseHost": "db-north.example.org",
+                "secret": "north-secrets",
+            },
+        ],
+        "registry": {"settings": {"SKYWAY_CELL_HOSTS": "composition-*"}},
+        "monitoring": {"serviceMonitor": {"enabled": True}},
+    },
     "page": _of_page(),
     "bare": {"networkPolicy": {"enabled": False}},
 }
@@ -121,6 +135,21 @@ WRONG: Final[Mapping[str, Values]] = {
     },
     "/agents/drones: maximum": {"agents": {"drones": 5_001}},
     "/secrets/gateway: A secret does not match": {"secrets": {"gateway": "A secret"}},
+    "SKYWAY_CELL_URL not allowed": {
+        "composition": {"settings": {"SKYWAY_CELL_URL": "http://composition"}}
+    },
+    "/cells/0: missing property networks": {"cells": [{"name": "texas"}]},
+    "/cells/0/name: Texas does not match": {"cells": [{"name": "Texas", "networks": ["t"]}]},
+    "/cells/0: missing property secret": {
+        "cells": [{"name": "t", "networks": ["t"], "databaseHost": "db.example.org"}]
+    },
+    "cells: ohio is there twice": {
+        "cells": [{"name": "a", "networks": ["ohio"]}, {"name": "b", "networks": ["ohio"]}]
+    },
+    "choose a shorter one": {
+        "fullnameOverride": "a-name-of-forty-characters-for-the-chart",
+        "cells": [{"name": "a-long-name", "networks": ["ohio"]}],
+    },
     "minReplicas 9 is above maxReplicas 6": {
         "composition": {"autoscaling": {"enabled": True, "minReplicas": 9}}
     },

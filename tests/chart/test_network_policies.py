@@ -68,7 +68,23 @@ def test_a_broker_outside_is_not_looked_for_in_the_registry(outcomes: Outcomes) 
         assert rule["to"] == [{"ipBlock": {"cidr": "10.2.0.0/16"}}]
 
 
-@pytest.mark.parametrize("case", ["default", "everything", "outside broker"])
+def test_a_cell_makes_the_calls_of_a_composition_and_no_cell_calls_another(
+    outcomes: Outcomes,
+) -> None:
+    found = set(calls(outcomes["cells"]))
+    of_cells = {
+        (source.replace("composition", cell), target.replace("composition", cell), port)
+        for cell in ("cell-texas", "cell-north")
+        for source, target, port in SERVICE_CALLS | BROKER_CALLS
+    }
+
+    without_agents = {
+        each for each in SERVICE_CALLS | BROKER_CALLS | of_cells if "agents" not in each
+    }
+    assert found == without_agents | {("add-cells", "gateway", 8000)}
+
+
+@pytest.mark.parametrize("case", ["default", "everything", "outside broker", "cells"])
 def test_every_pod_is_closed_in_both_directions(outcomes: Outcomes, case: str) -> None:
     found = outcomes[case]
     for pod in found.pods():

@@ -109,6 +109,41 @@ def test_every_variable_is_a_setting_of_its_service_with_a_right_value(
     assert settings.model_dump()["port"] == found.running()[name].ports["http"]
 
 
+def test_each_cell_is_a_composition_with_its_own_database_and_address(outcomes: Outcomes) -> None:
+    found = outcomes["cells"]
+    running = found.running()
+    given = {name: environment(pod.spec["containers"][0]) for name, pod in running.items()}
+    added = found.one("Job", "-add-cells")["spec"]["template"]["spec"]["containers"]
+
+    assert given["cell-texas"]["SKYWAY_DATABASE_URL"] == (
+        "postgresql://skyway_composition@postgres:5432/skyway_cell_texas?connections=8"
+    )
+    assert given["cell-north"]["SKYWAY_DATABASE_URL"].startswith(
+        "postgresql://skyway_composition@db-north.example.org:5432/skyway_cell_north?"
+    )
+    assert found.one("Deployment", "-cell-north")["spec"]["replicas"] == 3
+    for name in ("composition", "cell-texas", "cell-north"):
+        assert given[name]["SKYWAY_CELL_URL"] == f"http://skyway-{name}:8002"
+        assert given[name]["SKYWAY_COMPOSITION_URL"] == "http://skyway-composition:8002"
+    assert given["registry"]["SKYWAY_CELL_HOSTS"] == (
+        "skyway-cell-texas,skyway-cell-north,composition-*"
+    )
+    assert [each["command"][3:] for each in added] == [
+        ["texas-corridor", "--url=http://skyway-cell-texas:8002"],
+        ["north-1", "--url=http://skyway-cell-north:8002"],
+        ["north-2", "--url=http://skyway-cell-north:8002"],
+    ]
+    # Each has its own database, so each has a job that migrates the database.
+    migrated = {
+        environment(container)["SKYWAY_DATABASE_URL"]
+        for job in found.of("Job")
+        for container in job["spec"]["template"]["spec"]["containers"]
+        if "migrate" in container["command"]
+    }
+    assert migrated >= {each["SKYWAY_DATABASE_URL"] for each in given.values()}
+    assert len(migrated) == 5
+
+
 def test_a_large_number_reaches_the_service_whole(outcomes: Outcomes) -> None:
     given = environment(outcomes["everything"].running()["gateway"].spec["containers"][0])
 
@@ -143,9 +178,14 @@ def test_each_pod_mounts_only_its_own_secrets(found: Documents) -> None:
     for pod in found.pods():
         mounted = {name: keys for name, keys in pod.secrets().items() if name != "database-ca"}
         service = pod.name.rpartition("-")[2]
-        if pod.component == "migrate":
+        if "cell-" in pod.name:
+            # A cell with a database server of its own has another password there.
+            expected = "north-secrets" if service == "north" else "skyway-composition-secrets"
+            is_job = pod.component == "migrate"
+            assert mounted == {expected: ["pgpass"] if is_job else None}
+        elif pod.component == "migrate":
             assert mounted == {f"skyway-{service}-secrets": ["pgpass"]}
-        elif pod.component == "agents":
+        elif pod.component in ("agents", "add-cells"):
             assert mounted == {"skyway-commands": ["keys.env"]}
         else:
             others = {"skyway-drone-ca", "skyway-broker-tls"} if service == "registry" else set()

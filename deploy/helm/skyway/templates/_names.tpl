@@ -28,6 +28,30 @@ helm.sh/chart: {{ printf "%s-%s" .root.Chart.Name .root.Chart.Version | replace 
 {{ .Values.image.repository }}:{{ .Values.image.tag | default .Chart.AppVersion }}
 {{- end -}}
 
+{{/* All servers of composition, as JSON: the first one, and that of each cell. `service` names its
+     values, `name` is its component, and `host` is empty if its database is on `database.host`. */}}
+{{- define "skyway.compositions" -}}
+{{- $fullname := include "skyway.fullname" . -}}
+{{- $first := dict "name" "composition" "service" "composition" "database" "skyway_composition" "host" "" "secret" .Values.secrets.composition "replicas" .Values.composition.replicas "networks" list -}}
+{{- $all := list $first -}}
+{{- $seen := dict -}}
+{{- range .Values.cells -}}
+{{- $name := printf "cell-%s" .name -}}
+{{- if gt (len (printf "%s-migrate-%s" $fullname $name)) 63 -}}
+{{- fail (printf "cells: the name %s is too long for %s-migrate-%s: choose a shorter one" .name $fullname $name) -}}
+{{- end -}}
+{{- range concat (list $name) .networks -}}
+{{- if hasKey $seen . -}}
+{{- fail (printf "cells: %s is there twice, and only one cell serves a network" (trimPrefix "cell-" .)) -}}
+{{- end -}}
+{{- $_ := set $seen . true -}}
+{{- end -}}
+{{- $cell := dict "name" $name "service" "composition" "database" (printf "skyway_%s" (replace "-" "_" $name)) "host" (.databaseHost | default "") "secret" (.secret | default $.Values.secrets.composition) "replicas" (.replicas | default $.Values.composition.replicas) "networks" .networks -}}
+{{- $all = append $all $cell -}}
+{{- end -}}
+{{- toJson $all -}}
+{{- end -}}
+
 {{/* The addresses of a broker outside, separated by commas. Arguments: outside, port. */}}
 {{- define "skyway.outsideBroker" -}}
 {{- $scheme := printf "%s%s" (ternary "mqtts" "mqtt" .outside.tls) (ternary "+nats" "" (eq .outside.kind "nats")) -}}

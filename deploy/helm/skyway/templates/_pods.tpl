@@ -28,9 +28,9 @@ securityContext:
     drop: [ALL]
 {{- end -}}
 
-{{/* Where pods of a part run. Arguments: root, name of the part. */}}
+{{/* Where pods of a part run. Arguments: root, name of the part, service if it has another name. */}}
 {{- define "skyway.placement" -}}
-{{- $part := index .root.Values .name -}}
+{{- $part := index .root.Values (.service | default .name) -}}
 {{- with $part.priorityClassName }}
 priorityClassName: {{ . }}
 {{- end }}
@@ -60,13 +60,13 @@ topologySpreadConstraints:
     matchLabelKeys: [pod-template-hash]
 {{- end -}}
 
-{{/* How a service reaches its database. Arguments: root, name. */}}
+{{/* How a service reaches its database. Arguments: root, name; of a cell service, database, host. */}}
 {{- define "skyway.databaseEnv" -}}
 {{- $database := .root.Values.database -}}
 {{- $port := printf ":%d" (int $database.port) -}}
-{{- $hosts := splitList "," $database.host | join (printf "%s," $port) -}}
+{{- $hosts := splitList "," (.host | default $database.host) | join (printf "%s," $port) -}}
 - name: SKYWAY_DATABASE_URL
-  value: postgresql://skyway_{{ .name }}@{{ $hosts }}{{ $port }}/skyway_{{ .name }}?connections={{ int $database.connections }}{{ if $database.pooler }}&pooling=transaction{{ end }}
+  value: postgresql://skyway_{{ .service | default .name }}@{{ $hosts }}{{ $port }}/{{ .database | default (printf "skyway_%s" .name) }}?connections={{ int $database.connections }}{{ if $database.pooler }}&pooling=transaction{{ end }}
 - name: PGPASSFILE
   value: /var/run/passfile/pgpass
 - name: PGSSLMODE
@@ -77,7 +77,7 @@ topologySpreadConstraints:
 {{- end }}
 {{- end -}}
 
-{{/* The environment of a service. Arguments: root, name, port, mqttUrl. */}}
+{{/* The environment of a service. Arguments: root, name, port, mqttUrl; of a cell as above. */}}
 {{- define "skyway.env" -}}
 {{- $fullname := include "skyway.fullname" .root -}}
 {{ include "skyway.databaseEnv" . }}
@@ -95,9 +95,26 @@ topologySpreadConstraints:
   value: http://{{ $fullname }}-registry:8001
 - name: SKYWAY_COMPOSITION_URL
   value: http://{{ $fullname }}-composition:8002
-{{- range $name, $value := (index .root.Values .name).settings }}
+{{- if eq (.service | default .name) "composition" }}
+- name: SKYWAY_CELL_URL
+  value: http://{{ $fullname }}-{{ .name }}:8002
+{{- end }}
+{{- $hosts := list }}
+{{- if and (eq .name "registry") .root.Values.cells }}
+{{- range .root.Values.cells }}
+{{- $hosts = append $hosts (printf "%s-cell-%s" $fullname .name) }}
+{{- end }}
+{{- with .root.Values.registry.settings.SKYWAY_CELL_HOSTS }}
+{{- $hosts = append $hosts . }}
+{{- end }}
+- name: SKYWAY_CELL_HOSTS
+  value: {{ join "," $hosts | quote }}
+{{- end }}
+{{- range $name, $value := (index .root.Values (.service | default .name)).settings }}
+{{- if not (and $hosts (eq $name "SKYWAY_CELL_HOSTS")) }}
 - name: {{ $name }}
   value: {{ include "skyway.text" $value | quote }}
+{{- end }}
 {{- end }}
 {{- end -}}
 
@@ -160,7 +177,7 @@ topologySpreadConstraints:
 {{- define "skyway.volumes" -}}
 - name: secrets
   secret:
-    secretName: {{ index .root.Values.secrets .name }}
+    secretName: {{ .secret | default (index .root.Values.secrets .name) }}
     defaultMode: 0440
 - name: tmp
   emptyDir: { sizeLimit: 256Mi }
