@@ -2,9 +2,9 @@
 
 import json
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.ids import StationId
@@ -12,6 +12,7 @@ from skyway.network.geojson import write_network
 from skyway.network.network import Network
 from skyway.network.synthetic import synthetic_city
 
+NETWORK_ID: Final = "city"
 #: Metres between stations, about: a flight between neighbours takes two minutes of fleet time.
 _SPACING_M: Final = 3_000.0
 #: Pads per station: the two drones at home there recharge after each mission, others pass.
@@ -32,6 +33,26 @@ class DueRequest:
     body: bytes
 
 
+class Place(Protocol):
+    """Where a benchmark delivers: one city, or several regions."""
+
+    def documents(self) -> Mapping[str, dict[str, Any]]:
+        """The GeoJSON of each network to publish, by its id. Any: JSON of every kind."""
+        ...
+
+    def tariff(self, number: int) -> dict[str, Any]:
+        """What the provider of this number asks."""
+        ...
+
+    def fleet(self, number: int, *, providers: int, drones: int) -> list[dict[str, Any]]:
+        """The drones of one provider."""
+        ...
+
+    def requests(self, *, rate_per_s: float, seconds: float, seed: int) -> Iterator[DueRequest]:
+        """A Poisson stream of local requests."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class City:
     """A network, and who is near whom in it."""
@@ -43,11 +64,16 @@ class City:
     def of(cls, *, stations: int, seed: int) -> "City":
         """The synthetic city of this size."""
         network = synthetic_city(stations=stations, seed=seed, pads=_PADS, spacing_m=_SPACING_M)
+        return cls.on(network)
+
+    @classmethod
+    def on(cls, network: Network) -> "City":
+        """The city of a network."""
         return cls(network, _near(network))
 
-    def document(self) -> dict[str, Any]:
+    def documents(self) -> Mapping[str, dict[str, Any]]:
         """The GeoJSON to publish, with the defaults of all settings."""
-        return write_network(self.network)
+        return {NETWORK_ID: write_network(self.network)}
 
     def tariff(self, number: int) -> dict[str, Any]:
         """What the provider of this number asks: no two ask the same."""
@@ -69,10 +95,11 @@ class City:
         chance = random.Random(seed)
         at_s = chance.expovariate(rate_per_s)
         while at_s < seconds:
-            yield DueRequest(at_s, self._request(chance))
+            yield DueRequest(at_s, self.request(chance))
             at_s += chance.expovariate(rate_per_s)
 
-    def _request(self, chance: random.Random) -> bytes:
+    def request(self, chance: random.Random) -> bytes:
+        """One request from anywhere in the city, as JSON."""
         pickup = chance.choice(self.network.columns.station_ids)
         count = min(chance.choices(*_PACKAGES)[0], len(self.near[pickup]))
         packages = [

@@ -4,7 +4,15 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Final, Self
+
+#: The service of each database; those of cells are databases of composition.
+_DATABASES: Final = {
+    "gateway": "gateway",
+    "composition": "composition",
+    "cell": "composition",
+    "registry": "registry",
+}
 
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
@@ -65,8 +73,8 @@ def _postgresql_part(pid: int) -> str:
         title = Path(f"/proc/{pid}/cmdline").read_text()
     except OSError:
         return "postgresql"
-    for service in ("gateway", "composition", "registry"):
-        if f"skyway_{service}" in title:
+    for database, service in _DATABASES.items():
+        if f"skyway_{database}" in title:
             return f"postgresql {service}"
     return "postgresql"
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.load.burst import Burst
-from benchmarks.load.city import City
+from benchmarks.load.city import City, Place
 from benchmarks.load.counters import counters
 from benchmarks.load.cpu import CpuReading
 from benchmarks.load.figures import Outcome, Usage
@@ -94,7 +94,7 @@ def _keep_logs(folder: DataFolder) -> None:
 async def measured(
     system: System,
     world: World,
-    city: City,
+    city: Place,
     *,
     burst: Burst,
     pids: Mapping[str, int],
@@ -140,7 +140,7 @@ async def _idle(pids: Mapping[str, int]) -> tuple[CpuReading, float]:
     return CpuReading.of(pids).since(before), time.monotonic() - before_s
 
 
-async def _warm_up(system: System, world: World, city: City, *, burst: Burst) -> None:
+async def _warm_up(system: System, world: World, city: Place, *, burst: Burst) -> None:
     requests_sent = 0
     async with following(world, mqtt_url=system.mqtt_url) as followed:
         for wave in range(1, _MOST_WAVES + 1):

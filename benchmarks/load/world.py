@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.load.burst import Burst
-from benchmarks.load.city import City
+from benchmarks.load.city import Place
 from skyway.cli.gateway import GatewayApi
 from skyway.cli.system.niceness import SIMULATES
 from skyway.cli.system.running_system import System
 from skyway.errors import SkywayError
 from skyway.runtime.signing.fleet_keys import FleetKeys
 
-NETWORK_ID: Final = "city"
 _CUSTOMERS: Final = 5
 #: Wall seconds until all drones must be known to stand ready; a start takes about 5 ms a drone.
 _READY_WITHIN_S: Final = 240.0
@@ -40,14 +39,15 @@ class World:
 
 
 async def populate(
-    system: System, api: GatewayApi, city: City, *, operator_key: str, burst: Burst
+    system: System, api: GatewayApi, city: Place, *, operator_key: str, burst: Burst
 ) -> World:
     """Publish the city, register everybody through the gateway, and start the drones."""
 
     async def operate(method: str, path: str, body: object = None) -> Any:  # the route's JSON
         return await api.call(method, path, key=operator_key, body=body)
 
-    await operate("PUT", f"/v1/networks/{NETWORK_ID}", city.document())
+    for network_id, document in city.documents().items():
+        await operate("PUT", f"/v1/networks/{network_id}", document)
     drones: list[dict[str, Any]] = []
     for number in range(burst.providers):
         terms = {"name": f"Provider {number}", "tariff": city.tariff(number)}

@@ -204,3 +204,50 @@ async def test_a_ground_stop_names_its_network(gateway: Gateway, cell: FakeCompo
     assert (refused.status_code, accepted.status_code) == (422, 200)
     assert "corridor" in refused.json()["detail"]
     assert [each.host for each in gateway.forwarded] == [CELL_HOST]
+
+
+async def test_with_a_hundred_cells_each_call_goes_to_its_own_and_one_stops_alone(
+    gateway: Gateway,
+) -> None:
+    names = [f"region-{number:03}" for number in range(100)]
+    gateway.registry.cells = [
+        NetworkCell(network_id=NetworkId(name), url=f"http://{name}", state="OPEN", generation=n)
+        for n, name in enumerate(names, start=1)
+    ]
+    gateway.peers.cells = {name: FakeComposition(gateway.clock) for name in names}
+    gateway.peers.pages = {name: {"items": [{"alarm_id": f"alm_{name}"}]} for name in names}
+    gateway.peers.pages["composition"] = {"items": []}
+    await gateway.parts.servers.refresh()
+    for name in names:
+        gateway.parts.networks.cached.put(
+            NetworkStations(
+                network_id=NetworkId(name),
+                version=1,
+                station_ids=(StationId(f"{name}-s1"),),
+                positions=(Position(-98.0, 29.0),),
+                parts=(0,),
+            )
+        )
+
+    async def ask_each() -> list[tuple[int, str]]:
+        """The answer of each cell, and the host that answered the last call."""
+        found = []
+        for name in names:
+            path = f"/v1/stations/{name}-s1/pads"
+            answer = await gateway.http.get(path, headers=gateway.operator)
+            found.append((answer.status_code, gateway.forwarded[-1].host))
+        return found
+
+    assert await ask_each() == [(200, name) for name in names]
+    whole = await gateway.http.get("/v1/alarms?limit=100", headers=gateway.operator)
+    gateway.peers.away = {names[42]}
+    part = await gateway.http.get("/v1/alarms?limit=100", headers=gateway.operator)
+    refused = [
+        name for name, (status, _) in zip(names, await ask_each(), strict=True) if status == 503
+    ]
+
+    ids = [[each["alarm_id"] for each in answer.json()["items"]] for answer in (whole, part)]
+    assert ids[0] == [f"alm_{name}" for name in reversed(names)]
+    assert ids[1] == [each for each in ids[0] if each != "alm_region-042"]
+    assert part.headers["skyway-silent-cells"] == "the cell region-042"
+    assert refused == ["region-042"]

@@ -3,6 +3,7 @@
 from typing import Any
 
 import pytest
+from skyway_provider_registry.tables import cells
 from skyway_provider_registry.verify import RULES
 
 from skyway.cells import CellClients
@@ -283,3 +284,27 @@ async def test_a_drone_does_not_change_its_cell(api: Any, db: Database, stations
     stations.elsewhere = {}
     accepted = await api(OPERATOR, "PATCH", path, {"home_station_id": "mcqueeney"})
     assert accepted.status_code == 200
+
+
+async def test_with_a_hundred_cells_a_move_changes_the_cells_of_its_server_only(
+    api: Any, close: Any, north: Server, south: Server, db: Database
+) -> None:
+    await add(api)
+    others = [f"region-{number:03}" for number in range(99)]
+    async with db.write() as tx:
+        for number, name in enumerate(others, start=2):
+            row = {"network_id": name, "url": f"http://{name}", "state": "OPEN"}
+            await tx.execute(cells.insert().values({**row, "generation": number}))
+    north.work = IDLE
+    await close()
+
+    # The servers of the other cells are away, and a move does not ask them.
+    moved = await move(api)
+
+    assert moved.status_code == 200, moved.text
+    assert await table(api) == [
+        *((name, f"http://{name}", "OPEN") for name in others),
+        ("texas", SOUTH, "OPEN"),
+    ]
+    assert moved.json()["generation"] == 102
+    assert await broken_rules(db, RULES) == []
