@@ -57,8 +57,8 @@ class ScopeMissing(AccessDenied):
 class NotFound(SkywayError):
     """There is no such thing, or it belongs to another caller: both look the same on purpose."""
 
-    def __init__(self, kind: str, identifier: str) -> None:
-        super().__init__(f"no {kind} {identifier!r}")
+    def __init__(self, kind: str, identifier: str, *, advice: str = "") -> None:
+        super().__init__(f"no {kind} {identifier!r}{advice and f': {advice}'}")
         self.kind = kind
         self.identifier = identifier
 

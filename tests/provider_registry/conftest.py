@@ -171,12 +171,16 @@ class Server:
     """A server of composition, as the registry asks it before it changes the table of cells."""
 
     work: CellWork | None = None
+    #: Whether the server knows no cells.
+    is_unknown: bool = False
     asked: int = 0
 
     def answer(self, _request: httpx.Request) -> httpx.Response:
         self.asked += 1
         if self.work is None:
             raise httpx.ConnectError("no such server")
+        if self.is_unknown:
+            return httpx.Response(404, json={"title": "Not found", "status": 404})
         return httpx.Response(200, content=self.work.model_dump_json())
 
 

@@ -14,7 +14,7 @@ from skyway.contracts.cells import CELL_WORK, CellState, CellWork, NetworkCell
 from skyway.errors import InvalidInput
 from skyway.ids import NetworkId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import Conflict, NotFound, RowRefused
+from skyway.runtime.errors import Conflict, NotFound, RemoteProblem, RowRefused
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.cells import store
 
@@ -38,7 +38,7 @@ class CellChanges:
             The deployment does not allow this host.
         Conflict
             CELL_EXISTS, NETWORK_ELSEWHERE: the network has another server. WRONG_SERVER: the
-            server does not know this address as its own.
+            server does not know this address as its own. OTHER_VERSION: it is an older server.
         ServiceUnavailable
             The server, or the one that serves the network now, does not answer.
         """
@@ -128,7 +128,7 @@ class CellChanges:
         async with self.db.read() as connection:
             cell = await store.of(connection, network_id)
         if cell is None:
-            raise NotFound("cell", network_id)
+            raise NotFound("cell", network_id, advice="skyway cell list shows all, add adds one")
         return cell
 
     def _refuse_unknown_host(self, url: str) -> None:
@@ -147,11 +147,24 @@ class CellChanges:
                 f"the server at {url} has the SKYWAY_CELL_URL {work.cell_url}: set it to {url}, so "
                 "that the server knows which networks are its own",
             )
+        if work.revision is None:
+            raise _older(url)
         return work
 
     async def _work(self, url: str) -> CellWork:
         async with self.servers.default.at(url).adding(f"composition at {url}", {}) as client:
-            return await client.call("GET", CELL_WORK, answer=CellWork)
+            try:
+                return await client.call("GET", CELL_WORK, answer=CellWork)
+            except RemoteProblem as problem:
+                raise _older(url) from problem
+
+
+def _older(url: str) -> Conflict:
+    return Conflict(
+        "OTHER_VERSION",
+        f"the server at {url} is no composition of this version of Skyway: upgrade the server, or "
+        "correct the address",
+    )
 
 
 def _fits(host: str, pattern: str) -> bool:
@@ -210,7 +223,7 @@ def _refuse_busy(cell: NetworkCell, moving: Sequence[NetworkCell], work: CellWor
 
 
 def _refuse_other_version(cell: NetworkCell, old: CellWork, *, url: str, new: CellWork) -> None:
-    if old.revision is None or old.revision != new.revision:
+    if old.revision != new.revision:
         raise Conflict(
             "OTHER_VERSION",
             f"the database at {cell.url} stands at revision {old.revision}, and that at {url} at "

@@ -54,7 +54,7 @@ def cell_routes(*, db: Database, gate: ServiceGate, changes: CellChanges) -> Ser
 
     @router.put(
         "/v1/cells/{network_id}",
-        responses=conflicts("CELL_EXISTS", "NETWORK_ELSEWHERE", "WRONG_SERVER"),
+        responses=conflicts("CELL_EXISTS", "NETWORK_ELSEWHERE", "OTHER_VERSION", "WRONG_SERVER"),
     )
     async def put_cell(
         network_id: NetworkId, caller: Annotated[Caller, Depends(gate)], place: CellPlace

@@ -129,6 +129,7 @@ async def test_a_host_that_the_deployment_does_not_name_never_gets_a_secret(
 async def test_an_unknown_cell_cannot_be_closed_or_moved(api: Any) -> None:
     closed = await api(OPERATOR, "PATCH", "/v1/cells/texas", {"state": "CLOSED"})
     assert closed.status_code == 404
+    assert "skyway cell list shows all" in closed.json()["detail"]
     assert (await move(api)).status_code == 404
 
 
@@ -148,6 +149,19 @@ async def test_a_server_must_know_its_own_address(api: Any, north: Server) -> No
 
     assert (refused.status_code, refused.json()["code"]) == (409, "WRONG_SERVER")
     assert "SKYWAY_CELL_URL" in refused.json()["detail"]
+
+
+@pytest.mark.parametrize("is_before_cells", [True, False])
+async def test_a_server_of_an_older_version_is_refused(
+    api: Any, north: Server, is_before_cells: bool
+) -> None:
+    north.work = work(revision=None)
+    north.is_unknown = is_before_cells
+
+    refused = await add(api)
+
+    assert (refused.status_code, refused.json()["code"]) == (409, "OTHER_VERSION")
+    assert "upgrade the server" in refused.json()["detail"]
 
 
 async def test_a_cell_for_a_network_published_elsewhere_is_refused(
