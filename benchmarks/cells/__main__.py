@@ -66,6 +66,7 @@ def main(arguments: list[str]) -> int:
         "cells",
         *(f"{each}, ms" for each in SERVICES),
         "together, ms",
+        "idle cores",
         "dispatched",
         "check",
     )
@@ -86,6 +87,7 @@ def _row(cost: Cost) -> tuple[str, ...]:
         str(cost.cells),
         *each,
         f"{cost.all_ms:.1f}",
+        f"{cost.idle_cores:.2f}",
         str(cost.dispatched),
         cost.violations,
     )

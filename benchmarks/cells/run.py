@@ -25,6 +25,8 @@ class Cost:
     cells: int
     dispatched: int
     each_ms: dict[str, float]
+    #: Cores that the services take while no request is sent.
+    idle_cores: float
     violations: str
 
     @property
@@ -56,13 +58,16 @@ async def run(burst: Burst, *, regions: int, cells: int) -> Cost:
 
 
 def _cost(outcome: Outcome, *, cells: int) -> Cost:
-    """All processor time of the services from the first request on, also what they take idle."""
+    """The processor time that the requests have added to what the services take idle."""
     dispatched = len(outcome.followed.of(DeliveryEventType.DISPATCHED))
-    taken = outcome.usage.busy.seconds
+    usage = outcome.usage
+    busy_s, idle_s = (
+        {name: each.get(name, 0.0) + each.get(f"postgresql {name}", 0.0) for name in SERVICES}
+        for each in (usage.busy.seconds, usage.idle.seconds)
+    )
     each_ms = {
-        name: 1e3
-        * (taken.get(name, 0.0) + taken.get(f"postgresql {name}", 0.0))
-        / max(1, dispatched)
+        name: 1e3 * (busy_s[name] - idle_s[name] * usage.busy_s / usage.idle_s) / max(1, dispatched)
         for name in SERVICES
     }
-    return Cost(cells, dispatched, each_ms, outcome.violations)
+    idle_cores = sum(idle_s.values()) / usage.idle_s
+    return Cost(cells, dispatched, each_ms, idle_cores, outcome.violations)

@@ -92,13 +92,25 @@ class OwnCells:
         ServiceUnavailable
             There is no answer; the cached table stays.
         """
-        was_retired, foreign = self.is_retired, self.foreign
+        served = self._served
         await self.cells.refresh()
         if self.cells.newest:
             await self.read_database(db)
         self._refreshed.set()
         self._refreshed.clear()
-        return (was_retired and not self.is_retired) or bool(foreign - self.foreign)
+        return not self._served <= served
+
+    @property
+    def has_drones(self) -> bool:
+        """Whether any drone may be this server's: with cells, a server without networks has none.
+
+        Without cells the networks are not read again, and every drone is this server's.
+        """
+        return not self.is_retired and bool(self._served or not self.cells.newest)
+
+    @property
+    def _served(self) -> frozenset[NetworkId]:
+        return frozenset() if self.is_retired else frozenset(self.networks) - self.foreign
 
     async def until_active(self) -> None:
         """Wait until this server is not retired."""
@@ -210,8 +222,8 @@ class OwnDrones:
 
     def is_ours(self, ids: tuple[str, ...]) -> bool:
         """Whether this process reads the messages of this sender."""
-        is_foreign = self.own.is_retired or self.own.is_foreign(ids[1])
-        return not is_foreign and self.reception.is_ours(ids)
+        is_own = self.own.has_drones and not self.own.is_foreign(ids[1])
+        return is_own and self.reception.is_ours(ids)
 
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         """Whether to drop the messages of this sender, unread."""

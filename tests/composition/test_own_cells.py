@@ -44,14 +44,14 @@ def wall() -> dict[str, float]:
 
 
 @pytest.fixture
-def serve(composition: Any, wall: dict[str, float]) -> Serve:
+def serve(unpublished: Any, wall: dict[str, float]) -> Serve:
     """Gives the server a table of cells, as it would read it from the registry."""
 
     async def given(*cells: NetworkCell, is_default: bool = False) -> OwnCells:
         async def read() -> CellTable:
             return CellTable(cells=cells)
 
-        own: OwnCells = composition.parts.own_cells
+        own: OwnCells = unpublished.parts.own_cells
         own.cells = Cells(read, now=lambda: wall["s"])
         own.url, own.is_default = OURS, is_default
         await own.cells.refresh()
@@ -191,6 +191,7 @@ class Everything:
 
 async def test_messages_of_drones_of_other_cells_are_dropped(serve: Serve) -> None:
     own = await serve(cell(OTHERS), is_default=True)
+    own.networks = [NetworkId("south")]
     drones = OwnDrones(Everything(), own)
     for drone_id, network_id in (("drn_1", "row"), ("drn_2", "south"), ("drn_3", None)):
         own.note_home(DroneId(drone_id), NetworkId(network_id) if network_id else None)
@@ -198,8 +199,26 @@ async def test_messages_of_drones_of_other_cells_are_dropped(serve: Serve) -> No
     are_ours = [drones.is_ours(("prv_1", f"drn_{n}")) for n in range(1, 5)]
     assert are_ours == [False, True, True, True]
     await serve(cell(OURS))
+    assert not drones.is_ours(("prv_1", "drn_4"))
+    own.networks = [ROW]
     assert drones.is_ours(("prv_1", "drn_1"))
     assert not drones.is_ours(("prv_1", "drn_2"))
+
+
+async def test_a_server_reads_drones_when_it_gets_its_first_network(
+    unpublished: Any, serve: Any
+) -> None:
+    own = await serve(cell(OURS))
+    drones = OwnDrones(Everything(), own)
+    assert not await own.refresh(unpublished.db)
+    assert not drones.is_ours(("prv_1", "drn_1"))
+
+    await unpublished.publish()
+
+    # Then the broker is asked for all retained states once more.
+    assert await own.refresh(unpublished.db)
+    assert drones.is_ours(("prv_1", "drn_1"))
+    assert not await own.refresh(unpublished.db)
 
 
 async def work(composition: Any) -> CellWork:
@@ -256,6 +275,7 @@ async def test_a_copied_database_refuses_changes_until_it_is_unsealed(
             assert refused.json()["code"] == "CELL_SEALED"
             assert "after the move" in refused.json()["detail"]
         assert missions == await composition.rows("SELECT mission_id FROM missions")
+        assert await composition.broken() == []
         assert (await read_network(composition, "row;0")).status_code == 421
         # The copy accepts changes. A copy back replaces the sealed database, which is free again.
         async with target.write() as tx:

@@ -18,6 +18,7 @@ from sqlalchemy import and_, func, literal_column, or_, select
 
 from skyway.network.geojson_text import read_network_text
 from skyway.runtime.verification.rule import Rule, Survey
+from skyway_composition.cell_store import HELD
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.conditions import Conditions
 from skyway_composition.closures.store import in_force
@@ -29,6 +30,7 @@ from skyway_composition.tables import (
     network_versions,
     networks,
     pad_reservations,
+    seals,
     stations,
 )
 
@@ -85,7 +87,27 @@ def _published(content: bytes) -> Mapping[str, _Station]:
     }
 
 
+async def _unguarded_tables(survey: Survey) -> list[str]:
+    """The tables of a sealed database that accept changes."""
+    if not await survey.rows(select(seals).where(seals.c.kind == "SEALED")):
+        return []
+    guarded = (
+        "SELECT tbl_name FROM sqlite_master WHERE type = 'trigger' AND name GLOB 'sealed_*'"
+        if survey.dialect == "sqlite"
+        else "SELECT tgrelid::regclass::text FROM pg_trigger WHERE tgname = 'sealed'"
+    )
+    names = {name for (name,) in await survey.texts(guarded)}
+    return [table.name for table in HELD if table.name not in names]
+
+
 NETWORKS: Final = (
+    Rule(
+        "a sealed database refuses changes in each table",
+        _unguarded_tables,
+        "The triggers of the seal are gone, so a retired server could change the table. Seal the "
+        "database again: skyway cell unseal, then skyway cell copy. After a move, only stop its "
+        "server.",
+    ),
     Rule(
         "I12 a current version is kept",
         select(networks.c.network_id).where(
