@@ -65,3 +65,5 @@ lock:
 		--python-version 3.11 --extra peers -c requirements.txt pyproject.toml -o requirements-peers.txt
 	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
 		--python-version 3.11 --extra chart -c requirements.txt pyproject.toml -o requirements-chart.txt
+	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
+		--python-version 3.11 --extra ray -c requirements.txt pyproject.toml -o requirements-ray.txt

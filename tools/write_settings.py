@@ -101,6 +101,12 @@ COMMAND_LINE: Final = (
         "The key with which `skyway console --role provider` calls.",
     ),
     Row("SKYWAY_METRICS_KEY", "text", "from `keys.env`", "The key of `/metrics`."),
+    Row(
+        "SKYWAY_RAY_ADDRESS",
+        "text",
+        "local processes",
+        "The Ray cluster for `skyway experiment` and `skyway dispatch --searches` (`skyway[ray]`).",
+    ),
     Row("SKYWAY_CUSTOMER_KEY", "text", "from `keys.env`", "The key of `request` and `track`."),
     Row(
         "SKYWAY_MQTT_OPERATOR_PASSWORD", "text", "from `keys.env`", "The operator's broker account."

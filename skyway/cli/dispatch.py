@@ -3,19 +3,33 @@
 Only this command imports the dispatcher, because the import takes time.
 """
 
+import os
 from collections.abc import Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skyway.cli.compose import NotJson, documents
 from skyway.errors import InvalidInput
+from skyway.workers import RAY_ADDRESS, open_workers
 
 if TYPE_CHECKING:
     from skyway.dispatch.plan import FleetCosts, FleetPlan, FleetTrip
 
 #: The exit code if the problem cannot be read.
 _UNREADABLE = 2
+
+#: The Ray cluster that runs the heavy work, for this command and for `skyway experiment`.
+RayAddress = Annotated[
+    str | None,
+    typer.Option(
+        envvar=RAY_ADDRESS,
+        show_envvar=True,
+        help="A Ray cluster that does the work (auto, host:port) instead of processes of this "
+        "machine; needs skyway[ray].",
+    ),
+]
 
 
 def dispatch_command(
@@ -33,10 +47,16 @@ def dispatch_command(
     bound: Annotated[
         bool, typer.Option("--bound", help="Prove a lower bound on the objective of every plan.")
     ] = False,
+    searches: Annotated[
+        int,
+        typer.Option(min=1, help="Searches in parallel; the best plan counts."),
+    ] = 1,
     json: Annotated[bool, typer.Option("--json", help="Print the plan as JSON.")] = False,
+    ray_address: RayAddress = None,
 ) -> None:
     """Plan all open requests of a fleet together."""
     from skyway.dispatch import optimise, read_fleet_problem
+    from skyway.dispatch.warm import warm
 
     document = next(documents(file))
     if isinstance(document, NotJson):
@@ -48,7 +68,13 @@ def dispatch_command(
         for fault in error.faults:
             typer.echo(f"line {document.line}: {fault}", err=True)
         raise typer.Exit(_UNREADABLE) from error
-    plan = optimise(problem, budget_s=budget, rounds=rounds, seed=seed, proves=bound)
+    find = partial(optimise, problem, budget_s=budget, rounds=rounds, seed=seed, proves=bound)
+    if searches == 1:
+        plan = find()
+    else:
+        count = min(searches, os.cpu_count() or 1)
+        with open_workers(count, warm_up=warm, ray_address=ray_address) as executor:
+            plan = find(searches=searches, executor=executor)
     if json:
         typer.echo(plan.model_dump_json())
         return

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skyway.cli.dispatch import RayAddress
+
 if TYPE_CHECKING:
     from skyway.experiments.report import Section
 
@@ -29,6 +31,7 @@ def experiment_command(
             "run. For the parts that compare planners on instances.",
         ),
     ] = False,
+    ray_address: RayAddress = None,
 ) -> None:
     """Measure the planner against the paper's strategies; write a page, figures and CSV files."""
     # Late: matplotlib, numpy and numba are heavy, and other commands do without them.
@@ -42,12 +45,25 @@ def experiment_command(
         )
     require_matplotlib()
     names = [name for name in PARTS if not only or name in only]
-    sections = _run(names, is_quick=quick, folder=out / "experiments", seed=seed, redraws=redraw)
+    sections = _run(
+        names,
+        is_quick=quick,
+        folder=out / "experiments",
+        seed=seed,
+        ray_address=ray_address,
+        redraws=redraw,
+    )
     _show(sections)
 
 
 def _run(
-    names: Sequence[str], *, is_quick: bool, folder: Path, seed: int, redraws: bool
+    names: Sequence[str],
+    *,
+    is_quick: bool,
+    folder: Path,
+    seed: int,
+    ray_address: str | None,
+    redraws: bool,
 ) -> Mapping[str, "Section"]:
     """Run these parts one after the other; the page is written anew after each."""
     from skyway.experiments.laboratory import open_laboratory
@@ -55,9 +71,10 @@ def _run(
     from skyway.planner.stop import stopwatch
 
     sections = {}
-    with open_laboratory(
-        seed=seed, is_quick=is_quick, folder=folder, redraws=redraws
-    ) as laboratory:
+    laboratories = open_laboratory(
+        seed=seed, is_quick=is_quick, folder=folder, ray_address=ray_address, redraws=redraws
+    )
+    with laboratories as laboratory:
         for name in names:
             elapsed_s = stopwatch()
             section = sections[name] = PARTS[name](laboratory)

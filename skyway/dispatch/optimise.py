@@ -5,6 +5,8 @@ docs/dispatch.md explains the method.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from skyway.dispatch.plan import FleetPlan
 from skyway.dispatch.pools import shared_pools
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.rows import Board
-from skyway.dispatch.schedule import Scheduler
+from skyway.dispatch.schedule import Scheduler, Sequences
 from skyway.dispatch.search import MOST_STEPS, OrderSearch
 from skyway.errors import SkywayError
 from skyway.planner.kernels.memory import Longs
@@ -28,6 +30,10 @@ DEFAULT_BUDGET_S = 10.0
 #: half of the budget.
 _STEPS_PER_S = 150_000
 
+#: The seeds of several searches of one problem are so far apart. Our own choice: a caller that uses
+#: one seed after another gets other random numbers in each search.
+_SEEDS_APART = 1_000_003
+
 #: The most steps of a lower bound.
 _BOUND_STEPS = 400
 
@@ -39,6 +45,8 @@ def optimise(
     rounds: int | None = None,
     seed: int = 0,
     proves: bool = False,
+    searches: int = 1,
+    executor: Executor | None = None,
 ) -> FleetPlan:
     """The best fleet plan that the search finds.
 
@@ -57,9 +65,20 @@ def optimise(
         The seed of the search's random numbers.
     proves
         Also prove a lower bound of the objective, which takes some more seconds.
+    searches
+        So many searches with different random numbers; the best plan counts. Each search has the
+        whole budget.
+    executor
+        Runs the searches in parallel. Without it they run here, one after another; the plans are
+        the same.
     """
-    search = searched(problem, budget_s=budget_s, rounds=rounds, seed=seed)
-    bound_s = _bound_s(search) if proves else None
+    if searches == 1 and executor is None:
+        search = searched(problem, budget_s=budget_s, rounds=rounds, seed=seed)
+    else:
+        seeds = range(seed, seed + searches * _SEEDS_APART, _SEEDS_APART)
+        tasks = [_Task(problem, budget_s, rounds, each) for each in seeds]
+        search = _best_of(tasks, executor)
+    bound_s = proven_s(search) if proves else None
     planner = search.scheduler.planner
     planner.begin()
     plan = FleetPlan.of(
@@ -81,14 +100,25 @@ def searched(
     *,
     budget_s: float = DEFAULT_BUDGET_S,
     rounds: int | None = None,
+    most_steps: int = MOST_STEPS,
     seed: int = 0,
 ) -> OrderSearch:
-    """The search of `optimise` at its end."""
+    """The search of `optimise` at its end; each round has at most so many steps of annealing."""
     elapsed_s = processor_stopwatch()
 
     def is_over(made: int) -> bool:
         return elapsed_s() >= budget_s if rounds is None else made >= rounds
 
+    if rounds is None:
+        most_steps = min(most_steps, max(1, int(budget_s * _STEPS_PER_S)))
+    search = begun(problem, seed=seed)
+    search.most_steps = most_steps
+    search.run(is_over)
+    return search
+
+
+def begun(problem: FleetProblem, *, seed: int = 0) -> OrderSearch:
+    """The search of `optimise` before its first round."""
     scheduler = Scheduler(problem)
     arrival = scheduler.arrival_order()
     limits = Limits(problem, arrival.costs)
@@ -100,11 +130,34 @@ def searched(
     )
     board.limit(limits)
     search = OrderSearch(scheduler, board, limits, arrival, arrival, _chance(seed))
-    if rounds is None:
-        search.most_steps = min(MOST_STEPS, max(1, int(budget_s * _STEPS_PER_S)))
     search.look_at(scheduler.current())
-    search.run(is_over)
     return search
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """One of several searches; a worker process can receive it."""
+
+    problem: FleetProblem
+    budget_s: float
+    rounds: int | None
+    seed: int
+
+
+def _found(task: _Task) -> tuple[Sequences, int]:
+    """The sequences of the best schedule that this search finds, and its number of rounds."""
+    search = searched(task.problem, budget_s=task.budget_s, rounds=task.rounds, seed=task.seed)
+    return search.best.sequences(len(task.problem.drones)), search.rounds
+
+
+def _best_of(tasks: Sequence[_Task], executor: Executor | None) -> OrderSearch:
+    """A search whose best schedule is the best one that these searches find."""
+    found = map(_found, tasks) if executor is None else executor.map(_found, tasks)
+    best = begun(tasks[0].problem, seed=tasks[0].seed)
+    for sequences, rounds in found:
+        best.look_at(best.scheduler.planned(sequences))
+        best.rounds += rounds
+    return best
 
 
 class FleetPlanRejected(SkywayError):
@@ -115,7 +168,8 @@ class FleetPlanRejected(SkywayError):
         self.faults = tuple(faults)
 
 
-def _bound_s(search: OrderSearch) -> float:
+def proven_s(search: OrderSearch) -> float:
+    """A lower bound of the objective of every plan of the search's problem."""
     scheduler = search.scheduler
     return lower_bound_s(
         scheduler.problem,

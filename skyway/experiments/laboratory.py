@@ -1,9 +1,8 @@
 """Where experiments run: worker processes, the seed, the sizes, and the folder for results."""
 
-import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from skyway.experiments.contest import EXACT, run
 from skyway.experiments.instances import Setting, city_problem, seed_of
+from skyway.workers import open_workers
 
 Trial = TypeVar("Trial")
 Result = TypeVar("Result")
@@ -70,21 +70,22 @@ class Laboratory:
 
 @contextmanager
 def open_laboratory(
-    *, seed: int, is_quick: bool, folder: Path, redraws: bool = False
+    *,
+    seed: int,
+    is_quick: bool,
+    folder: Path,
+    ray_address: str | None = None,
+    redraws: bool = False,
 ) -> Iterator[Laboratory]:
-    """A laboratory with worker processes, and a progress bar on standard error."""
+    """A laboratory with worker processes, here or on a Ray cluster; its bar is on standard error.
+
+    On a cluster each node runs a trial on each processor, so times are those of busy machines.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    workers = min(_MOST_WORKERS, os.cpu_count() or 1)
-    # Fresh processes: a fork would copy this process's threads and, in plain Python, its numba.
-    pool = ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=warm_up
-    )
-    with pool, progress_bars() as progress:
-        try:
-            yield Laboratory(seed, is_quick, folder, progress, pool, redraws)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    count = min(_MOST_WORKERS, os.cpu_count() or 1)
+    workers = open_workers(count, warm_up=warm_up, ray_address=ray_address)
+    with workers as executor, progress_bars() as progress:
+        yield Laboratory(seed, is_quick, folder, progress, executor, redraws)
 
 
 def progress_bars() -> Progress:
