@@ -2,6 +2,7 @@
 
 rolling: one hour of requests; each minute every policy plans the requests that have not started.
 together: all requests of the hour are known when it begins; with a proven lower bound.
+published: a published instance with few chargers, solved in the same way.
 
 docs/dispatch.md says how the cases are drawn, and holds the results.
 """
@@ -9,16 +10,26 @@ docs/dispatch.md says how the cases are drawn, and holds the results.
 import argparse
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from statistics import mean
+from types import MappingProxyType
 
-from benchmarks.dispatch.cases import FleetCase, fleet_case
-from benchmarks.dispatch.policies import FIRST_COME, ORDER_SEARCH, ORTOOLS, POOLING, Policy
-from benchmarks.dispatch.rolling import RollingHour, on_time_share
+from benchmarks.dispatch.peers import Order, planned_in_order, present_peers
+from benchmarks.dispatch.published import published_fleet
 from benchmarks.planner.machine import Machine
 from benchmarks.planner.table import Table
 from skyway.dispatch.optimise import optimise
+from skyway.dispatch.problem import FleetProblem
+from skyway.dispatch.schedule import Schedule
 from skyway.dispatch.warm import warm
+from skyway.experiments.dispatched_hour.cases import fleet_case
+from skyway.experiments.dispatched_hour.policies import (
+    FIRST_COME,
+    Policy,
+    searched_for,
+    searches,
+)
+from skyway.experiments.dispatched_hour.rolling import RollingHour, on_time_share
 from skyway.experiments.fleet_hour.cases import Load, Place
 
 CASES: Sequence[tuple[Place, Load]] = (
@@ -33,18 +44,30 @@ CASES: Sequence[tuple[Place, Load]] = (
 def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     """The sizes of a run."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks dispatch")
-    parser.add_argument("--only", choices=("rolling", "together"), help="only this part")
+    parser.add_argument("--only", choices=tuple(PARTS), help="only this part")
     parser.add_argument("--case", type=int, action="append", help="only the case of this number")
     parser.add_argument("--seeds", type=int, default=3, help="seeds 1 to this")
     parser.add_argument("--minute-s", type=float, default=0.3, help="processor time a minute")
     parser.add_argument("--budget-s", type=float, default=10.0, help="processor time of a plan")
+    parser.add_argument(
+        "--no-bound", action="store_true", help="prove nothing; a proof takes a minute a plan"
+    )
     return parser.parse_args(arguments)
 
 
-def policies_of(place: Place) -> list[Policy]:
+def policies_of(place: Place, minute_s: float) -> list[Policy]:
     """The policies that a case compares; only hubs have requests with one pick-up."""
-    pooled = [POOLING] if place == "three hubs" else []
-    return [FIRST_COME, ORDER_SEARCH, *pooled, ORTOOLS]
+    own = searches(searched_for(minute_s))
+    found = [FIRST_COME, *(each for each in own if place == "three hubs" or not each.pooling)]
+    found += [_in_order(name, order, minute_s) for name, order in present_peers().items()]
+    return found
+
+
+def _in_order(name: str, order: Order, budget_s: float) -> Policy:
+    def plan(problem: FleetProblem, seed: int) -> Schedule:
+        return planned_in_order(problem, order, budget_s=budget_s, seed=seed)
+
+    return Policy(f"{name}'s order", plan)
 
 
 def rolling(sizes: argparse.Namespace) -> Iterator[Table]:
@@ -55,11 +78,10 @@ def rolling(sizes: argparse.Namespace) -> Iterator[Table]:
             f"{place}, {load}, {sizes.minute_s:g} s of processor time a minute",
             ("policy", "served", "mean, min", "by seed", "on time", "kWh"),
         )
-        for policy in policies_of(place):
+        for policy in policies_of(place, sizes.minute_s):
             hours = []
             for seed in range(1, sizes.seeds + 1):
-                case = fleet_case(place, load, seed=seed)
-                hours.append(RollingHour(case, policy, sizes.minute_s, seed))
+                hours.append(RollingHour(fleet_case(place, load, seed=seed), policy, seed))
                 hours[-1].run()
             means = [hour.mean_min for hour in hours]
             table.rows.append(
@@ -68,7 +90,7 @@ def rolling(sizes: argparse.Namespace) -> Iterator[Table]:
                     f"{mean(hour.served_share for hour in hours):.0%}",
                     f"{mean(means):.0f}",
                     ", ".join(f"{each:.0f}" for each in means),
-                    f"{mean(on_time_share(hour) for hour in hours):.0%}",
+                    f"{mean(on_time_share(hour.case, hour.waited_s()) for hour in hours):.0%}",
                     f"{mean(hour.energy_j for hour in hours) / 3.6e6:.0f}",
                 )
             )
@@ -78,42 +100,62 @@ def rolling(sizes: argparse.Namespace) -> Iterator[Table]:
 def together(sizes: argparse.Namespace) -> Iterator[Table]:
     """The same with all requests known when the hour begins, and what is proven."""
     for place, load in _chosen(sizes):
-        table = Table(
-            "together",
-            f"{place}, {load}, all requests known together, {sizes.budget_s:g} s of processor "
-            "time; mean minutes",
-            ("case", "seed", "arrival order", "search", "proven", "gap", "OR-Tools' order"),
-        )
-        for pooling in (False, True) if place == "three hubs" else (False,):
-            for seed in range(1, sizes.seeds + 1):
-                case = fleet_case(place, load, seed=seed)
-                name = "pooled" if pooling else "each alone"
-                table.rows.append((name, *_of_one(case, seed, sizes.budget_s, pooling=pooling)))
+        table = _table(f"{place}, {load}, all requests known together", sizes)
+        for seed in range(1, sizes.seeds + 1):
+            case = fleet_case(place, load, seed=seed)
+            for pooling in (False, True) if place == "three hubs" else (False,):
+                problem = case.known_together(pooling=pooling)
+                table.rows.append(_row(problem, seed, sizes, pooling=pooling))
         yield table
 
 
-def _of_one(case: FleetCase, seed: int, budget_s: float, *, pooling: bool) -> tuple[str, ...]:
-    problem = case.known_together(pooling=pooling)
-    plan = optimise(problem, budget_s=budget_s, seed=seed, proves=True)
-    per_request_min = 60 * len(problem.requests)
-    bound_s = plan.lower_bound_s or 0.0
-    routed = (
-        ""
-        if pooling
-        else _minutes(ORTOOLS.plan(problem, budget_s, seed).costs.delivery_s, per_request_min)
+def published(sizes: argparse.Namespace) -> Iterator[Table]:
+    """The same for a published instance."""
+    table = _table("tc0c40s8cf0 of Montoya et al. 2017, 10 vehicles, 1 pad a station", sizes)
+    for pooling in (False, True):
+        problem = published_fleet(pooling=pooling)
+        table.rows.append(_row(problem, 1, sizes, pooling=pooling))
+    yield table
+
+
+PARTS: Mapping[str, Callable[[argparse.Namespace], Iterator[Table]]] = MappingProxyType(
+    {"rolling": rolling, "together": together, "published": published}
+)
+
+
+def _table(title: str, sizes: argparse.Namespace) -> Table:
+    orders = [f"{name}'s order" for name in present_peers()]
+    return Table(
+        "together",
+        f"{title}, {sizes.budget_s:g} s of processor time; mean minutes",
+        ("trips", "seed", "arrival order", "search", "proven", "gap", *orders),
     )
+
+
+def _row(
+    problem: FleetProblem, seed: int, sizes: argparse.Namespace, *, pooling: bool
+) -> tuple[str, ...]:
+    """One plan of each kind. The other solvers let no requests share a trip."""
+    budget_s = sizes.budget_s
+    plan = optimise(problem, budget_s=budget_s, seed=seed, proves=not sizes.no_bound)
+    peers = {} if pooling else present_peers()
+    ordered = [
+        planned_in_order(problem, order, budget_s=budget_s, seed=seed) for order in peers.values()
+    ]
+
+    def minutes(total_s: float) -> str:
+        return f"{total_s / (60 * len(problem.requests)):.1f}"
+
     return (
+        "shared" if pooling else "of one request",
         str(seed),
-        _minutes(plan.arrival_order.total_s, per_request_min),
-        _minutes(plan.costs.total_s, per_request_min),
-        _minutes(bound_s, per_request_min),
-        f"{plan.gap:.0%}",
-        routed,
+        minutes(plan.arrival_order.total_s),
+        minutes(plan.costs.total_s),
+        "" if plan.lower_bound_s is None else minutes(plan.lower_bound_s),
+        "" if plan.gap is None else f"{plan.gap:.0%}",
+        *(minutes(each.costs.total_s) for each in ordered),
+        *[""] * (len(present_peers()) - len(ordered)),
     )
-
-
-def _minutes(total_s: float, per_request_min: float) -> str:
-    return f"{total_s / per_request_min:.1f}"
 
 
 def _chosen(sizes: argparse.Namespace) -> list[tuple[Place, Load]]:
@@ -128,7 +170,7 @@ def main(arguments: list[str]) -> int:
     command = shlex.join(["python", "-m", "benchmarks", "dispatch", *arguments])
     print(f"`{command}`: {Machine.here().as_text()}.\n", flush=True)
     warm()
-    for name, part in (("rolling", rolling), ("together", together)):
+    for name, part in PARTS.items():
         if sizes.only in (None, name):
             for table in part(sizes):
                 print(f"{table.as_markdown()}\n", flush=True)

@@ -39,6 +39,20 @@ def shared_pools(problem: FleetProblem) -> list[Pool]:
     return found
 
 
+def waits_for_more(problem: FleetProblem, pool: Pool, *, patience_s: float) -> bool:
+    """Whether a trip of these requests waits for other requests that may share it.
+
+    It waits until it has as many requests as may share a trip, or until its oldest request is so
+    old. The search knows no future requests, so the caller asks this before it begins a trip.
+    """
+    requests = [problem.requests[each] for each in pool]
+    return (
+        len(pool) < problem.most_pooled
+        and all(each.pooling for each in requests)
+        and min(each.known_s for each in requests) > -patience_s
+    )
+
+
 def _enlarged(
     problem: FleetProblem,
     pool: Pool,

@@ -16,6 +16,7 @@ from skyway.experiments.booked_fleet import booked_fleet
 from skyway.experiments.causes import causes
 from skyway.experiments.congestion import congestion
 from skyway.experiments.destinations import destinations
+from skyway.experiments.dispatched_hour.section import dispatch
 from skyway.experiments.fleet_hour.section import fleet
 from skyway.experiments.flown import flown
 from skyway.experiments.laboratory import Laboratory
@@ -39,6 +40,7 @@ PARTS: Mapping[str, Callable[[Laboratory], Section]] = MappingProxyType(
         "congestion": congestion,
         "booked-fleet": booked_fleet,
         "fleet": fleet,
+        "dispatch": dispatch,
         "ablations": ablations,
         "flown": flown,
         "scale": scale,

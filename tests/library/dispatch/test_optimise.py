@@ -11,6 +11,7 @@ from skyway.delivery.plan import Recharge
 from skyway.dispatch.check import violations
 from skyway.dispatch.optimise import optimise
 from skyway.dispatch.plan import FleetPlan
+from skyway.dispatch.pools import waits_for_more
 from skyway.dispatch.problem import CurrentTrip, FleetProblem, read_fleet_problem
 from skyway.errors import InvalidProblem
 from tests.library.dispatch.fleets import small_fleet
@@ -185,3 +186,23 @@ def at_one_hub(*, pooling: bool) -> FleetProblem:
         for each in fleet.requests
     ]
     return fleet.model_copy(update={"requests": tuple(requests)})
+
+
+def test_a_trip_waits_for_more_requests_until_it_is_full_or_its_oldest_request_is_old() -> None:
+    fleet = small_fleet(1, requests=3, most_pooled=2)
+    source = fleet.requests[0].source
+    requests = tuple(
+        each.model_copy(update={"pooling": number < 2, "known_s": known_s, "source": source})
+        for number, (each, known_s) in enumerate(
+            zip(fleet.requests, (-300.0, -100.0, 0.0), strict=True)
+        )
+    )
+    problem = fleet.model_copy(update={"requests": requests})
+
+    def waits(*pool: int) -> bool:
+        return waits_for_more(problem, pool, patience_s=200.0)
+
+    assert waits(1)
+    assert not waits(0), "its request is old"
+    assert not waits(0, 1), "it is full"
+    assert not waits(2), "its request may not share a trip"

@@ -7,7 +7,7 @@ from skyway.experiments.page import PARTS, write_fragment, write_page
 from skyway.experiments.report import Section, SummaryLine, image
 
 #: Parts that simulate fleets, each run twice with the same seed.
-REPEATED = ("booked-fleet", "causes", "fleet")
+REPEATED = ("booked-fleet", "causes", "dispatch", "fleet")
 ONCE = [name for name in PARTS if name not in ("paper", *REPEATED)]
 
 

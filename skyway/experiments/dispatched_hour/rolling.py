@@ -1,22 +1,24 @@
 """A rolling hour: each minute the policy plans all requests that have not started.
 
+While requests still come, a patient policy lets trips wait for more requests that may share them.
 A drone that waits stands where its last trip ended, and charges while the pad there is free. Trips
 get the pad first, then the drone that has stood there longest. All flights go as planned.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import mean
 from typing import Final
 
-from benchmarks.dispatch.cases import PREPARE_S, FleetCase, drone
-from benchmarks.dispatch.policies import Policy
 from skyway.dispatch.pads import HeldPad
+from skyway.dispatch.pools import waits_for_more
 from skyway.dispatch.problem import CurrentTrip, FleetDrone, FleetProblem
 from skyway.dispatch.schedule import Schedule
 from skyway.drone.charging import soc_after_recharge
+from skyway.experiments.dispatched_hour.cases import PREPARE_S, FleetCase, drone
+from skyway.experiments.dispatched_hour.policies import Policy
 from skyway.experiments.fleet_hour.calendars import HAND_OVER_MS, MODEL, PAD_GAP_MS
-from skyway.experiments.fleet_hour.cases import HourRequest
+from skyway.experiments.fleet_hour.cases import HOUR_MS, HourRequest
 from skyway.ids import StationId
 
 _TICK_MS: Final = 60_000
@@ -42,7 +44,6 @@ class RollingHour:
 
     case: FleetCase
     policy: Policy
-    budget_s: float
     seed: int
     delivered_ms: dict[int, int] = field(default_factory=dict)
     energy_j: float = 0.0
@@ -65,8 +66,8 @@ class RollingHour:
             ]
             if open_requests:
                 problem = self._problem(open_requests, now_ms)
-                schedule = self.policy.plan(problem, self.budget_s, self.seed + tick)
-                self._begin(schedule, open_requests, now_ms)
+                schedule = self.policy.plan(problem, self.seed + tick)
+                self._begin(problem, schedule, open_requests, now_ms)
             if len(self.delivered_ms) == len(self.case.hour.requests):
                 return
 
@@ -94,6 +95,10 @@ class RollingHour:
             requests,
             now_ms=now_ms,
             pooling=self.policy.pooling,
+            prices={
+                "lateness": 0.0,
+                "energy_s_per_kwh": self.policy.energy_s_per_kwh if now_ms < HOUR_MS else 0.0,
+            },
             pad_reservations=[
                 {
                     "station_id": each.station_id,
@@ -124,12 +129,24 @@ class RollingHour:
         free_ms = max(state.free_ms, now_ms + _PREPARE_MS)
         return drone(number, state.station_id, free_s=(free_ms - now_ms) / 1000, soc=state.soc)
 
-    def _begin(self, schedule: Schedule, requests: Sequence[HourRequest], now_ms: int) -> None:
+    def _begin(
+        self,
+        problem: FleetProblem,
+        schedule: Schedule,
+        requests: Sequence[HourRequest],
+        now_ms: int,
+    ) -> None:
         """Start the trips that begin before the next plan could; remember the others."""
         self._planned = {}
         until_ms = now_ms + _PREPARE_MS + _TICK_MS
+        patience_s = self.policy.patience_s if now_ms < HOUR_MS else 0.0
+        waiting: set[int] = set()
         for number, trip in sorted(schedule.trips, key=lambda each: each.trip.slot.at_ms):
             start_ms = now_ms + trip.slot.at_ms
+            if waits_for_more(problem, trip.pool, patience_s=patience_s):
+                waiting.add(number)
+            if number in waiting:
+                start_ms = max(start_ms, until_ms)
             if start_ms >= until_ms:
                 for each in trip.pool:
                     self._planned[requests[each].number] = f"d{number}", start_ms
@@ -169,8 +186,7 @@ class RollingHour:
             state.charged_ms = until_ms
 
 
-def on_time_share(hour: RollingHour) -> float:
+def on_time_share(case: FleetCase, waited_s: Mapping[int, float]) -> float:
     """The share of requests that are served before they are due."""
-    granted_s = hour.case.granted_s
-    in_time = [waited_s <= granted_s[number] for number, waited_s in hour.waited_s().items()]
-    return sum(in_time) / len(granted_s)
+    in_time = [each <= case.granted_s[number] for number, each in waited_s.items()]
+    return sum(in_time) / len(case.granted_s)

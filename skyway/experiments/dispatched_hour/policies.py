@@ -1,0 +1,82 @@
+"""The policies: a fleet problem in, a schedule out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from skyway.dispatch.optimise import searched
+from skyway.dispatch.problem import FleetProblem
+from skyway.dispatch.schedule import Schedule, Scheduler
+
+#: A problem and a seed.
+Plan = Callable[[FleetProblem, int], Schedule]
+
+#: Measured: 6 to 15 minutes were tried.
+_PATIENCE_S: Final = 600.0
+
+#: About the time that a drone charges for a kWh (4 h), for 1.4 requests that wait for the drone.
+#: Measured: 0 to 40,000 were tried.
+_ENERGY_S_PER_KWH: Final = 20_000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """How the open requests of a fleet are planned.
+
+    Parameters
+    ----------
+    pooling
+        Whether requests may share trips.
+    patience_s
+        While requests still come, a trip waits for more requests until its oldest one is so old.
+    energy_s_per_kwh
+        The price of energy while requests still come: later requests need the charge.
+    """
+
+    name: str
+    plan: Plan
+    pooling: bool = False
+    patience_s: float = 0.0
+    energy_s_per_kwh: float = 0.0
+
+
+def _first_come(problem: FleetProblem, _seed: int) -> Schedule:
+    """The current plan, and new requests booked behind it as they came."""
+    scheduler = Scheduler(problem)
+    return scheduler.current() or scheduler.arrival_order()
+
+
+FIRST_COME: Final = Policy("first come, first served", _first_come)
+
+
+def searches(plan: Plan) -> tuple[Policy, Policy, Policy]:
+    """Three policies of one search: each request alone, shared trips, and patient shared trips."""
+    return (
+        Policy("order search", plan),
+        Policy("pooling", plan, pooling=True),
+        Policy(
+            "patient pooling",
+            plan,
+            pooling=True,
+            patience_s=_PATIENCE_S,
+            energy_s_per_kwh=_ENERGY_S_PER_KWH,
+        ),
+    )
+
+
+def searched_for(budget_s: float) -> Plan:
+    """The dispatcher's search with this much processor time for each plan."""
+
+    def plan(problem: FleetProblem, seed: int) -> Schedule:
+        return searched(problem, budget_s=budget_s, seed=seed).best
+
+    return plan
+
+
+def searched_in_rounds(rounds: int, *, most_steps: int) -> Plan:
+    """The dispatcher's search with so many rounds for each plan: the same on every machine."""
+
+    def plan(problem: FleetProblem, seed: int) -> Schedule:
+        return searched(problem, rounds=rounds, most_steps=most_steps, seed=seed).best
+
+    return plan
