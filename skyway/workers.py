@@ -103,7 +103,7 @@ class RayWorkers(Executor):
 def _run(
     warm_up: Callable[[], None],
     function: Callable[..., Result],
-    args: tuple[Any, ...],  # whatever the function takes
+    args: tuple[Any, ...],  # the arguments of any function
     kwargs: dict[str, Any],
 ) -> Result:
     """The result of the function, on a worker of a cluster."""

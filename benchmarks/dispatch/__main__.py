@@ -25,7 +25,7 @@ from skyway.dispatch.warm import warm
 from skyway.experiments.dispatched_hour.cases import fleet_case
 from skyway.experiments.dispatched_hour.policies import (
     FIRST_COME,
-    Policy,
+    DispatchPolicy,
     searched_for,
     searches,
 )
@@ -55,7 +55,7 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def policies_of(place: Place, minute_s: float) -> list[Policy]:
+def policies_of(place: Place, minute_s: float) -> list[DispatchPolicy]:
     """The policies that a case compares; only hubs have requests with one pick-up."""
     own = searches(searched_for(minute_s))
     found = [FIRST_COME, *(each for each in own if place == "three hubs" or not each.pooling)]
@@ -63,11 +63,11 @@ def policies_of(place: Place, minute_s: float) -> list[Policy]:
     return found
 
 
-def _in_order(name: str, order: Order, budget_s: float) -> Policy:
+def _in_order(name: str, order: Order, budget_s: float) -> DispatchPolicy:
     def plan(problem: FleetProblem, seed: int) -> Schedule:
         return planned_in_order(problem, order, budget_s=budget_s, seed=seed)
 
-    return Policy(f"{name}'s order", plan)
+    return DispatchPolicy(f"{name}'s order", plan)
 
 
 def rolling(sizes: argparse.Namespace) -> Iterator[Table]:

@@ -39,7 +39,7 @@ def shared_pools(problem: FleetProblem) -> list[Pool]:
     return found
 
 
-def waits_for_more(problem: FleetProblem, pool: Pool, *, patience_s: float) -> bool:
+def waits_for_more(problem: FleetProblem, pool: Pool, *, most_wait_s: float) -> bool:
     """Whether a trip of these requests waits for other requests that may share it.
 
     It waits until it has as many requests as may share a trip, or until its oldest request is so
@@ -49,7 +49,7 @@ def waits_for_more(problem: FleetProblem, pool: Pool, *, patience_s: float) -> b
     return (
         len(pool) < problem.most_pooled
         and all(each.pooling for each in requests)
-        and min(each.known_s for each in requests) > -patience_s
+        and min(each.known_s for each in requests) > -most_wait_s
     )
 
 

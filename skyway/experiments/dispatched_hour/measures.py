@@ -7,7 +7,7 @@ from typing import Final
 
 from skyway.dispatch.optimise import begun, proven_s
 from skyway.experiments.dispatched_hour.cases import FleetCase, fleet_case
-from skyway.experiments.dispatched_hour.policies import Policy, searched_in_rounds, searches
+from skyway.experiments.dispatched_hour.policies import DispatchPolicy, searched_in_rounds, searches
 from skyway.experiments.dispatched_hour.rolling import RollingHour, on_time_share
 from skyway.experiments.fleet_hour.calendars import CHAINED, ONE_AT_A_TIME
 from skyway.experiments.fleet_hour.calendars import Policy as Calendar
@@ -22,7 +22,7 @@ CALENDARS: Final[Mapping[str, Calendar]] = {
     "P0 one at a time": ONE_AT_A_TIME,
     "P3 calendars": CHAINED,
 }
-SEARCHES: Final[Mapping[str, Policy]] = {
+SEARCHES: Final[Mapping[str, DispatchPolicy]] = {
     f"P4 {each.name}": each for each in searches(searched_in_rounds(2, most_steps=8_000))
 }
 

@@ -12,7 +12,7 @@ from skyway.dispatch.schedule import Schedule, Scheduler
 Plan = Callable[[FleetProblem, int], Schedule]
 
 #: Measured: 6 to 15 minutes were tried.
-_PATIENCE_S: Final = 600.0
+_MOST_WAIT_S: Final = 600.0
 
 #: About the time that a drone charges for a kWh (4 h), for 1.4 requests that wait for the drone.
 #: Measured: 0 to 40,000 were tried.
@@ -20,14 +20,14 @@ _ENERGY_S_PER_KWH: Final = 20_000.0
 
 
 @dataclass(frozen=True, slots=True)
-class Policy:
+class DispatchPolicy:
     """How the open requests of a fleet are planned.
 
     Parameters
     ----------
     pooling
         Whether requests may share trips.
-    patience_s
+    most_wait_s
         While requests still come, a trip waits for more requests until its oldest one is so old.
     energy_s_per_kwh
         The price of energy while requests still come: later requests need the charge.
@@ -36,7 +36,7 @@ class Policy:
     name: str
     plan: Plan
     pooling: bool = False
-    patience_s: float = 0.0
+    most_wait_s: float = 0.0
     energy_s_per_kwh: float = 0.0
 
 
@@ -46,19 +46,19 @@ def _first_come(problem: FleetProblem, _seed: int) -> Schedule:
     return scheduler.current() or scheduler.arrival_order()
 
 
-FIRST_COME: Final = Policy("first come, first served", _first_come)
+FIRST_COME: Final = DispatchPolicy("first come, first served", _first_come)
 
 
-def searches(plan: Plan) -> tuple[Policy, Policy, Policy]:
-    """Three policies of one search: each request alone, shared trips, and patient shared trips."""
+def searches(plan: Plan) -> tuple[DispatchPolicy, DispatchPolicy, DispatchPolicy]:
+    """Three policies of one search: requests alone, shared trips, and shared trips that wait."""
     return (
-        Policy("order search", plan),
-        Policy("pooling", plan, pooling=True),
-        Policy(
-            "patient pooling",
+        DispatchPolicy("order search", plan),
+        DispatchPolicy("pooling", plan, pooling=True),
+        DispatchPolicy(
+            "pooling, trips wait",
             plan,
             pooling=True,
-            patience_s=_PATIENCE_S,
+            most_wait_s=_MOST_WAIT_S,
             energy_s_per_kwh=_ENERGY_S_PER_KWH,
         ),
     )

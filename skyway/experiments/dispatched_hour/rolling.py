@@ -1,6 +1,6 @@
 """A rolling hour: each minute the policy plans all requests that have not started.
 
-While requests still come, a patient policy lets trips wait for more requests that may share them.
+While requests still come, trips may wait for more requests that may share them.
 A drone that waits stands where its last trip ended, and charges while the pad there is free. Trips
 get the pad first, then the drone that has stood there longest. All flights go as planned.
 """
@@ -16,7 +16,7 @@ from skyway.dispatch.problem import CurrentTrip, FleetDrone, FleetProblem
 from skyway.dispatch.schedule import Schedule
 from skyway.drone.charging import soc_after_recharge
 from skyway.experiments.dispatched_hour.cases import PREPARE_S, FleetCase, drone
-from skyway.experiments.dispatched_hour.policies import Policy
+from skyway.experiments.dispatched_hour.policies import DispatchPolicy
 from skyway.experiments.fleet_hour.calendars import HAND_OVER_MS, MODEL, PAD_GAP_MS
 from skyway.experiments.fleet_hour.cases import HOUR_MS, HourRequest
 from skyway.ids import StationId
@@ -43,7 +43,7 @@ class RollingHour:
     """The state of one hour; `delivered_ms` is by the number of the request."""
 
     case: FleetCase
-    policy: Policy
+    policy: DispatchPolicy
     seed: int
     delivered_ms: dict[int, int] = field(default_factory=dict)
     energy_j: float = 0.0
@@ -139,11 +139,11 @@ class RollingHour:
         """Start the trips that begin before the next plan could; remember the others."""
         self._planned = {}
         until_ms = now_ms + _PREPARE_MS + _TICK_MS
-        patience_s = self.policy.patience_s if now_ms < HOUR_MS else 0.0
+        most_wait_s = self.policy.most_wait_s if now_ms < HOUR_MS else 0.0
         waiting: set[int] = set()
         for number, trip in sorted(schedule.trips, key=lambda each: each.trip.slot.at_ms):
             start_ms = now_ms + trip.slot.at_ms
-            if waits_for_more(problem, trip.pool, patience_s=patience_s):
+            if waits_for_more(problem, trip.pool, most_wait_s=most_wait_s):
                 waiting.add(number)
             if number in waiting:
                 start_ms = max(start_ms, until_ms)

@@ -184,7 +184,7 @@ _INTRODUCTION = (
     "that have not started, with 2 rounds of at most 8,000 steps. Trips that begin before the "
     "next minute are flown as planned, and a drone that waits charges where it stands. With "
     "**pooling**, requests with the same pick-up may share a trip; only hubs have such requests. "
-    "**Patient pooling**: in the hour in which requests come, a trip waits until three requests "
+    "**Trips wait**: in the hour in which requests come, a trip waits until three requests "
     "share it, or until its oldest request is 10 min old, and energy has a price. "
     "**Mean** is the minutes from the request to its last delivery. A request is **on time** if it "
     "is delivered within 30 min, or within twice the time that it needs alone."

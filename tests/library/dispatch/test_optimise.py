@@ -200,7 +200,7 @@ def test_a_trip_waits_for_more_requests_until_it_is_full_or_its_oldest_request_i
     problem = fleet.model_copy(update={"requests": requests})
 
     def waits(*pool: int) -> bool:
-        return waits_for_more(problem, pool, patience_s=200.0)
+        return waits_for_more(problem, pool, most_wait_s=200.0)
 
     assert waits(1)
     assert not waits(0), "its request is old"
