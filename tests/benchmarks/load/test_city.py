@@ -16,7 +16,7 @@ def city() -> City:
 
 
 def test_its_document_is_a_network(city: City) -> None:
-    assert len(read_network(city.document()).stations) == 100
+    assert len(read_network(city.documents()["city"]).stations) == 100
 
 
 def test_its_drones_are_spread_over_stations_and_providers(city: City) -> None:
