@@ -25,6 +25,7 @@ from benchmarks.planner.speed import local, unprepared, whole_network
 from benchmarks.planner.start import start
 from benchmarks.planner.table import Table
 from benchmarks.planner.trips import trips
+from benchmarks.planner.weather import weather
 
 
 def main(arguments: list[str]) -> int:
@@ -61,6 +62,7 @@ def _sections(extent: Extent) -> dict[str, Callable[[], Table]]:
         "shortest-paths": shortest_paths,
         "scarce": partial(scarce, extent),
         "trips": partial(trips, extent),
+        "weather": partial(weather, extent),
     }
 
 

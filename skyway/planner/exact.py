@@ -95,9 +95,11 @@ def _searched_before_haste(
     """The search after its first labels; with weather first for early plans alone."""
     before_haste = min(method.labels_before_haste, effort.room // ROOM_BEFORE_HASTE)
     limits_s = [math.inf]
-    if situation.problem.weather is not None:
+    weather = situation.problem.weather
+    if weather is not None:
         likely_s = likely_delivery_s(situation)
-        limits_s = [*(likely_s * factor for factor in _LATER_THAN_LIKELY), math.inf]
+        ends_s = [weather.end_of_period(likely_s * factor) for factor in _LATER_THAN_LIKELY]
+        limits_s = sorted({*ends_s, math.inf})
     for until_s in limits_s:
         search = ExactSearch(situation, method=method, order=order, until_s=until_s)
         ending = search.run(effort, most_labels=before_haste)

@@ -7,7 +7,7 @@ is not repeated here. It looks at one session or flight at a time.
 import math
 from bisect import bisect_left, bisect_right
 from collections import defaultdict
-from collections.abc import Iterable, Set
+from collections.abc import Iterable, Sequence, Set
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from itertools import pairwise
@@ -18,6 +18,7 @@ from skyway.drone.flight import flight_energy_j
 from skyway.ids import StationId
 from skyway.network.network import Zone
 from skyway.network.zones import contains, crosses
+from skyway.planner.kernels.memory import Longs
 from skyway.planner.problem import Problem
 from skyway.planner.reservations import reservations_at
 from skyway.units import TIME_TOLERANCE_S
@@ -152,6 +153,10 @@ class AirOfFlight:
     harder: float
 
 
+_STILL = AirOfFlight(1.0, 1.0)
+_ALWAYS: _Interval = (-math.inf, math.inf)
+
+
 class MovingAir:
     """The weather of a problem, asked about one flight."""
 
@@ -162,56 +167,61 @@ class MovingAir:
         self._periods = list(pairwise([-math.inf, *edges_s, math.inf]))
         self._ends_s = [end_s for _, end_s in self._periods]
 
-    def at_start(self, step: Fly) -> list[AirOfFlight]:
-        """The air in which the flight may begin, none if the segment is closed then.
+    def of_flight(self, step: Fly) -> list[tuple[_Interval, AirOfFlight | None]]:
+        """The periods that the flight meets, with the air of its segment; None where it is closed.
 
-        Within the tolerance of a period's edge the air of both periods is allowed.
+        The periods within the tolerance count too, but none that is over when the plan starts.
         """
-        return [air for _, air in self._met(step, step.start_s, step.start_s) if air is not None]
-
-    def closed_segment(self, step: Fly, *, until_s: float) -> str | None:
-        """The closed period that the flight meets by more than the tolerance, or None."""
-        for closed, air in self._met(step, step.start_s, until_s):
-            if air is None and _meet(step.start_s, until_s, closed):
-                return f"the weather closes the segment from {closed[0]} s"
-        return None
-
-    def _met(
-        self, step: Fly, from_s: float, until_s: float
-    ) -> list[tuple[_Interval, AirOfFlight | None]]:
-        """The periods between these moments with the air of the segment, the still ones too."""
-        column = self._column(step)
+        if self._weather is None:
+            return [(_ALWAYS, _STILL)]
+        column = self._column(step, self._weather.segment)
         met: list[tuple[_Interval, AirOfFlight | None]] = []
-        # A period that is over when the plan starts is never met, also within the tolerance.
         first = max(
-            bisect_left(self._ends_s, from_s - TIME_TOLERANCE_S), bisect_right(self._ends_s, 0.0)
+            bisect_left(self._ends_s, step.start_s - TIME_TOLERANCE_S),
+            bisect_right(self._ends_s, 0.0),
         )
         for number, period in enumerate(self._periods[first:], start=first):
-            if until_s < period[0] - TIME_TOLERANCE_S:
+            if step.end_s < period[0] - TIME_TOLERANCE_S:
                 break
-            air: AirOfFlight | None = AirOfFlight(1.0, 1.0)
-            if (
-                self._weather is not None
-                and column is not None
-                and 0 < number < len(self._periods) - 1
-            ):
+            air: AirOfFlight | None = _STILL
+            if column is not None and 0 < number < len(self._periods) - 1:
                 longer = float(self._weather.time_factor[number - 1, column])
                 harder = float(self._weather.energy_factor[number - 1, column])
                 air = AirOfFlight(longer, harder) if math.isfinite(longer) else None
             met.append((period, air))
         return met
 
-    def _column(self, step: Fly) -> int | None:
-        """The row of the segment among the factors; None for a segment without weather."""
-        if self._weather is None:
-            return None
+    def _column(self, step: Fly, named: Longs) -> int | None:
+        """The number of the segment among those named; None for a segment without weather."""
         outgoing, row_of = self._network.outgoing, self._network.row_of
         leaving = outgoing.at(row_of[step.from_id])
-        is_it = outgoing.station[leaving] == row_of[step.to_id]
-        (segment,) = outgoing.segment[leaving][is_it].tolist()
-        left = bisect_left(self._weather.segment, segment)
-        named = self._weather.segment[left : left + 1].tolist()
-        return left if named == [segment] else None
+        place = outgoing.station[leaving].tolist().index(row_of[step.to_id])
+        segment = int(outgoing.segment[leaving.start + place])
+        if len(named) == len(outgoing.segment):
+            return segment
+        left = bisect_left(named, segment)
+        return left if left < len(named) and named[left] == segment else None
+
+
+def air_at_start(
+    step: Fly, met: Sequence[tuple[_Interval, AirOfFlight | None]]
+) -> list[AirOfFlight]:
+    """The air in which the flight may begin, none if the segment is closed then."""
+    return [
+        air
+        for (from_s, _), air in met
+        if air is not None and from_s <= step.start_s + TIME_TOLERANCE_S
+    ]
+
+
+def closed_by_weather(
+    step: Fly, met: Sequence[tuple[_Interval, AirOfFlight | None]], *, until_s: float
+) -> str | None:
+    """The closed period that the flight meets by more than the tolerance, or None."""
+    for closed, air in met:
+        if air is None and _meet(step.start_s, until_s, closed):
+            return f"the weather closes the segment from {closed[0]} s"
+    return None
 
 
 def is_pad_within_reach(problem: Problem, start: StationId, *, energy_j: float) -> bool:

@@ -11,7 +11,14 @@ from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.errors import InvalidStateOfCharge
 from skyway.ids import PackageId, StationId
 from skyway.network.network import Segment
-from skyway.planner.obstacles import HeldPads, MovingAir, OpenSky, is_pad_within_reach
+from skyway.planner.obstacles import (
+    HeldPads,
+    MovingAir,
+    OpenSky,
+    air_at_start,
+    closed_by_weather,
+    is_pad_within_reach,
+)
 from skyway.planner.problem import Problem
 from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, TIME_TOLERANCE_S
 
@@ -173,9 +180,10 @@ class Replay:
         still_s = flight_time_s(self._model, length_m=segment.length_m, load_kg=load_kg)
         still_j = flight_energy_j(self._model, length_m=segment.length_m, load_kg=load_kg)
         stop_s, stop_j = (self._model.stop_s, self._model.stop_j) if lands else (0.0, 0.0)
+        met = self._air.of_flight(step)
         flights = [
             (still_s * air.longer, still_j * air.longer * air.harder)
-            for air in self._air.at_start(step)
+            for air in air_at_start(step, met)
         ]
         if not flights:
             self._note("closed", "the weather closes the segment when the flight begins")
@@ -192,7 +200,7 @@ class Replay:
         arrival_s = step.start_s + flight_s
         closed = self._sky.closed_segment(step, until_s=arrival_s)
         if closed is None:
-            closed = self._air.closed_segment(step, until_s=arrival_s)
+            closed = closed_by_weather(step, met, until_s=arrival_s)
         if closed is None and lands:
             closed = self._sky.closed_landing(step, touch_s=arrival_s)
         if closed is not None:

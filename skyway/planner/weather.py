@@ -51,7 +51,7 @@ class Weather:
     edges_s
         ``(p + 1,)``, where the periods begin, and last where they end; seconds since the start.
     time_factor, energy_factor
-        ``(p, n)``; a time factor of inf closes the segment.
+        ``(p, n)``, row after row; a time factor of inf closes the segment.
     faults
         What is wrong with the document. Then there are no factors, and no problem accepts this.
 
@@ -90,8 +90,8 @@ class Weather:
             network,
             segment[order],
             np.array(edges_s, np.float64),
-            time_factor[:, order],
-            energy_factor[:, order],
+            np.ascontiguousarray(time_factor[:, order]),
+            np.ascontiguousarray(energy_factor[:, order]),
         )
 
     def document(self) -> WeatherDocument:
@@ -150,6 +150,11 @@ class Weather:
     def period_at(self, at_s: float) -> int:
         """The number of the period that holds this moment."""
         return int(np.searchsorted(self.edges_s, at_s, side="right"))
+
+    def end_of_period(self, at_s: float) -> float:
+        """The end of the period that holds this moment; inf for the still air after all."""
+        period = self.period_at(at_s)
+        return float(self.edges_s[period]) if period < len(self.edges_s) else math.inf
 
     def air(self, segment: int, period: int) -> Air:
         """The air of a segment, by its row, in a period; an infinite time closes the segment."""
