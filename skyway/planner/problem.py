@@ -221,7 +221,7 @@ class Problem(JsonModel):
             pad_reservations=self.pad_reservations,
             closures=self.closures,
         )
-        if self.weather is not None:
+        if self.weather is not None and self.network.stations:
             yield from self.weather.faults
         yield from window_faults(
             self.packages,

@@ -74,11 +74,12 @@ class WeatherDocument(JsonModel):
         FailFast(),
         BeforeValidator(_few),
     ]
+    # At least one is checked below: pydantic would count only those that are themselves valid.
     periods: Annotated[
         tuple[WeatherPeriod, ...],
         Field(
-            min_length=1,
             max_length=MAX_PERIODS,
+            json_schema_extra={"minItems": 1},
             description="The periods in order of time, each beginning where the last one ends.",
         ),
         FailFast(),
@@ -125,6 +126,8 @@ def contradictions(document: WeatherDocument, segment: Longs) -> Iterator[FieldF
                     f"weather.periods.{number}.{name}",
                     f"{len(factors)} factors for {len(segment)} segments",
                 )
+    if not document.periods:
+        yield FieldFault("weather.periods", "0 periods, at least 1 is needed")
     yield from _of_times(document.periods)
 
 
