@@ -176,6 +176,7 @@ def build_app(settings: CompositionSettings) -> FastAPI:
             parts.solver,
             parts.inquiries,
             parts.problems,
+            parts.search,
             gateway,
             registry,
             mqtt,

@@ -25,6 +25,8 @@ from skyway_composition.missions.booking.hold_quote import HeldQuotes
 from skyway_composition.missions.booking.keep_offer import OfferKeeper
 from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.closure_impact.impact import MissionImpact
+from skyway_composition.missions.dispatching.dispatch import Dispatcher, DispatchTerms
+from skyway_composition.missions.dispatching.search_process import SearchProcess
 from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.missions.replanning.foresee import Foresight
 from skyway_composition.networks.prepared import PreparedNetworks
@@ -72,6 +74,10 @@ class Parts:
     no_shows: NoShows
     own_cells: OwnCells
     count_drones: CountDrones
+    dispatch_terms: DispatchTerms
+    #: Set after what may free a better order: calendars that were planned again, or closures.
+    dispatches: Wake = field(default_factory=Wake)
+    search: SearchProcess = field(default_factory=SearchProcess)
     gauges: Gauges = field(default_factory=Gauges)
     turns: Turns = field(default_factory=Turns)
     reading: ReadingTurn = field(default_factory=ReadingTurn)
@@ -128,6 +134,20 @@ class Parts:
         """Makes and lifts closures."""
         return Closings(self.db, self.networks, self.impact, self.clock, self.mint)
 
+    def dispatcher(self, registry: ServiceClient) -> Dispatcher:
+        """Plans what waits in calendars again, all together."""
+        return Dispatcher(
+            self.db,
+            self.networks,
+            self.problems,
+            self.search,
+            registry,
+            self.clock,
+            self.mint,
+            self.dispatch_terms,
+            self.calendars,
+        )
+
 
 def registry_client(settings: CompositionSettings) -> ServiceClient:
     """The client that asks the registry about drones."""
@@ -171,6 +191,11 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
         no_shows=NoShows(db, clock),
         own_cells=own_cells,
         count_drones=count_drones_at(registry),
+        dispatch_terms=DispatchTerms(
+            every_s=settings.dispatch_every_s,
+            budget_s=settings.dispatch_budget_s,
+            tolerance_s=settings.dispatch_tolerance_s,
+        ),
     )
 
 

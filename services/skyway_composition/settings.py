@@ -38,6 +38,25 @@ class CompositionSettings(ServiceSettings):
             "best plan found.",
         ),
     ] = 5.0
+    dispatch_every_s: float = Field(
+        default=10.0,
+        ge=0.0,
+        le=3_600.0,
+        description="Seconds of wall time between two looks of the dispatcher at what waits in "
+        "calendars. With 0 there is no dispatcher.",
+    )
+    dispatch_budget_s: float = Field(
+        default=0.3,
+        ge=0.01,
+        le=600.0,
+        description="Seconds of processor time for one search of the dispatcher.",
+    )
+    dispatch_tolerance_s: float = Field(
+        default=60.0,
+        ge=0.0,
+        le=86_400.0,
+        description="Seconds of fleet time by which the dispatcher may deliver after a promise.",
+    )
     strategies: str = Field(
         default="exact,heuristic",
         description="Strategies, separated by commas, that everybody may ask for in "

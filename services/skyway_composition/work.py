@@ -84,7 +84,8 @@ class Work:
             self._membership.own_id,
             OccupiedPads(parts.closings),
         )
-        self._calendars = Calendars(db, parts.networks, parts.solver, clock, mint)
+        self._calendars = Calendars(db, parts.networks, parts.solver, clock, mint, parts.dispatches)
+        self._dispatcher = parts.dispatcher(clients["registry"])
         self._withdrawn = WithdrawnDrones(db, clients["registry"], clock, mint)
         self._loading_timeouts = LoadingTimeouts(db, parts.networks, clock, mint)
         self._keeper = parts.keeper
@@ -163,6 +164,15 @@ class Work:
             ("withdrawn drones", led(self._withdrawn.step), _ASK_REGISTRY_EVERY_S),
         ):
             loops.start(name, repeat(name, self._own.while_active(step), every_s=every_s))
+        dispatch_every_s = self._parts.dispatch_terms.every_s
+        if dispatch_every_s > 0:
+            dispatched = repeat(
+                "dispatcher",
+                self._own.while_active(led(self._dispatcher.step)),
+                every_s=dispatch_every_s,
+                wake=self._parts.dispatches,
+            )
+            loops.start("dispatcher", dispatched)
         loops.start(
             "network versions",
             repeat(

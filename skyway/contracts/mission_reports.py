@@ -110,6 +110,10 @@ class MissionReport(WireModel):
         FreeFrom | None,
         Field(description="When and where its drone can begin another mission; null if unknown."),
     ] = None
+    drone_before: Annotated[
+        DroneId | None,
+        Field(description="The drone that had the QUEUED mission until now; null if it stays."),
+    ] = None
     code: Annotated[str | None, Field(description="Why, for programs.")] = None
     detail: Annotated[str | None, Field(description="Why, for people.")] = None
     #: Evidence and numbers: place and weights at a hand-over, flown seconds and joules at the end.

@@ -1,4 +1,4 @@
-"""What a schedule costs, and which limits it must keep against the arrival order."""
+"""What a schedule costs, and which limits it must keep against the baseline."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -85,20 +85,20 @@ class Limits:
     """What a plan must keep: promises, fairness, and the number of unserved requests.
 
     `latest_s` is the latest delivery of each request with a promise: the promise plus the
-    tolerance, or the delivery in the arrival order plus the tolerance if that is later. `flown` is
-    the least number of requests that each provider flies.
+    tolerance, or the delivery in the baseline plus the tolerance if that is later. `flown` is the
+    least number of requests that each provider flies.
     """
 
-    def __init__(self, problem: FleetProblem, arrival: Costs) -> None:
+    def __init__(self, problem: FleetProblem, baseline: Costs) -> None:
         self.latest_s = {
             number: problem.promise_tolerance_s
-            + max(request.promised_s, arrival.delivered_s.get(number, 0.0))
+            + max(request.promised_s, baseline.delivered_s.get(number, 0.0))
             for number, request in enumerate(problem.requests)
             if request.promised_s is not None
         }
-        self._served = {each for each in self.latest_s if each in arrival.delivered_s}
-        self.flown = arrival.flown if problem.fairness == "requests" else {}
-        self._unserved = arrival.unserved
+        self._served = {each for each in self.latest_s if each in baseline.delivered_s}
+        self.flown = baseline.flown if problem.fairness == "requests" else {}
+        self._unserved = baseline.unserved
 
     def are_kept(self, costs: Costs) -> bool:
         """Whether a plan with these costs keeps all limits."""

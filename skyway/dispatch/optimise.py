@@ -51,8 +51,8 @@ def optimise(
     """The best fleet plan that the search finds.
 
     The plan never costs more than the arrival order. A request with a promise is delivered before
-    the promise, or no later than in the arrival order, within the problem's tolerance. Every trip
-    has passed the planner's `verify`.
+    the promise, or no later than in the problem's baseline, within the problem's tolerance. Every
+    trip has passed the planner's `verify`.
 
     Parameters
     ----------
@@ -121,7 +121,11 @@ def begun(problem: FleetProblem, *, seed: int = 0) -> OrderSearch:
     """The search of `optimise` before its first round."""
     scheduler = Scheduler(problem)
     arrival = scheduler.arrival_order()
-    limits = Limits(problem, arrival.costs)
+    current = scheduler.current()
+    baseline = arrival
+    if problem.baseline == "current plan" and current is not None:
+        baseline = current
+    limits = Limits(problem, baseline.costs)
     board = Board(
         problem,
         scheduler.estimates,
@@ -129,8 +133,9 @@ def begun(problem: FleetProblem, *, seed: int = 0) -> OrderSearch:
         shared=shared_pools(problem),
     )
     board.limit(limits)
-    search = OrderSearch(scheduler, board, limits, arrival, arrival, _chance(seed))
-    search.look_at(scheduler.current())
+    search = OrderSearch(scheduler, board, limits, arrival, baseline, _chance(seed))
+    for each in (arrival, current):
+        search.look_at(each)
     return search
 
 

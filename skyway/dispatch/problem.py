@@ -172,6 +172,13 @@ class FleetProblem(JsonModel):
             "arrival order."
         ),
     ] = "none"
+    baseline: Annotated[
+        Literal["arrival order", "current plan"],
+        Field(
+            description="The plan that the answer may not be worse than. The current plan is that "
+            "of `requests[].planned`; without one the arrival order counts."
+        ),
+    ] = "arrival order"
     label_limit: Annotated[
         int,
         Field(gt=0, le=10**9, description="The most labels of the search for one trip."),

@@ -15,6 +15,7 @@ from skyway.contracts.mission_reports import MissionReport
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import StationId
 from tests.composition.busy_world import BusyWorld
+from tests.composition.dispatched_world import dispatch_fairly
 from tests.composition.dry_runs import preview
 from tests.composition.flown_drone import FlownDrone
 
@@ -46,6 +47,7 @@ ACTIONS: Final = (
     *["occupy_pads"] * 2,
     *["forget_a_hand_over"] * 2,
     *["fetch"] * 2,
+    *["dispatch"] * 3,
 )
 
 
@@ -128,6 +130,11 @@ class Story:
 
     async def time_passes(self, chance: Random) -> None:
         await self.world.pass_time(timedelta(minutes=chance.choice([1, 2, 4, 8, 8, 15, 30, 90])))
+
+    async def dispatch(self, chance: Random) -> None:
+        """The dispatcher moves what waits, and the customers gain by it."""
+        await dispatch_fairly(self.world, tolerance_s=chance.choice([0.0, 60.0, 3_600.0]))
+        await self.world.keep_calendars()
 
     async def disturb_a_drone(self, chance: Random) -> None:
         drone = chance.choice(self.world.drones)

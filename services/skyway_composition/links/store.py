@@ -94,6 +94,23 @@ async def link_to(connection: AsyncConnection, drone_id: DroneId) -> DroneLink |
     return None if row is None else _link(row)
 
 
+async def links_to(
+    connection: AsyncConnection, drone_ids: Collection[DroneId]
+) -> dict[DroneId, DroneLink]:
+    """The links to these drones, not locked; a drone without a link is left out."""
+    query = select(drone_links).where(in_list(drone_links.c.drone_id, "drone_ids"))
+    found = await connection.execute(query, {"drone_ids": sorted(drone_ids)})
+    return {row.drone_id: _link(row) for row in found}
+
+
+async def held_among(
+    connection: AsyncConnection, drone_ids: Collection[DroneId], *, now_ms: int
+) -> frozenset[DroneId]:
+    """Which of these drones are held for a customer at this moment, fleet time."""
+    values = {"drone_ids": [*drone_ids], "own_hold": "", "now_ms": now_ms}
+    return frozenset((await connection.execute(HELD, values)).scalars())
+
+
 async def states_of(
     connection: AsyncConnection, drone_ids: Collection[DroneId]
 ) -> dict[DroneId, DroneState]:

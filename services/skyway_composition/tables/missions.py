@@ -69,6 +69,8 @@ missions = Table(
     Column("planned_conditions", BigInteger),
     # The trace in which the mission was booked: that of the request of its delivery.
     Column("traceparent", Text),
+    # JSON list of PackageEta: the arrival times with which a QUEUED mission was booked.
+    Column("promised", Text),
     *claim_columns(),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
     # I2: a drone is on at most one mission.

@@ -33,6 +33,7 @@ from skyway.runtime.verification.stored_forms import form_rule
 from skyway_composition.closures.closure import Area
 from skyway_composition.missions.booking.hold_store import HELD_OFFERS
 from skyway_composition.missions.mission.record import Aim, Proposal, Stuck, Trouble
+from skyway_composition.missions.mission.row import PROMISED
 from skyway_composition.missions.mission.step_store import read_step
 from skyway_composition.tables import (
     alarms,
@@ -71,6 +72,7 @@ _FORMS: Final = form_rule(
         missions.c.trouble: Trouble.read,
         missions.c.proposal: Proposal.read,
         missions.c.aims: TypeAdapter(tuple[Aim, ...]).validate_json,
+        missions.c.promised: PROMISED.validate_json,
         missions.c.stays: read_stored_stays,
         mission_steps.c.step: read_step,
         mission_steps.c.event: DroneEvent.read,

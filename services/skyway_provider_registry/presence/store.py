@@ -166,7 +166,8 @@ async def store_reports(tx: Tx, reports: Sequence[MissionReport], *, wall_at: da
     """Store reports that are new, of drones of the named provider.
 
     Of each mission state only the first report is stored, and those that say when the drone is
-    free: others would change nothing.
+    free: others would change nothing. A QUEUED mission may come from another drone, whose presence
+    changes too.
     """
     change, wall_ms = await next_change(tx), moment_to_ms(wall_at)
     rows = [
@@ -183,7 +184,11 @@ async def store_reports(tx: Tx, reports: Sequence[MissionReport], *, wall_at: da
         for report in reports
     ]
     await tx.execute(_STORE_REPORT, rows)
-    await tx.execute(_TOUCH, [{"about": row["about"], "change": change} for row in rows])
+    before = [each.drone_before for each in reports if each.drone_before is not None]
+    touched = [
+        {"about": each, "change": change} for each in (*(row["about"] for row in rows), *before)
+    ]
+    await tx.execute(_TOUCH, touched)
     before_ms = wall_ms - _REMEMBERED_MS
     ended = [{"about": row["about"], "before_ms": before_ms} for row in rows if not row["is_live"]]
     if ended:
@@ -222,7 +227,7 @@ def _store_report() -> Insert:
         mission_hints.c.mission_state != new.excluded.mission_state,
         new.excluded.free_ms.is_not(None),
     )
-    changed = {name: new.excluded[name] for name in names}
+    changed = {name: new.excluded[name] for name in ("drone_id", *names)}
     return new.on_conflict_do_update(index_elements=["mission_id"], set_=changed, where=is_new)
 
 

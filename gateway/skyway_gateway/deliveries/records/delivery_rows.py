@@ -208,7 +208,6 @@ def mission_row(mission: FlownMission) -> Values:
         "attempt": mission.attempt,
         "trip": mission.trip,
         "provider_id": mission.provider_id,
-        "drone_id": mission.drone_id,
         "report_seq": 0,
         "price_amount": mission.price.amount,
         "currency": mission.price.currency,
@@ -218,8 +217,15 @@ def mission_row(mission: FlownMission) -> Values:
 
 
 def _mission_values(mission: FlownMission) -> Values:
-    """The columns of a mission that change during its life."""
-    return {"state": mission.state, "body": mission.model_dump_json()}
+    """The columns of a mission that change during its life.
+
+    A mission gets another drone only while it waits in a calendar.
+    """
+    return {
+        "state": mission.state,
+        "drone_id": mission.drone_id,
+        "body": mission.model_dump_json(),
+    }
 
 
 def mission_changes(before: FlownMission, after: FlownMission) -> Values:

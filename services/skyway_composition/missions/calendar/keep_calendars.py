@@ -13,6 +13,7 @@ from typing import Final
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import RowRefused
+from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.scheduling.stays import Slot
@@ -88,6 +89,8 @@ class Calendars:
     solver: SolverPool
     clock: FleetClock
     mint: Mint
+    #: Set when calendars have changed otherwise than planned: another order may be better now.
+    dispatches: Wake = field(default_factory=Wake)
     #: How long the last plan for each drone took, fleet milliseconds.
     _last_plan_took_ms: dict[DroneId, int] = field(default_factory=dict)
 
@@ -140,6 +143,7 @@ class Calendars:
                 case Shorten(until_ms=until_ms) if calendar.before is not None:
                     await shorten_standby(work, calendar.before, until_ms=until_ms)
                 case GiveUp(detail=detail):
+                    tx.after_commit(self.dispatches.set)
                     await refuse(work, following, code="DRONE_NOT_FREE", detail=detail)
                 case PlanAgain(slot=slot):
                     pass
@@ -173,6 +177,7 @@ class Calendars:
             work = await self._lock(calendar.drone_id, tx)
             if not calendar.is_same(await _read(work, calendar.drone_id)):
                 return True
+            tx.after_commit(self.dispatches.set)
             if is_hopeless:
                 await refuse(work, first, code="DRONE_NOT_FREE", detail=_NO_PLAN)
             else:

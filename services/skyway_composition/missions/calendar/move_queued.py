@@ -148,8 +148,9 @@ def _report_times(
         "RETIMED" if is_small else "REPLANNED",
         at=work.clock.now(),
         code="CALENDAR_CHANGED",
-        detail="the missions before it in its drone's calendar have changed",
+        detail="its place in the calendars of its provider's drones has changed",
         etas=record.mission.packages,
         mission=record.mission,
         free_from=free_from(record),
+        drone_before=earlier.drone_id if earlier.drone_id != record.drone_id else None,
     )

@@ -116,9 +116,9 @@ async def _trip_before(
     ready = Slot(start.station_id, start.at_ms - hand_over_time_ms(clock), start.soc)
     if ready.at_ms <= max(slot.at_ms, record.earliest_ms):
         return None
-    deadline_ms = _deadline_ms(record)
-    latest_ms = ready.at_ms if deadline_ms is None else min(deadline_ms, ready.at_ms)
-    problem = _problem(world, record, slot, from_ms=record.earliest_ms, latest_ms=latest_ms)
+    due_ms = deadline_ms(record)
+    latest_ms = ready.at_ms if due_ms is None else min(due_ms, ready.at_ms)
+    problem = problem_of(world, record, slot, from_ms=record.earliest_ms, latest_ms=latest_ms)
     trip = await round_trip(solver, world, problem, standby=standby_for(ready))
     return None if isinstance(trip, NoTrip) else fitted(trip, soc=slot.soc, ready=ready)
 
@@ -126,26 +126,29 @@ async def _trip_before(
 async def _trip(
     solver: SolverPool, world: World, record: MissionRecord, slot: Slot
 ) -> Trip | NoTrip:
-    latest_ms = _deadline_ms(record)
+    latest_ms = deadline_ms(record)
     standby = StandbyChoice.of(record.candidate)
-    problem = _problem(world, record, slot, from_ms=record.earliest_ms, latest_ms=latest_ms)
+    problem = problem_of(world, record, slot, from_ms=record.earliest_ms, latest_ms=latest_ms)
     trip = await round_trip(solver, world, problem, standby=standby)
     if isinstance(trip, NoTrip) and record.request.has_windows:
         # The trip may need to begin sooner than before to meet its windows.
-        sooner = _problem(world, record, slot, from_ms=record.allowed_from_ms, latest_ms=latest_ms)
+        sooner = problem_of(
+            world, record, slot, from_ms=record.allowed_from_ms, latest_ms=latest_ms
+        )
         trip = await round_trip(solver, world, sooner, standby=standby)
     return trip
 
 
-def _deadline_ms(record: MissionRecord) -> int | None:
+def deadline_ms(record: MissionRecord) -> int | None:
     """When the last delivery must be over, fleet milliseconds; None without a deadline."""
     deadline_at = record.request.qos.deadline_at
     return None if deadline_at is None else moment_to_ms(deadline_at)
 
 
-def _problem(
+def problem_of(
     world: World, record: MissionRecord, slot: Slot, *, from_ms: int, latest_ms: int | None
 ) -> Problem:
+    """The problem of a QUEUED mission that begins at a slot, but not before `from_ms`."""
     return delivery_problem(
         world,
         Standing(record.candidate.planned_model, slot.soc, slot.station_id),

@@ -74,11 +74,11 @@ async def drones_with_queue(connection: AsyncConnection) -> list[DroneId]:
 
 
 async def save_start(tx: Tx, record: MissionRecord) -> None:
-    """Save where and with what charge the drone begins a QUEUED mission that was planned again."""
+    """Save which drone flies a QUEUED mission that was planned again, and from where."""
     await tx.execute(
         update(missions)
         .where(missions.c.mission_id == record.mission_id)
-        .values(candidate=record.candidate.model_dump_json())
+        .values(drone_id=record.drone_id, candidate=record.candidate.model_dump_json())
     )
 
 

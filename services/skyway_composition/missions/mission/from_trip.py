@@ -222,6 +222,19 @@ def new_mission(
         expires_ms=moment_to_ms(expires_at),
         planned_in=planned_in,
         traceparent=traceparent,
+        promised=() if planned_in is None else mission.packages,
+    )
+
+
+def flown_by(record: MissionRecord, candidate: Candidate) -> MissionRecord:
+    """A QUEUED mission with another drone of the same provider; its price stays."""
+    drone = {"drone_id": candidate.drone_id, "drone_model_id": candidate.model.model_id}
+    names = ("drone_id", "model", "home_station_id", "standby")
+    changed = {name: getattr(candidate, name) for name in names}
+    return replace(
+        record,
+        mission=record.mission.model_copy(update=drone),
+        candidate=record.candidate.model_copy(update=changed),
     )
 
 

@@ -9,7 +9,7 @@ from pydantic import Field
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.flight_step import FlightStep, PackageOnBoard
 from skyway.contracts.message import Soc
-from skyway.contracts.mission import LIVE_MISSION_STATES, Mission, MissionState
+from skyway.contracts.mission import LIVE_MISSION_STATES, Mission, MissionState, PackageEta
 from skyway.delivery.request import DeliveryRequest, Package
 from skyway.ids import DroneId, InstructionId, MissionId, NetworkId, PackageId, StationId
 from skyway.json_model import JsonModel
@@ -134,8 +134,9 @@ class MissionRecord:
     """A mission with its request, the drone as it was booked, and its state of replanning.
 
     `reported_activity` is the drone's activity and station in the last report to the customer.
-    `planned_in` is given while the mission is QUEUED. `traceparent` is that of the delivery's
-    request; it is None if the mission was booked by an older version.
+    `planned_in` is given while the mission is QUEUED. `promised` are the arrival times with which a
+    QUEUED mission was booked. `traceparent` is that of the delivery's request. A mission that was
+    booked by an older version has neither `promised` nor `traceparent`.
     """
 
     mission: Mission
@@ -151,6 +152,7 @@ class MissionRecord:
     aims: tuple[Aim, ...] = ()
     planned_in: PlannedIn | None = None
     traceparent: str | None = None
+    promised: tuple[PackageEta, ...] = ()
 
     @property
     def mission_id(self) -> MissionId:

@@ -5,7 +5,7 @@ from typing import Any, Final, Generic, TypeVar
 from pydantic import TypeAdapter
 
 from skyway.contracts.candidate import Candidate
-from skyway.contracts.mission import Mission
+from skyway.contracts.mission import Mission, PackageEta
 from skyway.delivery.request import DeliveryRequest
 from skyway.json_model import JsonModel
 from skyway.scheduling.stays import stays_json
@@ -62,6 +62,10 @@ class JsonCache(Generic[J]):
 _AIMS: Final = TypeAdapter(tuple[Aim, ...])
 
 
+#: Reads and writes the arrival times with which a QUEUED mission was booked.
+PROMISED: Final = TypeAdapter(tuple[PackageEta, ...])
+
+
 # A mission is read again soon after it was written, and its request seldom changes.
 _MISSIONS: Final = JsonCache(Mission)
 
@@ -86,6 +90,7 @@ def new_row(record: MissionRecord) -> dict[str, Any]:  # column values of any ty
         "request": _REQUESTS.write(record.request),
         "candidate": _CANDIDATES.write(record.candidate),
         "traceparent": record.traceparent,
+        "promised": PROMISED.dump_json(record.promised).decode() if record.promised else None,
         **changing_columns(record),
     }
 
@@ -133,4 +138,5 @@ def read_record(row: Any) -> MissionRecord:  # a row of missions, whose columns 
             else PlannedIn(row.planned_version, row.planned_conditions)
         ),
         traceparent=row.traceparent,
+        promised=() if row.promised is None else PROMISED.validate_json(row.promised),
     )

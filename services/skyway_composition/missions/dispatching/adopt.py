@@ -1,0 +1,113 @@
+"""Saves a better order: all calendars that it changes, in one transaction, or nothing."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from skyway.ids import DroneId, MissionId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Tx
+from skyway_composition.links.store import held_among
+from skyway_composition.missions.calendar.move_queued import give_back_pads, move
+from skyway_composition.missions.calendar.plan_queue import Moved
+from skyway_composition.missions.dispatching.fleet import Calendar, Fleet, Times, calendar_of
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.release_pads import restore_pads
+from skyway_composition.missions.mission.standby import end_standby_before, restore_standby
+from skyway_composition.missions.mission.store import queued_of_drone
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.pads.store import lock_stations
+from skyway_composition.planning.world import World, still_holds
+
+
+@dataclass(frozen=True, slots=True)
+class BetterOrder:
+    """New plans for the waiting missions of a fleet, and the fleet as it was when they were made.
+
+    `moved` has an entry for each drone of the fleet.
+    """
+
+    fleet: Fleet
+    world: World
+    moved: Mapping[DroneId, Sequence[Moved]]
+
+    @property
+    def first_start_ms(self) -> int:
+        """The start of the first mission that gets a new plan."""
+        return min(each.record.start.at_ms for moved in self.moved.values() for each in moved)
+
+
+async def adopt(
+    tx: Tx, better: BetterOrder, *, times: Times, clock: FleetClock, mint: Mint
+) -> bool:
+    """Save the new plans and report them; False if a calendar or the network has changed.
+
+    Raises
+    ------
+    RowRefused
+        Another mission, or a held offer, has one of the pads now.
+    """
+    fleet, drone_ids = better.fleet, sorted(better.fleet.calendars)
+    # I11: the world is checked inside the transaction and cannot change before its end.
+    if not await still_holds(tx, better.world):
+        return False
+    work = await MissionUnitOfWork.lock(drone_ids, tx=tx, clock=clock, mint=mint)
+    if not await _is_unchanged(work, fleet, times=times):
+        return False
+    all_moved = [each for moved in better.moved.values() for each in moved]
+    # All in one order, because each mission locks its own stations later.
+    await lock_stations(tx, [pad for each in all_moved for pad in each.trip.booked_pads])
+    waiting = {each.mission_id: each for each in fleet.waiting}
+    await give_back_pads(tx, [*waiting.values()])
+    for drone_id in drone_ids:
+        calendar, moved = fleet.calendars[drone_id], better.moved[drone_id]
+        await _save(work, calendar, moved, waiting, better.world, times=times)
+    for drone_id in drone_ids:
+        await restore_pads(tx, drone_id)
+        await _restore_standby(work, fleet.calendars[drone_id], better.moved[drone_id])
+    return True
+
+
+async def _is_unchanged(work: MissionUnitOfWork, fleet: Fleet, *, times: Times) -> bool:
+    """Whether each drone has the missions with which it was planned, and is not held."""
+    connection = work.tx.connection
+    if await held_among(connection, [*fleet.calendars], now_ms=times.now_ms):
+        return False
+    for drone_id, seen in fleet.calendars.items():
+        live = work.missions.get(drone_id)
+        own = [*([] if live is None else [live]), *await queued_of_drone(connection, drone_id)]
+        if not own:
+            return False
+        now = calendar_of(own, work.links.get(drone_id), times=times)
+        if now is None or not now.is_same(seen):
+            return False
+    return True
+
+
+async def _save(
+    work: MissionUnitOfWork,
+    calendar: Calendar,
+    moved: Sequence[Moved],
+    waiting: Mapping[MissionId, MissionRecord],
+    world: World,
+    *,
+    times: Times,
+) -> None:
+    """Save the new missions of one drone, after those that it keeps."""
+    if moved and calendar.kept:
+        until_ms = moved[0].record.start.at_ms - times.hand_over_ms
+        await end_standby_before(work.tx, calendar.kept[-1].mission_id, until_ms)
+    before = [] if calendar.live is None else [calendar.live.mission_id]
+    before += [each.mission_id for each in calendar.kept]
+    for each in moved:
+        mission_id = each.record.mission_id
+        await move(work, each, world.skyway, earlier=waiting[mission_id], before=before)
+        before.append(mission_id)
+
+
+async def _restore_standby(
+    work: MissionUnitOfWork, calendar: Calendar, moved: Sequence[Moved]
+) -> None:
+    """Have the standby of the drone's last mission planned again if no mission follows it now."""
+    if not moved and calendar.waiting:
+        await restore_standby(work, calendar.waiting[-1])

@@ -1,0 +1,172 @@
+"""A fleet: the calendars of one provider's drones in one network, with what may still move."""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+from skyway.contracts.candidate import Candidate
+from skyway.ids import DroneId, MissionId
+from skyway.scheduling.stays import Slot, Stay, slot_after
+from skyway_composition.links.link import DroneLink
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.networks.store import Present
+
+#: The order of the QUEUED missions of some drones.
+Orders = Mapping[DroneId, tuple[MissionId, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """Moments and spans of fleet time in milliseconds.
+
+    What begins before `settled_ms` does not move any more. `hand_over_ms` lies between two missions
+    of a drone.
+    """
+
+    now_ms: int
+    settled_ms: int
+    hand_over_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Calendar:
+    """A drone's missions that are not over, in order: sent, kept as they are, and waiting.
+
+    `waiting` may move. `stays` are those of the last mission before them; an idle drone has none,
+    and is `here`. `candidate` is the drone as one of its missions was booked.
+    """
+
+    candidate: Candidate
+    live: MissionRecord | None
+    kept: tuple[MissionRecord, ...]
+    waiting: tuple[MissionRecord, ...]
+    stays: tuple[Stay, ...]
+    here: Slot | None
+
+    @property
+    def drone_id(self) -> DroneId:
+        """The drone."""
+        return self.candidate.drone_id
+
+    @property
+    def queued(self) -> tuple[MissionRecord, ...]:
+        """All QUEUED missions of the drone."""
+        return (*self.kept, *self.waiting)
+
+    @property
+    def before(self) -> MissionRecord | None:
+        """The mission before the waiting ones."""
+        return self.kept[-1] if self.kept else self.live
+
+    def slot(self, *, not_before_ms: int, times: Times) -> Slot | None:
+        """Where and when the first waiting mission can begin; None if that is not known."""
+        not_before_ms = max(not_before_ms, times.settled_ms)
+        if self.here is not None:
+            return replace(self.here, at_ms=not_before_ms)
+        return slot_after(self.stays, not_before_ms=not_before_ms, hand_over_ms=times.hand_over_ms)
+
+    def is_same(self, other: "Calendar") -> bool:
+        """Whether nothing has changed that a plan depends on; reports do not matter."""
+        return self.queued == other.queued and plan_of(self.live) == plan_of(other.live)
+
+
+@dataclass(frozen=True, slots=True)
+class Fleet:
+    """The calendars of drones whose waiting missions may be exchanged, by drone."""
+
+    calendars: Mapping[DroneId, Calendar]
+
+    @property
+    def waiting(self) -> tuple[MissionRecord, ...]:
+        """All missions that may move, in the order in which they were booked."""
+        found = [one for each in self.calendars.values() for one in each.waiting]
+        return tuple(sorted(found, key=lambda each: each.mission_id))
+
+    @property
+    def orders(self) -> dict[DroneId, tuple[MissionId, ...]]:
+        """The present order of the waiting missions of each drone."""
+        return {
+            drone_id: tuple(one.mission_id for one in each.waiting)
+            for drone_id, each in self.calendars.items()
+        }
+
+    def is_planned_in(self, present: Present) -> bool:
+        """Whether all waiting missions were planned for the present network and its closures."""
+        versions = present.version, present.conditions
+        return all(
+            each.planned_in is not None
+            and (each.planned_in.version, each.planned_in.conditions) == versions
+            for each in self.waiting
+        )
+
+    def only(self, drone_ids: Collection[DroneId]) -> "Fleet":
+        """The calendars of these drones."""
+        kept = {key: each for key, each in self.calendars.items() if key in drone_ids}
+        return Fleet(kept)
+
+
+def fleet_of(
+    records: Iterable[MissionRecord],
+    links: Mapping[DroneId, DroneLink],
+    *,
+    left_out: Collection[DroneId],
+    times: Times,
+) -> Fleet:
+    """The fleet of these open missions, which are sorted by drone and start.
+
+    Left out are drones whose calendars cannot be planned now: a mission's plan is in question, or
+    a drone without a sent mission is not ready to begin one.
+    """
+    found = {}
+    for drone_id, own in groupby(records, key=lambda each: each.drone_id):
+        if drone_id in left_out:
+            continue
+        calendar = calendar_of([*own], links.get(drone_id), times=times)
+        if calendar is not None:
+            found[drone_id] = calendar
+    return Fleet(found)
+
+
+def calendar_of(
+    own: Sequence[MissionRecord], link: DroneLink | None, *, times: Times
+) -> Calendar | None:
+    """The calendar of a drone; None if it cannot be planned now."""
+    live = next((each for each in own if each.is_live), None)
+    queued = [each for each in own if not each.is_live]
+    kept = tuple(_settled(queued, times))
+    waiting = tuple(queued[len(kept) :])
+    before = kept[-1] if kept else live
+    here = None
+    if live is not None and (live.proposal is not None or not live.stays):
+        return None
+    if live is None:
+        here = _standing(link, times)
+        if here is None:
+            return None
+    if before is not None:
+        here = None
+    stays = () if before is None else before.stays
+    return Calendar(own[0].candidate, live, kept, waiting, stays, here)
+
+
+def _settled(queued: Iterable[MissionRecord], times: Times) -> Iterator[MissionRecord]:
+    """The QUEUED missions that begin too soon to move."""
+    for each in queued:
+        if each.start.at_ms > times.settled_ms + times.hand_over_ms:
+            return
+        yield each
+
+
+def _standing(link: DroneLink | None, times: Times) -> Slot | None:
+    """Where an idle drone stands ready; None if it is not known to be idle at a station."""
+    state = None if link is None else link.state
+    if link is None or state is None or link.has_unread_events or link.is_occupied:
+        return None
+    if state.station_id is None or link.is_gone:
+        return None
+    return Slot(state.station_id, times.settled_ms, state.soc)
+
+
+def plan_of(record: MissionRecord | None) -> MissionRecord | None:
+    """The record without what only reports change."""
+    return None if record is None else replace(record, report_seq=0, reported_activity=None)

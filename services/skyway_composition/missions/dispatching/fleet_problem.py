@@ -1,0 +1,146 @@
+"""Describes a fleet for the search of `skyway.dispatch`.
+
+The search only proposes an order. So this description may leave out what plans need besides: the
+standbys, and that a drone may use the pads of its own standby.
+"""
+
+from collections.abc import Iterator
+from datetime import datetime
+from typing import Any, Final
+
+from skyway.dispatch.problem import CurrentTrip, FleetDrone, FleetRequest, Prices
+from skyway.ids import PackageId
+from skyway.planner.pad_book import OPEN_MS
+from skyway.planner.problem_parts import PackageToDeliver, PadReservation
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.missions.dispatching.fleet import Fleet, Times
+from skyway_composition.missions.dispatching.judgement import MOVE_S, promised_ms, weight_of
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.pads.store import PadHeldBy
+from skyway_composition.planning.problem_for import with_margin
+from skyway_composition.planning.world import World
+
+#: The most labels of the search for one trip. Our own choice: a trip that needs more is seldom the
+#: best one, and the search has little time.
+_MOST_LABELS: Final = 20_000
+
+
+def fleet_problem(
+    fleet: Fleet,
+    world: World,
+    *,
+    held: list[PadHeldBy],
+    times: Times,
+    tolerance_s: float,
+) -> dict[str, Any]:  # the fields of `FleetProblem`, without the network
+    """The fields of the fleet's problem, whose second 0 is the moment from which missions may move.
+
+    `held` are all reservations of the network.
+    """
+    settings, base_ms = world.skyway.settings, times.settled_ms
+    waiting = fleet.waiting
+    slots = [
+        (each, slot)
+        for each in fleet.calendars.values()
+        if (slot := each.slot(not_before_ms=0, times=times)) is not None
+    ]
+    return {
+        "start_at": ms_to_moment(base_ms),
+        "drones": tuple(
+            FleetDrone(
+                drone_id=each.drone_id,
+                model=with_margin(each.candidate.model, settings.energy_margin),
+                station_id=slot.station_id,
+                free_s=(slot.at_ms - base_ms) / 1000,
+                soc=slot.soc,
+            )
+            for each, slot in slots
+        ),
+        "requests": tuple(
+            _request(each, number, base_ms=base_ms, age_s=float(len(waiting) - number))
+            for number, each in enumerate(waiting)
+        ),
+        "pad_reservations": tuple(_reservations(fleet, world, held, times=times)),
+        "closures": world.conditions.problem_closures(base_ms),
+        "loading_s": settings.loading_s,
+        "dropoff_s": settings.dropoff_s,
+        "hand_over_s": times.hand_over_ms / 1000,
+        "pad_gap_s": settings.pad_gap_s,
+        "prices": Prices(move_s=MOVE_S),
+        "promise_tolerance_s": tolerance_s,
+        "most_pooled": 1,
+        "baseline": "current plan",
+        "label_limit": _MOST_LABELS,
+    }
+
+
+def _request(record: MissionRecord, number: int, *, base_ms: int, age_s: float) -> FleetRequest:
+    """A waiting mission as a request; requests that were booked earlier have a higher age."""
+
+    def seconds(moment: datetime | None) -> float | None:
+        return None if moment is None else (moment_to_ms(moment) - base_ms) / 1000
+
+    asked = record.request
+    deadline_at = asked.qos.deadline_at
+    return FleetRequest(
+        request_id=record.mission_id,
+        source=asked.pickup.station_id,
+        packages=tuple(
+            PackageToDeliver(
+                package_id=PackageId(f"{number}_{place}"),
+                mass_kg=each.mass_kg,
+                destination=each.destination.station_id,
+                not_before_s=seconds(each.not_before_at),
+                latest_s=seconds(each.latest_at),
+            )
+            for place, each in enumerate(asked.packages)
+        ),
+        known_s=-age_s,
+        pickup_not_before_s=seconds(asked.earliest_pickup_at),
+        pickup_latest_s=seconds(asked.latest_pickup_at),
+        deadline_s=seconds(deadline_at),
+        promised_s=(max(promised_ms(record).values()) - base_ms) / 1000,
+        weight=weight_of(record),
+        planned=CurrentTrip(
+            drone_id=record.drone_id, start_s=(record.start.at_ms - base_ms) / 1000
+        ),
+    )
+
+
+def _reservations(
+    fleet: Fleet, world: World, held: list[PadHeldBy], *, times: Times
+) -> Iterator[PadReservation]:
+    """The pads that do not move: without the gap after them, which the search adds itself.
+
+    A drone's standby ends when its first waiting mission begins.
+    """
+    moving = {each.mission_id for each in fleet.waiting}
+    ends: dict[str, int] = {}
+    for calendar in fleet.calendars.values():
+        slot = calendar.slot(not_before_ms=0, times=times)
+        for each in (calendar.live, *calendar.kept):
+            if each is not None and slot is not None:
+                ends[each.mission_id] = slot.at_ms
+    network, base_ms = world.skyway.network, times.settled_ms
+    gap_ms = round(world.skyway.settings.pad_gap_s * 1000)
+    for station_id, pad, start_ms, end_ms, owner in held:
+        until_ms = min(end_ms - gap_ms, ends.get(owner, end_ms))
+        pads = (
+            network.columns.pads[network.row_of[station_id]] if station_id in network.row_of else 0
+        )
+        if owner in moving or pad >= pads or until_ms <= max(start_ms, base_ms):
+            continue
+        yield _reservation(station_id, pad, max(start_ms, base_ms), until_ms, base_ms)
+    for station_id, pad, start_ms, end_ms in world.conditions.pad_outages(base_ms):
+        yield _reservation(station_id, pad, max(start_ms, base_ms), end_ms, base_ms)
+
+
+def _reservation(
+    station_id: Any, pad: int, start_ms: int, end_ms: int, base_ms: int
+) -> PadReservation:
+    return PadReservation(
+        station_id=station_id,
+        pad=pad,
+        start_s=(start_ms - base_ms) / 1000,
+        end_s=None if end_ms >= OPEN_MS else (end_ms - base_ms) / 1000,
+    )

@@ -1,0 +1,81 @@
+"""Decides whether another order is worth adopting: a pure decision.
+
+It must deliver earlier by more than the price of its moves, and no promise may be later by more
+than the tolerance.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from skyway.ids import PackageId
+from skyway.units import moment_to_ms
+from skyway_composition.missions.mission.record import MissionRecord
+
+#: What it costs to give a mission to another drone, in seconds of one delivery. The same is the
+#: least that a change must save. Our own choice: plans that people look at should seldom change.
+MOVE_S: Final = 60.0
+
+#: How much a second of a PRIORITY delivery counts, if one of a STANDARD delivery counts 1. Our own
+#: choice.
+_PRIORITY_WEIGHT: Final = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What a change saves, in seconds of a STANDARD delivery, and how many missions change drones.
+
+    `late` are the missions that would be delivered later than allowed.
+    """
+
+    saved_s: float
+    moves: int
+    late: tuple[str, ...]
+
+    @property
+    def is_better(self) -> bool:
+        """Whether the change saves more than its price, and keeps all promises."""
+        return not self.late and self.saved_s > MOVE_S * max(1, self.moves)
+
+
+def judge(
+    changes: Iterable[tuple[MissionRecord, MissionRecord]], *, tolerance_s: float
+) -> Judgement:
+    """The judgement on missions that change from the first to the second record of each pair."""
+    saved_s, moves, late = 0.0, 0, []
+    for before, after in changes:
+        earlier, later = _etas_ms(before), _etas_ms(after)
+        latest = latest_ms(before, tolerance_s=tolerance_s)
+        if any(at_ms > latest[package_id] for package_id, at_ms in later.items()):
+            late.append(str(before.mission_id))
+        saved_s += weight_of(before) * (max(earlier.values()) - max(later.values())) / 1000
+        moves += before.drone_id != after.drone_id
+    return Judgement(saved_s, moves, tuple(late))
+
+
+def weight_of(record: MissionRecord) -> float:
+    """How much a second of this delivery counts."""
+    return _PRIORITY_WEIGHT if record.request.qos.priority == "PRIORITY" else 1.0
+
+
+def promised_ms(record: MissionRecord) -> Mapping[PackageId, int]:
+    """When each package was promised; when it is planned, if the promise was not stored."""
+    promised = {each.package_id: moment_to_ms(each.eta_at) for each in record.promised}
+    return {each: promised.get(each, at_ms) for each, at_ms in _etas_ms(record).items()}
+
+
+def latest_ms(record: MissionRecord, *, tolerance_s: float) -> dict[PackageId, int]:
+    """The latest delivery of each package that another order may have.
+
+    It is the promise with the tolerance, or the present plan if that is later.
+    """
+    promised, planned = promised_ms(record), _etas_ms(record)
+    allowed_ms = round(tolerance_s * 1000)
+    return {
+        package_id: max(promised[package_id] + allowed_ms, at_ms)
+        for package_id, at_ms in planned.items()
+    }
+
+
+def _etas_ms(record: MissionRecord) -> dict[PackageId, int]:
+    return {each.package_id: moment_to_ms(each.eta_at) for each in record.mission.packages}

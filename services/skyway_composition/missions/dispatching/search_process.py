@@ -1,0 +1,184 @@
+"""Runs the search for a better order in a process of its own, which is kept for the next search.
+
+``python -m skyway_composition.missions.dispatching.search_process`` is that process. It reads
+searches from its standard input and ends when the input is closed, so it outlives no parent.
+"""
+
+import asyncio
+import os
+import pickle
+import struct
+import sys
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from types import TracebackType
+from typing import IO, Any, Final, Self
+
+from skyway.errors import SkywayError
+from skyway.ids import DroneId, MissionId, NetworkId
+from skyway.network.network import Network
+
+#: The length of a message, before it.
+_LENGTH: Final = struct.Struct("!Q")
+
+#: Seconds of wall time for one search. A machine that has not compiled the dispatcher needs a
+#: minute for the first one.
+_LONGEST_S: Final = 240.0
+#: Seconds of wall time for an idle process to end.
+_ENDS_WITHIN_S: Final = 2.0
+
+#: How much the process gives way to the others of its machine.
+_NICENESS: Final = 5
+
+
+class SearchFailed(SkywayError):
+    """The search ended without a result."""
+
+
+@dataclass(frozen=True, slots=True)
+class FoundOrder:
+    """The order of the missions of each drone, and the processor time of the search.
+
+    It is not complete if some mission found no place.
+    """
+
+    orders: Mapping[DroneId, tuple[MissionId, ...]]
+    is_complete: bool
+    processor_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """A fleet problem without its network, the processor time for it, and a seed."""
+
+    network_id: NetworkId
+    version: int
+    fields: Mapping[str, Any]  # the fields of FleetProblem
+    budget_s: float
+    seed: int
+
+
+class SearchProcess:
+    """Searches one after another; `find` may be called by one task at a time."""
+
+    def __init__(self) -> None:
+        self._process: asyncio.subprocess.Process | None = None
+        self._known: tuple[NetworkId, int] | None = None
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await self._end()
+
+    async def find(self, search: Search, network: Network) -> FoundOrder:
+        """The best order that the search finds.
+
+        Raises
+        ------
+        SearchFailed
+            The process has ended, or takes too long. The next search begins another one.
+        """
+        try:
+            async with asyncio.timeout(_LONGEST_S):
+                answer = await self._ask(search, network)
+        except (TimeoutError, OSError, asyncio.IncompleteReadError) as error:
+            await self._end()
+            raise SearchFailed(f"the search process has ended: {error!r}") from error
+        except asyncio.CancelledError:
+            await self._end()
+            raise
+        if isinstance(answer, FoundOrder):
+            return answer
+        raise SearchFailed(str(answer))
+
+    async def _ask(self, search: Search, network: Network) -> object:
+        process = await self._running()
+        if process.stdin is None or process.stdout is None:
+            raise SearchFailed("the search process has no pipes")
+        key = search.network_id, search.version
+        sent = (search, None if self._known == key else network)
+        # A large network takes long to pack.
+        text = await asyncio.to_thread(pickle.dumps, sent)
+        process.stdin.write(_LENGTH.pack(len(text)) + text)
+        await process.stdin.drain()
+        self._known = key
+        (length,) = _LENGTH.unpack(await process.stdout.readexactly(_LENGTH.size))
+        return pickle.loads(await process.stdout.readexactly(length))  # noqa: S301 - our own child
+
+    async def _running(self) -> asyncio.subprocess.Process:
+        if self._process is None or self._process.returncode is not None:
+            await self._end()
+            self._process = await asyncio.create_subprocess_exec(
+                sys.executable,
+                "-m",
+                __spec__.name,
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.PIPE,
+            )
+        return self._process
+
+    async def _end(self) -> None:
+        process, self._process, self._known = self._process, None, None
+        if process is None:
+            return
+        if process.stdin is not None:
+            process.stdin.close()
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_ENDS_WITHIN_S):
+                await process.wait()
+                return
+        with suppress(ProcessLookupError):
+            process.kill()
+        await process.wait()
+
+
+def answer(search: Search, network: Network, *, rounds: int | None = None) -> FoundOrder | str:
+    """The order that a search finds; a text says why there is none.
+
+    With `rounds` the same search finds the same order on every machine.
+    """
+    # Imported here: composition itself does without the search.
+    from skyway.dispatch.optimise import optimise
+    from skyway.dispatch.problem import FleetProblem
+
+    began_s = time.process_time()
+    try:
+        problem = FleetProblem(network=network, **search.fields)
+        plan = optimise(problem, budget_s=search.budget_s, rounds=rounds, seed=search.seed)
+    except (SkywayError, ValueError) as error:
+        return str(error)
+    orders: dict[DroneId, list[MissionId]] = {each.drone_id: [] for each in problem.drones}
+    for trip in plan.trips:
+        orders[trip.drone_id] += [MissionId(one.request_id) for one in trip.requests]
+    return FoundOrder(
+        {drone_id: tuple(order) for drone_id, order in orders.items()},
+        not plan.unserved,
+        time.process_time() - began_s,
+    )
+
+
+def _serve(source: IO[bytes], target: IO[bytes]) -> None:
+    """Answer searches until the source ends."""
+    network: Network | None = None
+    while head := source.read(_LENGTH.size):
+        (length,) = _LENGTH.unpack(head)
+        search, newer = pickle.loads(source.read(length))  # noqa: S301 - from our parent
+        network = newer or network
+        found = "no network was sent" if network is None else answer(search, network)
+        text = pickle.dumps(found)
+        target.write(_LENGTH.pack(len(text)) + text)
+        target.flush()
+
+
+if __name__ == "__main__":
+    os.nice(_NICENESS)
+    with suppress(KeyboardInterrupt):
+        _serve(sys.stdin.buffer, sys.stdout.buffer)
