@@ -7,6 +7,7 @@ from sqlalchemy import ColumnElement, Table, func
 from skyway.runtime.archive.archived_table import ArchivedTable
 from skyway_composition.tables import (
     alarms,
+    better_orders,
     closures,
     custody,
     cut_steps,
@@ -37,6 +38,9 @@ ARCHIVED: Final = (
     ArchivedTable(missions, missions.c.released_ms, missions, _is_over, _OF_WORK),
     *map(_part, (mission_steps, cut_steps, custody, instructions)),
     ArchivedTable(no_shows, no_shows.c.at_ms, no_shows, no_shows.c.at_ms.is_not(None)),
+    ArchivedTable(
+        better_orders, better_orders.c.day_ms, better_orders, better_orders.c.day_ms.is_not(None)
+    ),
     _ended(closures, func.coalesce(closures.c.lifted_ms, closures.c.until_ms)),
     _ended(alarms, alarms.c.acknowledged_ms),
 )

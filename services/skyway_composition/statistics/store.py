@@ -23,7 +23,16 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.contracts.statistics import Span
 from skyway.ids import NetworkId, ProviderId
 from skyway_composition.networks.store import by_bytes
-from skyway_composition.tables import cut_steps, is_live, mission_steps, missions, outbox, stations
+from skyway_composition.tables import (
+    better_orders,
+    cut_steps,
+    is_live,
+    mission_steps,
+    missions,
+    outbox,
+    stations,
+)
+from skyway_composition.tables.better_orders import DAY_MS
 
 _Row = Row[*tuple[Any, ...]]  # columns of every type
 _Query = Select[*tuple[Any, ...]]
@@ -234,3 +243,25 @@ async def unsent(connection: AsyncConnection) -> Mapping[str, int]:
     """The number of messages that wait in the outbox, by channel."""
     query = select(outbox.c.channel, func.count()).group_by(outbox.c.channel)
     return dict((await connection.execute(query)).all())
+
+
+async def better_orders_of(
+    connection: AsyncConnection, provider_id: ProviderId | None, *, since_ms: int
+) -> Mapping[ProviderId, tuple[int, int]]:
+    """By provider: how many better orders were adopted since then, and the milliseconds saved.
+
+    Whole days count, fleet time: the day of `since_ms` too.
+    """
+    query = (
+        select(
+            better_orders.c.provider_id,
+            func.sum(better_orders.c.orders),
+            func.sum(better_orders.c.saved_ms),
+        )
+        .where(better_orders.c.day_ms > since_ms - DAY_MS)
+        .group_by(better_orders.c.provider_id)
+    )
+    if provider_id is not None:
+        query = query.where(better_orders.c.provider_id == provider_id)
+    rows = await connection.execute(query)
+    return {ProviderId(row[0]): (int(row[1]), int(row[2])) for row in rows}

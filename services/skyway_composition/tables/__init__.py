@@ -2,6 +2,7 @@
 
 from skyway.runtime.outbox.outbox_store import outbox_table
 from skyway.runtime.replicas.replica_store import replicas_table
+from skyway_composition.tables.better_orders import better_orders
 from skyway_composition.tables.links import drone_links, instructions
 from skyway_composition.tables.missions import (
     alarms,
@@ -32,6 +33,7 @@ from skyway_composition.tables.quarantine import quarantine
 
 __all__ = [
     "alarms",
+    "better_orders",
     "cancellations",
     "closures",
     "custody",

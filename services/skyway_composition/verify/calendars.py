@@ -11,7 +11,15 @@ from skyway.runtime.verification.rule import Rule, Survey
 from skyway.scheduling.stays import Slot, Stay, read_stays, stay_to_begin_at, stays_json
 from skyway_composition.missions.mission.row import read_record
 from skyway_composition.missions.mission.store import NO_CONDITIONS
-from skyway_composition.tables import instructions, is_live, is_open, is_queued, missions
+from skyway_composition.tables import (
+    better_orders,
+    instructions,
+    is_live,
+    is_open,
+    is_queued,
+    missions,
+)
+from skyway_composition.tables.better_orders import DAY_MS
 
 _other = missions.alias("other")
 
@@ -139,5 +147,17 @@ CALENDARS: Final = (
         "Other missions begin where the stays say. Set `served_ms` to the start plus "
         "`plan.delivery_time_s` in `body`, and `stays` to NULL: nothing is booked behind this "
         "mission until its next report fills them.",
+    ),
+    Rule(
+        "what better orders have saved is counted by days, and each order has saved something",
+        select(better_orders.c.provider_id).where(
+            or_(
+                better_orders.c.day_ms % DAY_MS != 0,
+                better_orders.c.orders < 1,
+                better_orders.c.moves < 0,
+                better_orders.c.saved_ms <= 0,
+            )
+        ),
+        "Only GET /v1/stats/missions shows these rows of `better_orders`: delete the row.",
     ),
 )

@@ -4,6 +4,9 @@ from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
 
+from skyway_gateway.verify.rules import RULES
+
+from tests.broken_rules import broken_rules
 from tests.gateway.whole_gateway import Gateway, make_request
 
 
@@ -234,3 +237,31 @@ async def test_a_returning_package_is_stranded_when_its_drone_is_lost(
     delivery = await gateway.get(delivery_id)
     assert (delivery["state"], delivery["packages"][0]["state"]) == ("FAILED", "STRANDED")
     assert delivery["packages"][0]["custodian"]["kind"] == "DRONE"
+
+
+async def test_a_waiting_mission_moves_to_another_drone_without_news_for_the_customer(
+    gateway_on_both: Gateway,
+) -> None:
+    gateway = gateway_on_both
+    delivery_id = str(await gateway.accepted())
+    await gateway.book_next()
+    booked = gateway.composition.booked[delivery_id, 1]
+    waiting = {"mission_state": "QUEUED"}
+    await gateway.report(delivery_id, "QUEUED", seq=1, **waiting)
+    before = await gateway.event_types(delivery_id)
+
+    moved = booked.model_copy(update={"drone_id": "drn_other", "state": "QUEUED"})
+    answer = await gateway.report(
+        delivery_id,
+        "RETIMED",
+        seq=2,
+        mission=moved,
+        drone_before=booked.drone_id,
+        **{**waiting, "drone_id": "drn_other"},
+    )
+
+    assert answer.status_code == 204
+    (shown,) = (await gateway.get(delivery_id))["missions"]
+    assert shown["drone_id"] == "drn_other"
+    assert await gateway.event_types(delivery_id) == before
+    assert await broken_rules(gateway.parts.db, RULES, wall_at=gateway.clock.wall_now()) == []

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.presence.follow import Recorder
-from skyway_provider_registry.tables import mission_hints
+from skyway_provider_registry.tables import mission_hints, presence
 from sqlalchemy import select
 
 from skyway.contracts.topics import CONNECTION, STATE
@@ -52,6 +52,7 @@ def make_report(drone: dict[str, Any], seq: int, **members: object) -> dict[str,
 
 
 ACTIVE = {"kind": "LOADING", "mission_state": "ACTIVE"}
+FREE_FROM = {"at": "2026-03-01T13:00:00Z", "station_id": "a", "soc": 0.5}
 ENDED = {"kind": "ENDED", "mission_state": "COMPLETED"}
 
 
@@ -259,3 +260,22 @@ async def test_no_moment_is_shown_when_no_drone_is_busy(api: Any, drone: dict[st
     found = (await api("operator:op", "GET", "/v1/stats/fleets")).json()
 
     assert (found["drones"], found["next_free_at"]) == (1, None)
+
+
+async def test_a_waiting_mission_that_moves_is_a_mission_of_its_new_drone(
+    api: Any, db: Database, drone: dict[str, Any]
+) -> None:
+    other = await api.drone(drone["provider_id"])
+    waits = {"kind": "QUEUED", "mission_state": "QUEUED", "free_from": FREE_FROM}
+    await report_to(api, make_report(drone, 1, **waits))
+
+    moved = {"drone_id": other["drone_id"], "drone_before": drone["drone_id"]}
+    await report_to(api, make_report(drone, 2, **{**waits, "kind": "RETIMED", **moved}))
+
+    async with db.read() as connection:
+        rows = (await connection.execute(select(mission_hints.c.drone_id))).all()
+        changed = dict(
+            (await connection.execute(select(presence.c.drone_id, presence.c.changed))).all()
+        )
+    assert [row.drone_id for row in rows] == [other["drone_id"]]
+    assert changed[drone["drone_id"]] == max(changed.values())

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from skyway.ids import DroneId, MissionId
+from skyway.ids import DroneId, MissionId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
@@ -30,6 +30,11 @@ class BetterOrder:
     fleet: Fleet
     world: World
     moved: Mapping[DroneId, Sequence[Moved]]
+
+    @property
+    def provider_id(self) -> ProviderId:
+        """The provider of all drones of the fleet."""
+        return next(iter(self.fleet.calendars.values())).candidate.provider_id
 
     @property
     def first_start_ms(self) -> int:

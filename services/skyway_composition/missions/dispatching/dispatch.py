@@ -61,6 +61,10 @@ OUTCOMES: Final = (
 )
 
 
+#: Outcomes that may be better when more standbys make room.
+_FOR_PADS: Final = ("no plan", "promise", "no gain")
+
+
 @dataclass(frozen=True, slots=True)
 class DispatchTerms:
     """How often the dispatcher looks, how long it searches, and how late a promise may get.
@@ -145,10 +149,17 @@ class Dispatcher:
         changed = {each for each, order in found.items() if order != fleet.orders[each]}
         if not changed:
             return "kept"
-        affected = fleet.only(changed)
-        orders = {each: found[each] for each in changed}
-        if await self._breaks_refusals(affected, orders):
+        if await self._breaks_refusals(fleet, found):
             return "no plan"
+        outcome = await self._try(fleet.only(changed), found, world, times)
+        others = {each.drone_id for each in fleet.waiting} - changed
+        if outcome in _FOR_PADS and others:
+            # The standbys of all other drones make room for the services too.
+            outcome = await self._try(fleet.only(changed | others), found, world, times)
+        return outcome
+
+    async def _try(self, affected: Fleet, orders: Orders, world: World, times: Times) -> str:
+        """Plan the missions of these drones in this order, and adopt it if it is better."""
         moved = await plan_orders(self.solver, world, affected, orders, times=times)
         if isinstance(moved, NoTrip):
             log.info("better order has no plan", extra={"code": moved.code, "detail": moved.detail})
@@ -211,6 +222,14 @@ class Dispatcher:
         try:
             async with self.db.write() as tx:
                 is_saved = await adopt(tx, better, times=times, clock=self.clock, mint=self.mint)
+                if is_saved:
+                    await store.note_better_order(
+                        tx,
+                        better.provider_id,
+                        moves=judgement.moves,
+                        saved_s=judgement.saved_s,
+                        at_ms=reach_ms,
+                    )
         except RowRefused as taken:
             log.info("better order taken", extra={"by": taken.constraint})
             return "taken"

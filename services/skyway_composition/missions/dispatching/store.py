@@ -1,4 +1,4 @@
-"""All SQL that reads what waits in the calendars of a fleet."""
+"""All SQL of the dispatcher: what waits in the calendars of a fleet, and what was saved."""
 
 from collections.abc import Collection
 from typing import Final
@@ -7,10 +7,12 @@ from sqlalchemy import and_, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DeliveryId, DroneId, NetworkId, ProviderId
+from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.row import read_record
-from skyway_composition.tables import is_live, is_queued, missions
+from skyway_composition.tables import better_orders, is_live, is_queued, missions
+from skyway_composition.tables.better_orders import DAY_MS
 
 _WAITING_FLEETS: Final = (
     select(missions.c.network_id, missions.c.provider_id)
@@ -50,3 +52,23 @@ async def refusals_of(
     """The drones that have refused missions of these deliveries, with the delivery."""
     found = await connection.execute(_REFUSALS, {"delivery_ids": [*delivery_ids]})
     return frozenset((row.delivery_id, row.drone_id) for row in found)
+
+
+async def note_better_order(
+    tx: Tx, provider_id: ProviderId, *, moves: int, saved_s: float, at_ms: int
+) -> None:
+    """Note that an order was adopted: the missions that changed drones, and what it saves."""
+    row = {
+        "provider_id": provider_id,
+        "day_ms": at_ms - at_ms % DAY_MS,
+        "orders": 1,
+        "moves": moves,
+        "saved_ms": round(saved_s * 1000),
+    }
+    added = tx.insert(better_orders)
+    sums = {
+        name: better_orders.c[name] + added.excluded[name]
+        for name in ("orders", "moves", "saved_ms")
+    }
+    upsert = added.on_conflict_do_update(index_elements=["provider_id", "day_ms"], set_=sums)
+    await tx.execute(upsert, row)
