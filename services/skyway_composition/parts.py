@@ -25,7 +25,8 @@ from skyway_composition.missions.booking.hold_quote import HeldQuotes
 from skyway_composition.missions.booking.keep_offer import OfferKeeper
 from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.closure_impact.impact import MissionImpact
-from skyway_composition.missions.dispatching.dispatch import Dispatcher, DispatchTerms
+from skyway_composition.missions.dispatching.dispatch import Dispatcher
+from skyway_composition.missions.dispatching.find_order import DispatchTerms, OrderFinder
 from skyway_composition.missions.dispatching.search_process import SearchProcess
 from skyway_composition.missions.following.handle_batch import ReportHandler
 from skyway_composition.missions.replanning.foresee import Foresight
@@ -136,17 +137,16 @@ class Parts:
 
     def dispatcher(self, registry: ServiceClient) -> Dispatcher:
         """Plans what waits in calendars again, all together."""
-        return Dispatcher(
+        finder = OrderFinder(
             self.db,
             self.networks,
             self.problems,
             self.search,
             registry,
             self.clock,
-            self.mint,
             self.dispatch_terms,
-            self.calendars,
         )
+        return Dispatcher(self.db, finder, self.clock, self.mint, self.calendars)
 
 
 def registry_client(settings: CompositionSettings) -> ServiceClient:

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from datetime import timedelta
 from typing import Any, Final
 
-from skyway_composition.missions.dispatching.dispatch import Dispatcher, DispatchTerms
+from skyway_composition.missions.dispatching.dispatch import Dispatcher
+from skyway_composition.missions.dispatching.find_order import DispatchTerms, OrderFinder
 from skyway_composition.missions.dispatching.search_process import (
     FoundOrder,
     Search,
@@ -58,17 +59,16 @@ def dispatcher_of(
     search: SearchProcess | None = None,
 ) -> Dispatcher:
     """A dispatcher on the world's database."""
-    return Dispatcher(
+    finder = OrderFinder(
         world.db,
         PreparedNetworks(world.db),
         world.solver,
         OwnSearch() if search is None else search,
         RegistryInService(withdrawn),  # type: ignore[arg-type]
         world.clock,
-        world.mint,
         DispatchTerms(every_s=10.0, budget_s=0.05, tolerance_s=tolerance_s),
-        Wake(),
     )
+    return Dispatcher(world.db, finder, world.clock, world.mint, Wake())
 
 
 #: An order that never stops changing would change more often than this.

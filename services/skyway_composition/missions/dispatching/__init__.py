@@ -1,7 +1,8 @@
 """The dispatcher: it plans what waits in the calendars of a fleet again, all together.
 
-`dispatch` runs it. `fleet` is what one provider's drones and QUEUED missions are in one network,
-read by `store`. `fleet_problem` describes them for `skyway.dispatch`, which searches in
-`search_process`, a process of its own. `plan_orders` plans the order that was found with the exact
-planner, `judgement` decides whether it is better, and `adopt` saves it in one transaction.
+`dispatch` runs it, and `find_order` finds a better order. `fleet` is what one provider's drones and
+QUEUED missions are in one network, read by `store`. `fleet_problem` describes them for
+`skyway.dispatch`, which searches in `search_process`, a process of its own. `plan_orders` plans the
+order that was found with the exact planner, `judgement` decides whether it is better, and `adopt`
+saves it in one transaction.
 """

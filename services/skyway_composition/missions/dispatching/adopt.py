@@ -11,6 +11,7 @@ from skyway_composition.links.store import held_among
 from skyway_composition.missions.calendar.move_queued import give_back_pads, move
 from skyway_composition.missions.calendar.plan_queue import Moved
 from skyway_composition.missions.dispatching.fleet import Calendar, Fleet, Times, calendar_of
+from skyway_composition.missions.dispatching.judgement import Judgement
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.release_pads import restore_pads
 from skyway_composition.missions.mission.standby import end_standby_before, restore_standby
@@ -29,7 +30,9 @@ class BetterOrder:
 
     fleet: Fleet
     world: World
+    times: Times
     moved: Mapping[DroneId, Sequence[Moved]]
+    judgement: Judgement
 
     @property
     def provider_id(self) -> ProviderId:
@@ -42,9 +45,7 @@ class BetterOrder:
         return min(each.record.start.at_ms for moved in self.moved.values() for each in moved)
 
 
-async def adopt(
-    tx: Tx, better: BetterOrder, *, times: Times, clock: FleetClock, mint: Mint
-) -> bool:
+async def adopt(tx: Tx, better: BetterOrder, *, clock: FleetClock, mint: Mint) -> bool:
     """Save the new plans and report them; False if a calendar or the network has changed.
 
     Raises
@@ -52,7 +53,7 @@ async def adopt(
     RowRefused
         Another mission, or a held offer, has one of the pads now.
     """
-    fleet, drone_ids = better.fleet, sorted(better.fleet.calendars)
+    fleet, drone_ids, times = better.fleet, sorted(better.fleet.calendars), better.times
     # I11: the world is checked inside the transaction and cannot change before its end.
     if not await still_holds(tx, better.world):
         return False

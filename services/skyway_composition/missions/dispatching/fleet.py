@@ -146,7 +146,8 @@ def calendar_of(
     if before is not None:
         here = None
     stays = () if before is None else before.stays
-    return Calendar(own[0].candidate, live, kept, waiting, stays, here)
+    calendar = Calendar(own[0].candidate, live, kept, waiting, stays, here)
+    return None if calendar.slot(not_before_ms=0, times=times) is None else calendar
 
 
 def _settled(queued: Iterable[MissionRecord], times: Times) -> Iterator[MissionRecord]:

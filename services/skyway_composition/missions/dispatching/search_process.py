@@ -1,7 +1,7 @@
 """Runs the search for a better order in a process of its own, which is kept for the next search.
 
-``python -m skyway_composition.missions.dispatching.search_process`` is that process. It reads
-searches from its standard input and ends when the input is closed, so it outlives no parent.
+That process runs `serve`. It reads searches from its standard input and ends when the input is
+closed, so it does not outlive its parent.
 """
 
 import asyncio
@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
-from typing import IO, Any, Final, Self
+from typing import Any, Final, Self
 
 from skyway.errors import SkywayError
 from skyway.ids import DroneId, MissionId, NetworkId
@@ -118,8 +118,8 @@ class SearchProcess:
             await self._end()
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
-                "-m",
-                __spec__.name,
+                "-c",
+                f"from {__name__} import serve; serve()",
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
             )
@@ -165,20 +165,17 @@ def answer(search: Search, network: Network, *, rounds: int | None = None) -> Fo
     )
 
 
-def _serve(source: IO[bytes], target: IO[bytes]) -> None:
-    """Answer searches until the source ends."""
-    network: Network | None = None
-    while head := source.read(_LENGTH.size):
-        (length,) = _LENGTH.unpack(head)
-        search, newer = pickle.loads(source.read(length))  # noqa: S301 - from our parent
-        network = newer or network
-        found = "no network was sent" if network is None else answer(search, network)
-        text = pickle.dumps(found)
-        target.write(_LENGTH.pack(len(text)) + text)
-        target.flush()
-
-
-if __name__ == "__main__":
+def serve() -> None:
+    """Answer the searches on standard input until it ends, behind the work of other processes."""
     os.nice(_NICENESS)
+    source, target = sys.stdin.buffer, sys.stdout.buffer
+    network: Network | None = None
     with suppress(KeyboardInterrupt):
-        _serve(sys.stdin.buffer, sys.stdout.buffer)
+        while head := source.read(_LENGTH.size):
+            (length,) = _LENGTH.unpack(head)
+            search, newer = pickle.loads(source.read(length))  # noqa: S301 - from our parent
+            network = newer or network
+            found = "no network was sent" if network is None else answer(search, network)
+            text = pickle.dumps(found)
+            target.write(_LENGTH.pack(len(text)) + text)
+            target.flush()

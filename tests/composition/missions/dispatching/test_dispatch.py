@@ -1,6 +1,14 @@
 """The dispatcher moves what waits, and every calendar stays whole."""
 
+import asyncio
+import itertools
+import types
+from collections.abc import Coroutine, Generator
+from typing import Any
+
 import pytest
+from skyway_composition.missions.dispatching.adopt import BetterOrder
+from skyway_composition.missions.dispatching.dispatch import Dispatcher
 
 from tests.composition.busy_network import NETWORK_ID
 from tests.composition.busy_world import BusyWorld
@@ -10,9 +18,17 @@ from tests.composition.dispatched_world import (
     dispatcher_of,
     waiting_missions,
 )
-from tests.composition.missions.calendar.booked_chain import book, delivered_by, etas, reports_of
+from tests.composition.missions.calendar.booked_chain import (
+    book,
+    delivered_by,
+    etas,
+    reports_of,
+    request,
+)
 
-pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+_on_sqlite = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+_ALL = [f"dlv{number}" for number in range(1, 6)]
 
 
 async def book_unevenly(world: BusyWorld) -> None:
@@ -22,6 +38,13 @@ async def book_unevenly(world: BusyWorld) -> None:
     assert await book(world, "dlv5", "b", "c", drone=2) == "BOOKED"
 
 
+async def better_order(dispatcher: Dispatcher) -> BetterOrder:
+    found = await dispatcher.finder.find(NETWORK_ID, PROVIDER)
+    assert isinstance(found, BetterOrder)
+    return found
+
+
+@_on_sqlite
 async def test_a_mission_moves_to_a_drone_that_delivers_it_sooner(world: BusyWorld) -> None:
     await book_unevenly(world)
     before = await etas(world)
@@ -29,25 +52,111 @@ async def test_a_mission_moves_to_a_drone_that_delivers_it_sooner(world: BusyWor
     outcomes = await dispatch_fairly(world)
 
     assert outcomes[0] == "adopted"
-    after = await etas(world)
-    assert after["dlv3"] < before["dlv3"]
+    assert (await etas(world))["dlv3"] < before["dlv3"]
     (report,) = [each for each in await reports_of(world, "dlv3") if each.kind == "REPLANNED"]
     assert (report.drone_id, report.drone_before) == ("drn_2", "drn_1")
     assert report.mission is not None
     assert report.mission.drone_id == "drn_2"
     await world.end()
-    assert sorted(delivered_by(world, 1) + delivered_by(world, 2)) == [
-        f"dlv{number}" for number in range(1, 6)
-    ]
+    assert sorted(delivered_by(world, 1) + delivered_by(world, 2)) == _ALL
     assert "dlv3" in delivered_by(world, 2)
 
 
+@_on_sqlite
 async def test_a_drone_out_of_service_gets_no_mission(world: BusyWorld) -> None:
     await book_unevenly(world)
-
     dispatcher = dispatcher_of(world, withdrawn=frozenset({"drn_2"}))
-    outcome = await dispatcher.look_at(NETWORK_ID, PROVIDER)
 
-    assert outcome != "adopted"
+    assert await dispatcher.look_at(NETWORK_ID, PROVIDER) != "adopted"
+
     assert {each.drone_id for each in (await waiting_missions(world)).values()} == {"drn_1"}
+
+
+@_on_sqlite
+async def test_a_calendar_that_has_not_changed_is_not_searched_again(world: BusyWorld) -> None:
+    await book(world, "dlv1", "a", "b")
+    await book(world, "dlv2", "b", "c")
+    await book(world, "dlv3", "c", "a")
+    dispatcher = dispatcher_of(world)
+
+    outcomes = [await dispatcher.look_at(NETWORK_ID, PROVIDER) for _ in range(2)]
+
+    assert outcomes == ["kept", "unsearched"]
+
+
+@_on_sqlite
+async def test_an_order_whose_calendars_have_changed_meanwhile_is_not_adopted(
+    world: BusyWorld,
+) -> None:
+    await book_unevenly(world)
+    one, other = dispatcher_of(world), dispatcher_of(world)
+    orders = [await better_order(one), await better_order(other)]
+
+    # As when two replicas lead for a moment.
+    outcomes = [await one.adopt(orders[0]), await other.adopt(orders[1])]
+    assert outcomes == ["adopted", "outdated"]
+    await world.check()
+
+    again = dispatcher_of(world, tolerance_s=3_600.0)
+    found = await again.finder.find(NETWORK_ID, PROVIDER)
+    await world.cancel("dlv4", None)
+    if isinstance(found, BetterOrder):
+        assert await again.adopt(found) == "outdated"
+    await world.check()
     await world.end()
+
+
+@types.coroutine
+def _until_wait(step: Coroutine[Any, Any, str], wait: int) -> Generator[Any, Any, str]:
+    """Run a step and kill it in its n-th wait; its clean-up may wait, too."""
+    for number in itertools.count(1):
+        try:
+            awaited = (
+                step.throw(asyncio.CancelledError()) if number == wait + 1 else step.send(None)
+            )
+        except StopIteration as done:
+            return str(done.value)
+        yield awaited
+    raise AssertionError
+
+
+@pytest.mark.databases("postgresql")
+async def test_an_adoption_that_is_killed_anywhere_changes_nothing(world: BusyWorld) -> None:
+    """On PostgreSQL, where each statement is a wait."""
+    await book_unevenly(world)
+    dispatcher = dispatcher_of(world)
+    better, before = await better_order(dispatcher), await waiting_missions(world)
+    outcome, wait = None, 0
+
+    while outcome is None:
+        wait += 3
+        try:
+            outcome = await _until_wait(dispatcher.adopt(better), wait)
+        except asyncio.CancelledError:
+            assert await waiting_missions(world) == before
+
+    assert outcome == "adopted"
+    assert wait > 30, "the adoption was hardly ever killed inside"
+    await world.check()
+    await world.end()
+    assert sorted(delivered_by(world, 1) + delivered_by(world, 2)) == _ALL
+
+
+async def test_bookings_go_on_while_orders_are_adopted(migrated_url: str) -> None:
+    """On both databases, neither a booking nor an adoption leaves half a calendar."""
+    async with BusyWorld(migrated_url) as world:
+        await book_unevenly(world)
+        dispatcher = dispatcher_of(world)
+
+        async def dispatch() -> list[str]:
+            return [await dispatcher.look_at(NETWORK_ID, PROVIDER) for _ in range(4)]
+
+        async def customer(number: int) -> str:
+            asked = request(f"dlv{number}", "a", "b")
+            return await world.book(f"dlv{number}", asked, loading="AUTOMATIC")
+
+        outcomes, *booked = await asyncio.gather(dispatch(), *map(customer, range(10, 18)))
+
+        await world.check()
+        assert "adopted" in outcomes or "outdated" in outcomes or "taken" in outcomes
+        assert set(booked) <= {"BOOKED", "BUSY"}

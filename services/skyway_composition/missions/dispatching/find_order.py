@@ -1,0 +1,206 @@
+"""Finds a better order for a fleet: reads it, searches, plans exactly, and judges."""
+
+import logging
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+from skyway.contracts.drones import (
+    MOST_DRONES,
+    OUT_OF_SERVICE,
+    OutOfServiceAnswer,
+    OutOfServiceQuery,
+)
+from skyway.ids import DroneId, NetworkId, ProviderId
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.metrics import count
+from skyway.runtime.sql.database import Database
+from skyway.scheduling.trip import NoTrip
+from skyway.units import moment_to_ms
+from skyway_composition.links.store import held_among, links_to
+from skyway_composition.missions.dispatching import store
+from skyway_composition.missions.dispatching.adopt import BetterOrder
+from skyway_composition.missions.dispatching.fleet import Fleet, Orders, Times, fleet_of
+from skyway_composition.missions.dispatching.fleet_problem import fleet_problem
+from skyway_composition.missions.dispatching.judgement import judge
+from skyway_composition.missions.dispatching.plan_orders import plan_orders
+from skyway_composition.missions.dispatching.search_process import (
+    Search,
+    SearchFailed,
+    SearchProcess,
+)
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.pads.store import booked_everywhere
+from skyway_composition.planning.availability import hand_over_time_ms
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.world import World
+
+log = logging.getLogger(__name__)
+
+#: Until a new plan is saved and a drone is reached, beside the search: fleet seconds, wall seconds.
+_SETTLED_S: Final = (120.0, 3.0)
+
+#: The most waiting missions of one search; a fleet with more keeps its order. Our own choice.
+_MOST_WAITING: Final = 500
+
+#: Why a fleet keeps its order: nothing to search for, the search has failed or found nothing
+#: better, or its order has no exact plan, breaks a promise, or saves too little.
+NotBetter = Literal["unsearched", "failed", "kept", "no plan", "promise", "no gain"]
+
+#: Reasons that may vanish when more standbys make room.
+_FOR_PADS: Final = ("no plan", "promise", "no gain")
+
+
+@dataclass(frozen=True, slots=True)
+class DispatchTerms:
+    """How often the dispatcher looks, how long it searches, and how late a promise may get.
+
+    Wall seconds, processor seconds and fleet seconds. With `every_s` 0 there is no dispatcher.
+    """
+
+    every_s: float
+    budget_s: float
+    tolerance_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class OrderFinder:
+    """Finds better orders; a fleet whose calendars have not changed is not searched again."""
+
+    db: Database
+    networks: PreparedNetworks
+    solver: SolverPool
+    search: SearchProcess
+    registry: ServiceClient
+    clock: FleetClock
+    terms: DispatchTerms
+    _searched: dict[tuple[NetworkId, ProviderId], Orders] = field(default_factory=dict)
+
+    async def fleets(self) -> list[tuple[NetworkId, ProviderId]]:
+        """The networks and providers in which missions wait; all others are forgotten."""
+        async with self.db.read() as connection:
+            fleets = await store.waiting_fleets(connection)
+        for gone in self._searched.keys() - {*fleets}:
+            del self._searched[gone]
+        return fleets
+
+    async def find(self, network_id: NetworkId, provider_id: ProviderId) -> BetterOrder | NotBetter:
+        """A better order of the missions that wait in a provider's calendars, or why none."""
+        times = self._times()
+        skyway = await self.networks.current(network_id)
+        world = await World.of(skyway, self.db, after_ms=times.now_ms)
+        fleet = await self._fleet(network_id, provider_id, times)
+        # Calendars of an earlier network or closure are planned again first, without this search.
+        if not _can_improve(fleet) or not fleet.is_planned_in(world.present):
+            return "unsearched"
+        if self._searched.get((network_id, provider_id)) == fleet.orders:
+            return "unsearched"
+        self._searched[network_id, provider_id] = fleet.orders
+        orders = await self._searched_orders(fleet, world, times)
+        return "failed" if orders is None else await self._planned(fleet, orders, world, times)
+
+    async def _fleet(self, network_id: NetworkId, provider_id: ProviderId, times: Times) -> Fleet:
+        async with self.db.read() as connection:
+            records = await store.open_missions_of(connection, network_id, provider_id)
+            drone_ids = sorted({each.drone_id for each in records})
+            held = await held_among(connection, drone_ids, now_ms=times.now_ms)
+            links = await links_to(connection, drone_ids)
+        fleet = fleet_of(records, links, left_out=held, times=times)
+        if not _can_improve(fleet):
+            return fleet
+        # A drone that is withdrawn finishes its mission, and gets no other one.
+        withdrawn = await self._withdrawn([*fleet.calendars])
+        return fleet.only(fleet.calendars.keys() - withdrawn)
+
+    async def _withdrawn(self, drone_ids: list[DroneId]) -> frozenset[DroneId]:
+        """The drones that are out of service, and all beyond the most of one question."""
+        asked = OutOfServiceQuery(drone_ids=tuple(drone_ids[:MOST_DRONES]))
+        answer = await self.registry.call(
+            "POST", OUT_OF_SERVICE, body=asked, answer=OutOfServiceAnswer
+        )
+        return frozenset((*answer.drone_ids, *drone_ids[MOST_DRONES:]))
+
+    async def _searched_orders(self, fleet: Fleet, world: World, times: Times) -> Orders | None:
+        """The order that the search proposes; None if it fails."""
+        skyway = world.skyway
+        async with self.db.read() as connection:
+            held = await booked_everywhere(connection, skyway.network_id, moment_ms=times.now_ms)
+        fields = fleet_problem(
+            fleet, world, held=held, times=times, tolerance_s=self.terms.tolerance_s
+        )
+        search = Search(
+            skyway.network_id, skyway.version, fields, self.terms.budget_s, seed=times.now_ms
+        )
+        try:
+            found = await self.search.find(search, skyway.network)
+        except SearchFailed as error:
+            log.warning("search for a better order failed", extra={"reason": str(error)})
+            return None
+        about = "processor seconds of searches for a better order"
+        count("skyway_dispatch_processor_seconds", about, found.processor_s)
+        return found.orders if found.is_complete else fleet.orders
+
+    async def _planned(
+        self, fleet: Fleet, orders: Orders, world: World, times: Times
+    ) -> BetterOrder | NotBetter:
+        """The order with exact plans, if it is better."""
+        changed = {each for each, order in orders.items() if order != fleet.orders[each]}
+        if not changed:
+            return "kept"
+        if await self._breaks_refusals(fleet, orders):
+            return "no plan"
+        found = await self._judged(fleet.only(changed), orders, world, times)
+        others = {each.drone_id for each in fleet.waiting} - changed
+        if found in _FOR_PADS and others:
+            # The standbys of all other drones make room for the services too.
+            found = await self._judged(fleet.only(changed | others), orders, world, times)
+        return found
+
+    async def _judged(
+        self, affected: Fleet, orders: Orders, world: World, times: Times
+    ) -> BetterOrder | NotBetter:
+        """The order of these drones with exact plans, if it is better."""
+        moved = await plan_orders(self.solver, world, affected, orders, times=times)
+        if isinstance(moved, NoTrip):
+            log.info("better order has no plan", extra={"code": moved.code, "detail": moved.detail})
+            return "no plan"
+        before = {each.mission_id: each for each in affected.waiting}
+        after = [each.record for planned in moved.values() for each in planned]
+        judgement = judge(
+            ((before[each.mission_id], each) for each in after),
+            tolerance_s=self.terms.tolerance_s,
+        )
+        if not judgement.is_better:
+            return "promise" if judgement.late else "no gain"
+        return BetterOrder(affected, world, times, moved, judgement)
+
+    async def _breaks_refusals(self, fleet: Fleet, orders: Orders) -> bool:
+        """Whether a mission would go to a drone that has refused its delivery."""
+        again = {
+            each.mission_id: each.mission.delivery_id
+            for each in fleet.waiting
+            if each.mission.attempt > 1
+        }
+        if not again:
+            return False
+        async with self.db.read() as connection:
+            refusals = await store.refusals_of(connection, {*again.values()})
+        return any(
+            (again[each], drone_id) in refusals
+            for drone_id, order in orders.items()
+            for each in order
+            if each in again
+        )
+
+    def _times(self) -> Times:
+        fleet_s, wall_s = _SETTLED_S
+        now_ms = moment_to_ms(self.clock.now())
+        ahead = fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s + 2 * self.terms.budget_s)
+        settled_ms = now_ms + round(ahead.total_seconds() * 1000)
+        return Times(now_ms, settled_ms, hand_over_time_ms(self.clock))
+
+
+def _can_improve(fleet: Fleet) -> bool:
+    """Whether there is something to exchange."""
+    waiting = len(fleet.waiting)
+    return 1 <= waiting <= _MOST_WAITING and (waiting > 1 or len(fleet.calendars) > 1)

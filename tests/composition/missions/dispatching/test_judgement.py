@@ -1,0 +1,90 @@
+"""Whether another order is worth adopting."""
+
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+from skyway_composition.missions.dispatching.judgement import judge
+from skyway_composition.missions.mission.record import MissionRecord
+
+from skyway.contracts.candidate import Candidate
+from skyway.contracts.mission import Mission, PackageEta
+from skyway.delivery.request import DeliveryRequest
+from skyway.ids import NetworkId, PackageId
+
+_NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
+
+
+def make_record(
+    *, eta_min: float, promised_min: float, drone: str = "drn_1", priority: str = "STANDARD"
+) -> MissionRecord:
+    """A waiting mission with one package; minutes count from noon."""
+
+    def etas(minutes: float) -> tuple[PackageEta, ...]:
+        eta_at = _NOON + timedelta(minutes=minutes)
+        return (PackageEta(package_id=PackageId("p1"), eta_at=eta_at),)
+
+    # The judgement reads only these members.
+    members: dict[str, Any] = {
+        "mission_id": "msn_1",
+        "drone_id": drone,
+        "packages": etas(eta_min),
+    }
+    mission = Mission.model_construct(**members)
+    asked = DeliveryRequest.model_validate(
+        {
+            "pickup": {"station_id": "a"},
+            "packages": [{"package_id": "p1", "mass_kg": 1, "destination": {"station_id": "b"}}],
+            "qos": {"priority": priority},
+        }
+    )
+    return MissionRecord(
+        mission=mission,
+        network_id=NetworkId("city"),
+        request=asked,
+        candidate=Candidate.model_construct(),  # type: ignore[call-arg]
+        expires_ms=0,
+        promised=etas(promised_min),
+    )
+
+
+@pytest.mark.parametrize(
+    ("saved_min", "drones", "is_better"),
+    [(1.0, 1, False), (1.5, 1, True), (1.5, 2, True), (1.0, 2, False)],
+)
+def test_a_change_must_save_more_than_the_price_of_its_moves(
+    saved_min: float, drones: int, is_better: bool
+) -> None:
+    before = make_record(eta_min=60, promised_min=60)
+    after = make_record(eta_min=60 - saved_min, promised_min=60, drone=f"drn_{drones}")
+
+    judgement = judge([(before, after)], tolerance_s=60)
+
+    assert judgement.is_better == is_better
+    assert judgement.moves == drones - 1
+
+
+def test_a_second_of_a_priority_delivery_counts_twice() -> None:
+    sooner = [
+        make_record(eta_min=eta_min, promised_min=60, priority="PRIORITY") for eta_min in (60, 59)
+    ]
+    later = [make_record(eta_min=eta_min, promised_min=70) for eta_min in (60, 61)]
+
+    judgement = judge([(sooner[0], sooner[1]), (later[0], later[1])], tolerance_s=0)
+
+    assert judgement.saved_s == 60
+
+
+@pytest.mark.parametrize(
+    ("planned_min", "new_min", "is_late"),
+    [(60, 61, False), (60, 61.1, True), (70, 70, False), (70, 70.1, True), (50, 61, False)],
+)
+def test_a_promise_holds_within_the_tolerance_and_a_late_mission_gets_no_later(
+    planned_min: float, new_min: float, is_late: bool
+) -> None:
+    before = make_record(eta_min=planned_min, promised_min=60)
+    after = make_record(eta_min=new_min, promised_min=60)
+
+    judgement = judge([(before, after)], tolerance_s=60)
+
+    assert (judgement.late == ("msn_1",)) == is_late

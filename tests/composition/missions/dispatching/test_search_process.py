@@ -1,0 +1,61 @@
+"""The process that searches: it answers, is replaced when it dies, and ends with its owner."""
+
+import pytest
+from skyway_composition.missions.dispatching.search_process import (
+    Search,
+    SearchFailed,
+    SearchProcess,
+    answer,
+)
+
+from skyway.dispatch.problem import FleetDrone, FleetRequest
+from skyway.ids import NetworkId
+from skyway.planner.warm import MODEL, STATIONS, line_network
+
+_FIRST, _MIDDLE, _LAST = STATIONS
+
+
+def make_search(*, budget_s: float = 0.01, **fields: object) -> Search:
+    packages = [{"package_id": "p", "mass_kg": 0.3, "destination": _LAST}]
+    return Search(
+        NetworkId("line"),
+        1,
+        {
+            "drones": (
+                FleetDrone.model_validate(
+                    {"drone_id": "d", "model": MODEL, "station_id": _MIDDLE, "soc": 1.0}
+                ),
+            ),
+            "requests": (
+                FleetRequest.model_validate(
+                    {"request_id": "msn_1", "source": _FIRST, "packages": packages}
+                ),
+            ),
+            **fields,
+        },
+        budget_s,
+        1,
+    )
+
+
+async def test_the_process_answers_dies_and_is_replaced() -> None:
+    network, search = line_network(), make_search()
+    expected = answer(search, network, rounds=1)
+    assert not isinstance(expected, str)
+    async with SearchProcess() as process:
+        first = await process.find(search, network)
+        assert first.orders == expected.orders == {"d": ("msn_1",)}
+        assert first.is_complete
+
+        with pytest.raises(SearchFailed, match="0 drones"):
+            await process.find(make_search(drones=()), network)
+
+        running = process._process
+        assert running is not None
+        running.kill()
+        with pytest.raises(SearchFailed, match="has ended"):
+            await process.find(search, network)
+        assert (await process.find(search, network)).orders == expected.orders
+        last = process._process
+    assert last is not None
+    assert last.returncode is not None
