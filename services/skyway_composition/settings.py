@@ -49,7 +49,8 @@ class CompositionSettings(ServiceSettings):
         default=0.3,
         ge=0.01,
         le=600.0,
-        description="Seconds of processor time for one search of the dispatcher.",
+        description="Seconds of processor time for one search of the dispatcher; it makes up to "
+        "three in a row.",
     )
     dispatch_tolerance_s: float = Field(
         default=60.0,

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from datetime import timedelta
 from typing import Any, Final
 
-from skyway_composition.missions.dispatching.dispatch import Dispatcher
-from skyway_composition.missions.dispatching.find_order import DispatchTerms, OrderFinder
-from skyway_composition.missions.dispatching.search_process import (
+from skyway_composition.missions.calendar.dispatching.dispatch import Dispatcher
+from skyway_composition.missions.calendar.dispatching.find_order import DispatchTerms, OrderFinder
+from skyway_composition.missions.calendar.dispatching.search_process import (
     FoundOrder,
     Search,
     SearchFailed,

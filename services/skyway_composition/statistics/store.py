@@ -32,7 +32,7 @@ from skyway_composition.tables import (
     outbox,
     stations,
 )
-from skyway_composition.tables.better_orders import DAY_MS
+from skyway_composition.tables.missions import DAY_MS
 
 _Row = Row[*tuple[Any, ...]]  # columns of every type
 _Query = Select[*tuple[Any, ...]]

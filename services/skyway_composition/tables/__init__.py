@@ -2,10 +2,10 @@
 
 from skyway.runtime.outbox.outbox_store import outbox_table
 from skyway.runtime.replicas.replica_store import replicas_table
-from skyway_composition.tables.better_orders import better_orders
 from skyway_composition.tables.links import drone_links, instructions
 from skyway_composition.tables.missions import (
     alarms,
+    better_orders,
     cancellations,
     custody,
     cut_steps,

@@ -1,4 +1,4 @@
-"""The tables of deliveries, missions, their steps and packages, and of held offers and alarms."""
+"""The tables of deliveries, missions, their parts, held offers, alarms and better orders."""
 
 from typing import Final
 
@@ -249,4 +249,19 @@ alarms = Table(
         sqlite_where=text("acknowledged_ms IS NULL"),
         postgresql_where=text("acknowledged_ms IS NULL"),
     ),
+)
+
+#: A day of fleet time, milliseconds.
+DAY_MS: Final = 24 * 3600 * 1000
+
+#: The better orders of a provider that were adopted on a day of fleet time, which begins at
+#: `day_ms`: how many orders, missions that changed their drone, and milliseconds of deliveries.
+better_orders = Table(
+    "better_orders",
+    metadata,
+    Column("provider_id", Text, primary_key=True),
+    Column("day_ms", BigInteger, primary_key=True),
+    Column("orders", Integer, nullable=False),
+    Column("moves", Integer, nullable=False),
+    Column("saved_ms", BigInteger, nullable=False),
 )

@@ -19,7 +19,7 @@ from skyway_composition.tables import (
     is_queued,
     missions,
 )
-from skyway_composition.tables.better_orders import DAY_MS
+from skyway_composition.tables.missions import DAY_MS
 
 _other = missions.alias("other")
 

@@ -4,7 +4,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.missions.dispatching.judgement import judge
+from skyway_composition.missions.calendar.dispatching.judgement import judge
 from skyway_composition.missions.mission.record import MissionRecord
 
 from skyway.contracts.candidate import Candidate
@@ -87,4 +87,4 @@ def test_a_promise_holds_within_the_tolerance_and_a_late_mission_gets_no_later(
 
     judgement = judge([(before, after)], tolerance_s=60)
 
-    assert (judgement.late == ("msn_1",)) == is_late
+    assert (judgement.late == {"drn_1"}) == is_late

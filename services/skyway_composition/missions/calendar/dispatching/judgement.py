@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from skyway.ids import PackageId
+from skyway.ids import DroneId, PackageId
 from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.record import MissionRecord
 
@@ -25,12 +25,12 @@ _PRIORITY_WEIGHT: Final = 2.0
 class Judgement:
     """What a change saves, in seconds of a STANDARD delivery, and how many missions change drones.
 
-    `late` are the missions that would be delivered later than allowed.
+    `late` are the drones that would deliver later than allowed.
     """
 
     saved_s: float
     moves: int
-    late: tuple[str, ...]
+    late: frozenset[DroneId]
 
     @property
     def is_better(self) -> bool:
@@ -42,15 +42,15 @@ def judge(
     changes: Iterable[tuple[MissionRecord, MissionRecord]], *, tolerance_s: float
 ) -> Judgement:
     """The judgement on missions that change from the first to the second record of each pair."""
-    saved_s, moves, late = 0.0, 0, []
+    saved_s, moves, late = 0.0, 0, set[DroneId]()
     for before, after in changes:
         earlier, later = _etas_ms(before), _etas_ms(after)
         latest = latest_ms(before, tolerance_s=tolerance_s)
         if any(at_ms > latest[package_id] for package_id, at_ms in later.items()):
-            late.append(str(before.mission_id))
+            late.add(after.drone_id)
         saved_s += weight_of(before) * (max(earlier.values()) - max(later.values())) / 1000
         moves += before.drone_id != after.drone_id
-    return Judgement(saved_s, moves, tuple(late))
+    return Judgement(saved_s, moves, frozenset(late))
 
 
 def weight_of(record: MissionRecord) -> float:

@@ -15,8 +15,8 @@ from skyway.runtime.errors import ServiceUnavailable
 from skyway.scheduling.standby import StandbyChoice, home_start_ms, shortened_trip
 from skyway.scheduling.stays import Slot, slot_after
 from skyway.scheduling.trip import NOTHING_TO_DELIVER, BookedPad, NoTrip, Trip, no_plan
+from skyway_composition.missions.calendar.dispatching.fleet import Calendar, Fleet, Moments, Orders
 from skyway_composition.missions.calendar.plan_queue import Moved, deadline_ms, problem_of
-from skyway_composition.missions.dispatching.fleet import Calendar, Fleet, Orders, Times
 from skyway_composition.missions.mission.from_trip import flown_by, replanned_in_queue
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
 from skyway_composition.planning.find_trip import way_home
@@ -33,7 +33,7 @@ class _Row:
     following: list[MissionRecord]
     planned: list[Moved] = field(default_factory=list)
 
-    def slot(self, times: Times, *, from_ms: int) -> Slot | None:
+    def slot(self, times: Moments, *, from_ms: int) -> Slot | None:
         """Where and when the next mission can begin, at `from_ms` or later."""
         if self.planned:
             stays = self.planned[-1].record.stays
@@ -47,7 +47,7 @@ class OrderPlanner:
 
     solver: SolverPool
     world: World
-    times: Times
+    times: Moments
     _pads: dict[MissionId, Sequence[BookedPad]] = field(default_factory=dict)
 
     async def plan(self, fleet: Fleet, orders: Orders) -> dict[DroneId, tuple[Moved, ...]] | NoTrip:
@@ -176,7 +176,7 @@ class OrderPlanner:
 
 
 async def plan_orders(
-    solver: SolverPool, world: World, fleet: Fleet, orders: Orders, *, times: Times
+    solver: SolverPool, world: World, fleet: Fleet, orders: Orders, *, times: Moments
 ) -> dict[DroneId, tuple[Moved, ...]] | NoTrip:
     """The fleet's missions in this order with their new plans; why some mission has none."""
     free = world.without([each.mission_id for each in fleet.waiting])

@@ -1,7 +1,7 @@
 """The process that searches: it answers, is replaced when it dies, and ends with its owner."""
 
 import pytest
-from skyway_composition.missions.dispatching.search_process import (
+from skyway_composition.missions.calendar.dispatching.search_process import (
     Search,
     SearchFailed,
     SearchProcess,

@@ -12,7 +12,7 @@ from skyway.runtime.sql.in_list import in_list
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.row import read_record
 from skyway_composition.tables import better_orders, is_live, is_queued, missions
-from skyway_composition.tables.better_orders import DAY_MS
+from skyway_composition.tables.missions import DAY_MS
 
 _WAITING_FLEETS: Final = (
     select(missions.c.network_id, missions.c.provider_id)

@@ -1,20 +1,24 @@
 """Describes a fleet for the search of `skyway.dispatch`.
 
 The search only proposes an order. So this description may leave out what plans need besides: the
-standbys, and that a drone may use the pads of its own standby.
+standbys that are planned anew, and that a drone may use the pads of its own standby.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import datetime
 from typing import Any, Final
 
 from skyway.dispatch.problem import CurrentTrip, FleetDrone, FleetRequest, Prices
-from skyway.ids import PackageId
+from skyway.ids import PackageId, StationId
 from skyway.planner.pad_book import OPEN_MS
 from skyway.planner.problem_parts import PackageToDeliver, PadReservation
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.missions.dispatching.fleet import Fleet, Times
-from skyway_composition.missions.dispatching.judgement import MOVE_S, promised_ms, weight_of
+from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Moments
+from skyway_composition.missions.calendar.dispatching.judgement import (
+    MOVE_S,
+    promised_ms,
+    weight_of,
+)
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.pads.store import PadHeldBy
 from skyway_composition.planning.problem_for import with_margin
@@ -29,8 +33,8 @@ def fleet_problem(
     fleet: Fleet,
     world: World,
     *,
-    held: list[PadHeldBy],
-    times: Times,
+    held: Iterable[PadHeldBy],
+    times: Moments,
     tolerance_s: float,
 ) -> dict[str, Any]:  # the fields of `FleetProblem`, without the network
     """The fields of the fleet's problem, whose second 0 is the moment from which missions may move.
@@ -108,35 +112,28 @@ def _request(record: MissionRecord, number: int, *, base_ms: int, age_s: float) 
 
 
 def _reservations(
-    fleet: Fleet, world: World, held: list[PadHeldBy], *, times: Times
+    fleet: Fleet, world: World, held: Iterable[PadHeldBy], *, times: Moments
 ) -> Iterator[PadReservation]:
-    """The pads that do not move: without the gap after them, which the search adds itself.
-
-    A drone's standby ends when its first waiting mission begins.
-    """
+    """The pads that do not move: without the gap after them, which the search adds itself."""
     moving = {each.mission_id for each in fleet.waiting}
-    ends: dict[str, int] = {}
-    for calendar in fleet.calendars.values():
-        slot = calendar.slot(not_before_ms=0, times=times)
-        for each in (calendar.live, *calendar.kept):
-            if each is not None and slot is not None:
-                ends[each.mission_id] = slot.at_ms
     network, base_ms = world.skyway.network, times.settled_ms
     gap_ms = round(world.skyway.settings.pad_gap_s * 1000)
     for station_id, pad, start_ms, end_ms, owner in held:
-        until_ms = min(end_ms - gap_ms, ends.get(owner, end_ms))
-        pads = (
-            network.columns.pads[network.row_of[station_id]] if station_id in network.row_of else 0
+        row, from_ms, until_ms = (
+            network.row_of.get(station_id),
+            max(start_ms, base_ms),
+            end_ms - gap_ms,
         )
-        if owner in moving or pad >= pads or until_ms <= max(start_ms, base_ms):
+        if row is None or owner in moving or pad >= network.columns.pads[row]:
             continue
-        yield _reservation(station_id, pad, max(start_ms, base_ms), until_ms, base_ms)
+        if from_ms < until_ms:
+            yield _reservation(station_id, pad, from_ms, until_ms, base_ms)
     for station_id, pad, start_ms, end_ms in world.conditions.pad_outages(base_ms):
         yield _reservation(station_id, pad, max(start_ms, base_ms), end_ms, base_ms)
 
 
 def _reservation(
-    station_id: Any, pad: int, start_ms: int, end_ms: int, base_ms: int
+    station_id: StationId, pad: int, start_ms: int, end_ms: int, base_ms: int
 ) -> PadReservation:
     return PadReservation(
         station_id=station_id,

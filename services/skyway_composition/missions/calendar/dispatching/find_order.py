@@ -18,13 +18,13 @@ from skyway.runtime.sql.database import Database
 from skyway.scheduling.trip import NoTrip
 from skyway.units import moment_to_ms
 from skyway_composition.links.store import held_among, links_to
-from skyway_composition.missions.dispatching import store
-from skyway_composition.missions.dispatching.adopt import BetterOrder
-from skyway_composition.missions.dispatching.fleet import Fleet, Orders, Times, fleet_of
-from skyway_composition.missions.dispatching.fleet_problem import fleet_problem
-from skyway_composition.missions.dispatching.judgement import judge
-from skyway_composition.missions.dispatching.plan_orders import plan_orders
-from skyway_composition.missions.dispatching.search_process import (
+from skyway_composition.missions.calendar.dispatching import store
+from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
+from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Moments, Orders, fleet_of
+from skyway_composition.missions.calendar.dispatching.fleet_problem import fleet_problem
+from skyway_composition.missions.calendar.dispatching.judgement import judge
+from skyway_composition.missions.calendar.dispatching.plan_orders import plan_orders
+from skyway_composition.missions.calendar.dispatching.search_process import (
     Search,
     SearchFailed,
     SearchProcess,
@@ -47,8 +47,19 @@ _MOST_WAITING: Final = 500
 #: better, or its order has no exact plan, breaks a promise, or saves too little.
 NotBetter = Literal["unsearched", "failed", "kept", "no plan", "promise", "no gain"]
 
-#: Reasons that may vanish when more standbys make room.
-_FOR_PADS: Final = ("no plan", "promise", "no gain")
+#: How often an order is searched until no promise is broken. Our own choice.
+_MOST_SEARCHES: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """An order that breaks promises, and the drones that do."""
+
+    late: frozenset[DroneId]
+
+
+#: What became of one search.
+Found = BetterOrder | Broken | NotBetter
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +107,20 @@ class OrderFinder:
         if self._searched.get((network_id, provider_id)) == fleet.orders:
             return "unsearched"
         self._searched[network_id, provider_id] = fleet.orders
-        orders = await self._searched_orders(fleet, world, times)
-        return "failed" if orders is None else await self._planned(fleet, orders, world, times)
+        for _ in range(_MOST_SEARCHES):
+            orders = await self._searched_orders(fleet, world, times)
+            if orders is None:
+                return "failed"
+            found = await self._planned(fleet, orders, world, times)
+            if not isinstance(found, Broken):
+                return found
+            # The drones that break promises keep their calendars in the next search.
+            fleet = fleet.only(fleet.calendars.keys() - found.late)
+            if not _can_improve(fleet):
+                break
+        return "promise"
 
-    async def _fleet(self, network_id: NetworkId, provider_id: ProviderId, times: Times) -> Fleet:
+    async def _fleet(self, network_id: NetworkId, provider_id: ProviderId, times: Moments) -> Fleet:
         async with self.db.read() as connection:
             records = await store.open_missions_of(connection, network_id, provider_id)
             drone_ids = sorted({each.drone_id for each in records})
@@ -120,7 +141,7 @@ class OrderFinder:
         )
         return frozenset((*answer.drone_ids, *drone_ids[MOST_DRONES:]))
 
-    async def _searched_orders(self, fleet: Fleet, world: World, times: Times) -> Orders | None:
+    async def _searched_orders(self, fleet: Fleet, world: World, times: Moments) -> Orders | None:
         """The order that the search proposes; None if it fails."""
         skyway = world.skyway
         async with self.db.read() as connection:
@@ -140,9 +161,7 @@ class OrderFinder:
         count("skyway_dispatch_processor_seconds", about, found.processor_s)
         return found.orders if found.is_complete else fleet.orders
 
-    async def _planned(
-        self, fleet: Fleet, orders: Orders, world: World, times: Times
-    ) -> BetterOrder | NotBetter:
+    async def _planned(self, fleet: Fleet, orders: Orders, world: World, times: Moments) -> Found:
         """The order with exact plans, if it is better."""
         changed = {each for each, order in orders.items() if order != fleet.orders[each]}
         if not changed:
@@ -151,14 +170,12 @@ class OrderFinder:
             return "no plan"
         found = await self._judged(fleet.only(changed), orders, world, times)
         others = {each.drone_id for each in fleet.waiting} - changed
-        if found in _FOR_PADS and others:
+        if not isinstance(found, BetterOrder) and others:
             # The standbys of all other drones make room for the services too.
             found = await self._judged(fleet.only(changed | others), orders, world, times)
         return found
 
-    async def _judged(
-        self, affected: Fleet, orders: Orders, world: World, times: Times
-    ) -> BetterOrder | NotBetter:
+    async def _judged(self, affected: Fleet, orders: Orders, world: World, times: Moments) -> Found:
         """The order of these drones with exact plans, if it is better."""
         moved = await plan_orders(self.solver, world, affected, orders, times=times)
         if isinstance(moved, NoTrip):
@@ -170,8 +187,10 @@ class OrderFinder:
             ((before[each.mission_id], each) for each in after),
             tolerance_s=self.terms.tolerance_s,
         )
+        if judgement.late:
+            return Broken(judgement.late)
         if not judgement.is_better:
-            return "promise" if judgement.late else "no gain"
+            return "no gain"
         return BetterOrder(affected, world, times, moved, judgement)
 
     async def _breaks_refusals(self, fleet: Fleet, orders: Orders) -> bool:
@@ -192,12 +211,12 @@ class OrderFinder:
             if each in again
         )
 
-    def _times(self) -> Times:
+    def _times(self) -> Moments:
         fleet_s, wall_s = _SETTLED_S
         now_ms = moment_to_ms(self.clock.now())
         ahead = fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s + 2 * self.terms.budget_s)
         settled_ms = now_ms + round(ahead.total_seconds() * 1000)
-        return Times(now_ms, settled_ms, hand_over_time_ms(self.clock))
+        return Moments(now_ms, settled_ms, hand_over_time_ms(self.clock))
 
 
 def _can_improve(fleet: Fleet) -> bool:

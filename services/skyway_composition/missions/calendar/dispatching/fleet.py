@@ -16,7 +16,7 @@ Orders = Mapping[DroneId, tuple[MissionId, ...]]
 
 
 @dataclass(frozen=True, slots=True)
-class Times:
+class Moments:
     """Moments and spans of fleet time in milliseconds.
 
     What begins before `settled_ms` does not move any more. `hand_over_ms` lies between two missions
@@ -58,7 +58,7 @@ class Calendar:
         """The mission before the waiting ones."""
         return self.kept[-1] if self.kept else self.live
 
-    def slot(self, *, not_before_ms: int, times: Times) -> Slot | None:
+    def slot(self, *, not_before_ms: int, times: Moments) -> Slot | None:
         """Where and when the first waiting mission can begin; None if that is not known."""
         not_before_ms = max(not_before_ms, times.settled_ms)
         if self.here is not None:
@@ -110,7 +110,7 @@ def fleet_of(
     links: Mapping[DroneId, DroneLink],
     *,
     left_out: Collection[DroneId],
-    times: Times,
+    times: Moments,
 ) -> Fleet:
     """The fleet of these open missions, which are sorted by drone and start.
 
@@ -128,7 +128,7 @@ def fleet_of(
 
 
 def calendar_of(
-    own: Sequence[MissionRecord], link: DroneLink | None, *, times: Times
+    own: Sequence[MissionRecord], link: DroneLink | None, *, times: Moments
 ) -> Calendar | None:
     """The calendar of a drone; None if it cannot be planned now."""
     live = next((each for each in own if each.is_live), None)
@@ -150,7 +150,7 @@ def calendar_of(
     return None if calendar.slot(not_before_ms=0, times=times) is None else calendar
 
 
-def _settled(queued: Iterable[MissionRecord], times: Times) -> Iterator[MissionRecord]:
+def _settled(queued: Iterable[MissionRecord], times: Moments) -> Iterator[MissionRecord]:
     """The QUEUED missions that begin too soon to move."""
     for each in queued:
         if each.start.at_ms > times.settled_ms + times.hand_over_ms:
@@ -158,7 +158,7 @@ def _settled(queued: Iterable[MissionRecord], times: Times) -> Iterator[MissionR
         yield each
 
 
-def _standing(link: DroneLink | None, times: Times) -> Slot | None:
+def _standing(link: DroneLink | None, times: Moments) -> Slot | None:
     """Where an idle drone stands ready; None if it is not known to be idle at a station."""
     state = None if link is None else link.state
     if link is None or state is None or link.has_unread_events or link.is_occupied:

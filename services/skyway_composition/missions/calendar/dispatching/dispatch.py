@@ -12,9 +12,9 @@ from skyway.runtime.metrics import count, timed
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.missions.dispatching import store
-from skyway_composition.missions.dispatching.adopt import BetterOrder, adopt
-from skyway_composition.missions.dispatching.find_order import OrderFinder
+from skyway_composition.missions.calendar.dispatching import store
+from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder, adopt
+from skyway_composition.missions.calendar.dispatching.find_order import OrderFinder
 
 log = logging.getLogger(__name__)
 

@@ -7,8 +7,8 @@ from collections.abc import Coroutine, Generator
 from typing import Any
 
 import pytest
-from skyway_composition.missions.dispatching.adopt import BetterOrder
-from skyway_composition.missions.dispatching.dispatch import Dispatcher
+from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
+from skyway_composition.missions.calendar.dispatching.dispatch import Dispatcher
 
 from tests.composition.busy_network import NETWORK_ID
 from tests.composition.busy_world import BusyWorld

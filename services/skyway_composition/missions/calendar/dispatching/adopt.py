@@ -8,10 +8,15 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway_composition.links.store import held_among
+from skyway_composition.missions.calendar.dispatching.fleet import (
+    Calendar,
+    Fleet,
+    Moments,
+    calendar_of,
+)
+from skyway_composition.missions.calendar.dispatching.judgement import Judgement
 from skyway_composition.missions.calendar.move_queued import give_back_pads, move
 from skyway_composition.missions.calendar.plan_queue import Moved
-from skyway_composition.missions.dispatching.fleet import Calendar, Fleet, Times, calendar_of
-from skyway_composition.missions.dispatching.judgement import Judgement
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.release_pads import restore_pads
 from skyway_composition.missions.mission.standby import end_standby_before, restore_standby
@@ -30,7 +35,7 @@ class BetterOrder:
 
     fleet: Fleet
     world: World
-    times: Times
+    times: Moments
     moved: Mapping[DroneId, Sequence[Moved]]
     judgement: Judgement
 
@@ -74,7 +79,7 @@ async def adopt(tx: Tx, better: BetterOrder, *, clock: FleetClock, mint: Mint) -
     return True
 
 
-async def _is_unchanged(work: MissionUnitOfWork, fleet: Fleet, *, times: Times) -> bool:
+async def _is_unchanged(work: MissionUnitOfWork, fleet: Fleet, *, times: Moments) -> bool:
     """Whether each drone has the missions with which it was planned, and is not held."""
     connection = work.tx.connection
     if await held_among(connection, [*fleet.calendars], now_ms=times.now_ms):
@@ -97,7 +102,7 @@ async def _save(
     waiting: Mapping[MissionId, MissionRecord],
     world: World,
     *,
-    times: Times,
+    times: Moments,
 ) -> None:
     """Save the new missions of one drone, after those that it keeps."""
     if moved and calendar.kept:
