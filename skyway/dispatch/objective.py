@@ -85,14 +85,18 @@ class Limits:
     """What a plan must keep: promises, fairness, and the number of unserved requests.
 
     `latest_s` is the latest delivery of each request with a promise: the promise plus the
-    tolerance, or the delivery in the baseline plus the tolerance if that is later. `flown` is the
-    least number of requests that each provider flies.
+    tolerance. With the arrival order as baseline it is the delivery there plus the tolerance, if
+    that is later. `flown` is the least number of requests that each provider flies.
     """
 
     def __init__(self, problem: FleetProblem, baseline: Costs) -> None:
         self.latest_s = {
             number: problem.promise_tolerance_s
-            + max(request.promised_s, baseline.delivered_s.get(number, 0.0))
+            + (
+                request.promised_s
+                if problem.baseline == "current plan"
+                else max(request.promised_s, baseline.delivered_s.get(number, 0.0))
+            )
             for number, request in enumerate(problem.requests)
             if request.promised_s is not None
         }

@@ -50,9 +50,10 @@ def optimise(
 ) -> FleetPlan:
     """The best fleet plan that the search finds.
 
-    The plan never costs more than the arrival order. A request with a promise is delivered before
-    the promise, or no later than in the problem's baseline, within the problem's tolerance. Every
-    trip has passed the planner's `verify`.
+    The plan never costs more than the problem's baseline. A request with a promise is delivered
+    before the promise, or no later than in the arrival order if that is the baseline, within the
+    problem's tolerance. Only the current plan itself may break promises. Every trip has passed the
+    planner's `verify`.
 
     Parameters
     ----------

@@ -175,8 +175,8 @@ class FleetProblem(JsonModel):
     baseline: Annotated[
         Literal["arrival order", "current plan"],
         Field(
-            description="The plan that the answer may not be worse than. The current plan is that "
-            "of `requests[].planned`; without one the arrival order counts."
+            description="The plan with which the search begins. With the current plan, that of "
+            "`requests[].planned`, every other plan keeps all promises within the tolerance."
         ),
     ] = "arrival order"
     label_limit: Annotated[

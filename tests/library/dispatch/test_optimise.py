@@ -53,6 +53,36 @@ def test_a_plan_is_valid_and_never_worse_than_the_arrival_order(seed: int, fairn
         assert all(flown[each] >= before[each] for each in before)
 
 
+@settings(max_examples=10)
+@given(SEEDS)
+def test_no_plan_but_the_current_plan_breaks_a_promise(seed: int) -> None:
+    fleet = small_fleet(seed, drones=3, requests=6)
+    first = arrival_order(fleet)
+    came = delivered(first)
+    planned = {
+        one.request_id: CurrentTrip(drone_id=each.drone_id, start_s=each.start_s)
+        for each in first.trips
+        for one in each.requests
+    }
+    requests = tuple(
+        each.model_copy(
+            update={
+                "planned": planned.get(each.request_id),
+                "promised_s": came.get(each.request_id),
+            }
+        )
+        for each in fleet.requests
+    )
+    update = {"requests": requests, "baseline": "current plan", "promise_tolerance_s": 60.0}
+    problem = fleet.model_copy(update=update)
+
+    plan = optimise(problem, rounds=3, seed=seed)
+
+    assert plan.costs.total_s <= first.costs.total_s
+    for request_id, delivered_s in delivered(plan).items():
+        assert delivered_s <= came.get(request_id, delivered_s) + 60.0
+
+
 @settings(max_examples=8)
 @given(SEEDS)
 def test_windows_closures_and_taken_pads_are_kept(seed: int) -> None:

@@ -16,7 +16,7 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Moments
 from skyway_composition.missions.calendar.dispatching.judgement import (
     MOVE_S,
-    promised_ms,
+    latest_ms,
     weight_of,
 )
 from skyway_composition.missions.mission.record import MissionRecord
@@ -61,7 +61,13 @@ def fleet_problem(
             for each, slot in slots
         ),
         "requests": tuple(
-            _request(each, number, base_ms=base_ms, age_s=float(len(waiting) - number))
+            _request(
+                each,
+                number,
+                base_ms=base_ms,
+                age_s=float(len(waiting) - number),
+                tolerance_s=tolerance_s,
+            )
             for number, each in enumerate(waiting)
         ),
         "pad_reservations": tuple(_reservations(fleet, world, held, times=times)),
@@ -71,20 +77,22 @@ def fleet_problem(
         "hand_over_s": times.hand_over_ms / 1000,
         "pad_gap_s": settings.pad_gap_s,
         "prices": Prices(move_s=MOVE_S),
-        "promise_tolerance_s": tolerance_s,
+        "promise_tolerance_s": 0.0,
         "most_pooled": 1,
         "baseline": "current plan",
         "label_limit": _MOST_LABELS,
     }
 
 
-def _request(record: MissionRecord, number: int, *, base_ms: int, age_s: float) -> FleetRequest:
+def _request(
+    record: MissionRecord, number: int, *, base_ms: int, age_s: float, tolerance_s: float
+) -> FleetRequest:
     """A waiting mission as a request; requests that were booked earlier have a higher age."""
 
     def seconds(moment: datetime | None) -> float | None:
         return None if moment is None else (moment_to_ms(moment) - base_ms) / 1000
 
-    asked = record.request
+    asked, latest = record.request, latest_ms(record, tolerance_s=tolerance_s)
     deadline_at = asked.qos.deadline_at
     return FleetRequest(
         request_id=record.mission_id,
@@ -103,7 +111,8 @@ def _request(record: MissionRecord, number: int, *, base_ms: int, age_s: float) 
         pickup_not_before_s=seconds(asked.earliest_pickup_at),
         pickup_latest_s=seconds(asked.latest_pickup_at),
         deadline_s=seconds(deadline_at),
-        promised_s=(max(promised_ms(record).values()) - base_ms) / 1000,
+        # The end of the tolerance, so that the search needs no tolerance of its own.
+        promised_s=(max(latest.values()) - base_ms) / 1000,
         weight=weight_of(record),
         planned=CurrentTrip(
             drone_id=record.drone_id, start_s=(record.start.at_ms - base_ms) / 1000
