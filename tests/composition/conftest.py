@@ -12,6 +12,7 @@ import httpx
 import pytest
 from skyway_composition.app import composition_app
 from skyway_composition.links.listening import Listening
+from skyway_composition.missions.calendar.dispatching.find_order import DispatchTerms
 from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.following.handle_batch import ReportHandler
@@ -317,6 +318,7 @@ async def unpublished(
             no_shows=NoShows(db, clock),
             own_cells=own_cells,
             count_drones=no_drones,
+            dispatch_terms=DispatchTerms(every_s=0.0, budget_s=0.1, tolerance_s=60.0),
         )
         handler = parts.handler
         async with httpx.AsyncClient(

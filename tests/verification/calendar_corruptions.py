@@ -37,6 +37,17 @@ CALENDAR_CORRUPTIONS: Final = (
         composition="DELETE FROM pad_reservations WHERE hold_id IS NOT NULL",
     ),
     Corruption(
+        "half of the promised arrivals of a QUEUED mission",
+        "every stored text has its form",
+        composition="UPDATE missions SET promised = '[{' WHERE mission_id = :queued_mission",
+    ),
+    Corruption(
+        "a day of better orders that has saved nothing",
+        "what better orders have saved is counted by days, and each order has saved something",
+        composition="INSERT INTO better_orders (provider_id, day_ms, orders, moves, saved_ms)"
+        " VALUES ('prv_1', 86400000, 1, 0, 0)",
+    ),
+    Corruption(
         "half of the offers of a hold",
         "every stored text has its form",
         composition="UPDATE offer_holds SET offers = substr(offers, 1, 40)",

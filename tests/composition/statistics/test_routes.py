@@ -79,6 +79,26 @@ async def test_unsent_messages_are_counted_by_channel(busy: Any) -> None:
     assert (await asked(busy, "operator:op"))["unsent"]["gateway"] == before + 2
 
 
+async def test_better_orders_of_the_last_days_are_shown_to_their_provider(busy: Any) -> None:
+    day_ms, now_ms = 24 * 3600 * 1000, moment_to_ms(busy.clock.now())
+    today_ms = now_ms - now_ms % day_ms
+    for provider_id, days_ago, saved_min in (("prv_1", 0, 30), ("prv_1", 2, 15), ("prv_2", 9, 50)):
+        await insert(
+            busy,
+            "better_orders",
+            provider_id=provider_id,
+            day_ms=today_ms - days_ago * day_ms,
+            orders=2,
+            moves=3,
+            saved_ms=saved_min * 60_000,
+        )
+
+    own, other = await asked(busy, "provider:prv_1"), await asked(busy, "provider:prv_2")
+
+    assert (own["better_orders"], own["saved_minutes"]) == ({"prv_1": 4}, {"prv_1": 45})
+    assert other["better_orders"] == {}
+
+
 async def test_customers_may_not_see_mission_statistics(busy: Any) -> None:
     assert (await busy("customer:c1", "GET", "/v1/stats/missions")).status_code == 403
 
