@@ -246,8 +246,7 @@ async def test_a_waiting_mission_moves_to_another_drone_without_news_for_the_cus
     delivery_id = str(await gateway.accepted())
     await gateway.book_next()
     booked = gateway.composition.booked[delivery_id, 1]
-    waiting = {"mission_state": "QUEUED"}
-    await gateway.report(delivery_id, "QUEUED", seq=1, **waiting)
+    await gateway.report(delivery_id, "QUEUED", seq=1, mission_state="QUEUED")
     before = await gateway.event_types(delivery_id)
 
     moved = booked.model_copy(update={"drone_id": "drn_other", "state": "QUEUED"})
@@ -257,7 +256,8 @@ async def test_a_waiting_mission_moves_to_another_drone_without_news_for_the_cus
         seq=2,
         mission=moved,
         drone_before=booked.drone_id,
-        **{**waiting, "drone_id": "drn_other"},
+        mission_state="QUEUED",
+        drone_id="drn_other",
     )
 
     assert answer.status_code == 204
