@@ -216,7 +216,7 @@ def _read(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInf
     return Weather.of(network, handler(value))
 
 
-def _rows(network: Network, segments: Sequence[tuple[str, str]]) -> Longs:
+def _rows(network: Network, segments: Sequence[Sequence[str]]) -> Longs:
     """The row of each segment, -1 where the network has none."""
     outgoing, row_of = network.outgoing, network.row_of
     ends = np.array(

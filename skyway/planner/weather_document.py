@@ -25,6 +25,10 @@ MAX_FACTORS: Final = 500_000
 MAX_FAULTS: Final = 50
 
 
+#: The name of a station; the network knows which there are.
+_Name = Annotated[str, Field(max_length=64)]
+_Ends = Annotated[tuple[_Name, ...], Field(min_length=2, max_length=2)]
+
 Factor = Annotated[float, Field(ge=LEAST_FACTOR, le=LARGEST_FACTOR, strict=True)]
 
 
@@ -48,8 +52,9 @@ class WeatherPeriod(JsonModel):
     time_factors: Annotated[
         tuple[Factor | None, ...],
         Field(
+            json_schema_extra={"maxItems": MAX_FACTORS},
             description="What flights take, as multiples of the time in still air; null: no drone "
-            "of this model flies the segment."
+            "of this model flies the segment.",
         ),
         FailFast(),
         BeforeValidator(_few),
@@ -57,8 +62,9 @@ class WeatherPeriod(JsonModel):
     energy_factors: Annotated[
         tuple[Factor, ...],
         Field(
+            json_schema_extra={"maxItems": MAX_FACTORS},
             description="The energy of these flights, as multiples of power times time; without "
-            "them 1."
+            "them 1.",
         ),
         FailFast(),
         BeforeValidator(_few),
@@ -69,8 +75,11 @@ class WeatherDocument(JsonModel):
     """The weather of a problem in its JSON form."""
 
     segments: Annotated[
-        tuple[tuple[str, str], ...],
-        Field(description="The segments, each by the stations that it leads from and to."),
+        tuple[_Ends, ...],
+        Field(
+            json_schema_extra={"maxItems": MAX_FACTORS},
+            description="The segments, each by the stations that it leads from and to.",
+        ),
         FailFast(),
         BeforeValidator(_few),
     ]
