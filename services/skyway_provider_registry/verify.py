@@ -209,11 +209,8 @@ _DRONES: Final = (
                 (presence.c.activity.is_(None)) != (presence.c.state_at_ms.is_(None)),
                 and_(
                     presence.c.activity.is_not(None),
-                    or_(
-                        presence.c.longitude_deg.is_(None),
-                        presence.c.latitude_deg.is_(None),
-                        presence.c.soc.is_(None),
-                    ),
+                    # A sum is null if any of its parts is.
+                    (presence.c.longitude_deg + presence.c.latitude_deg + presence.c.soc).is_(None),
                 ),
             )
         ),
