@@ -18,9 +18,14 @@ COVERED: Final = 0.9
 FEWEST: Final = 40
 #: How far the level moves with one package, and its limits. Our own choice.
 _STEP: Final = 0.02
-_LEVELS: Final = (0.75, 0.99)
+_LEVELS: Final = (0.75, 0.97)
+#: So that n + 1 times n / (n + 1) is n.
+_ROUNDING: Final = 1e-9
 #: Shorter planned times count as this, seconds: a minute must not become a large share.
 _SHORTEST_S: Final = 300.0
+#: A package that is later by more than this share of its planned time counts as so late: one that
+#: lay for days says nothing about the others. Our own choice.
+_LARGEST_SHARE: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +48,11 @@ def late_share(arrivals: Sequence[Arrival]) -> float | None:
     if len(arrivals) < FEWEST:
         return None
     scores = sorted(each.late_s / max(each.planned_s, _SHORTEST_S) for each in arrivals)
-    rank = math.ceil((len(scores) + 1) * _level(arrivals))
-    return max(0.0, scores[min(rank, len(scores)) - 1])
+    count = len(scores)
+    # From n packages no higher level can be forecast than n / (n + 1).
+    level = min(_level(arrivals), count / (count + 1))
+    rank = math.ceil((count + 1) * level - _ROUNDING)
+    return min(max(0.0, scores[rank - 1]), _LARGEST_SHARE)
 
 
 def later_by_s(planned_s: float, share: float) -> float:

@@ -33,6 +33,16 @@ def test_a_minute_late_in_a_short_plan_counts_as_for_five_minutes() -> None:
     assert later_by_s(10.0, 0.2) == pytest.approx(60.0)
 
 
+def test_a_few_packages_that_lay_for_days_do_not_make_all_forecasts_days_later() -> None:
+    on_time = come(90, lambda _: 0.0, was_covered=True)
+    stuck = come(5, lambda _: 3 * 86_400.0, was_covered=False)
+
+    share = late_share([*on_time, *stuck])
+
+    assert share is not None
+    assert share <= 3.0
+
+
 def test_the_forecast_widens_after_misses_and_narrows_after_hits() -> None:
     usual = late_share(come(100, float))
     missed = late_share(come(100, float, was_covered=False))
