@@ -19,7 +19,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import NetworkId, StationId
 from skyway.runtime.sql.database import Tx
-from skyway_composition.tables import missions, network_versions, networks, stations
+from skyway_composition.tables import is_queued, missions, network_versions, networks, stations
 
 # Built once, because every booking runs these statements and building takes longer than running.
 _CURRENT: Final = select(networks).where(networks.c.network_id == bindparam("of_network"))
@@ -194,7 +194,7 @@ async def delete_replaced(tx: Tx, *, before_ms: int) -> bool:
     )
     planned = (
         select(func.min(missions.c.planned_version))
-        .where(missions.c.network_id == networks.c.network_id, missions.c.planned_version > 0)
+        .where(missions.c.network_id == networks.c.network_id, is_queued)
         .scalar_subquery()
     )
     needed = func.coalesce(planned, current_then.c.version)

@@ -3,6 +3,7 @@
 from datetime import timedelta
 from typing import Any
 
+import pytest
 from skyway_composition.retention.prune import Pruning
 
 from tests.composition.conftest import make_network
@@ -134,14 +135,18 @@ async def test_the_current_version_stays_however_old_it_is(composition: Any) -> 
     assert await kept_versions(composition) == [1]
 
 
+@pytest.mark.parametrize(
+    ("state", "kept"), [("QUEUED", [3, 4, 5, 6]), ("CANCELLED", [5, 6])], ids=str
+)
 async def test_versions_stay_while_a_mission_waits_that_was_planned_with_one(
-    composition: Any,
+    composition: Any, state: str, kept: list[int]
 ) -> None:
     await composition.book()
     await publish_versions(composition, 5)
     async with composition.db.write() as tx:
-        await tx.connection.exec_driver_sql("UPDATE missions SET planned_version = 3")
+        planned = f"UPDATE missions SET planned_version = 3, state = '{state}'"
+        await tx.connection.exec_driver_sql(planned)
 
     await prune_all(version_pruning(composition, kept=DAY))
 
-    assert await kept_versions(composition) == [3, 4, 5, 6]
+    assert await kept_versions(composition) == kept
