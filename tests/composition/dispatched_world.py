@@ -28,7 +28,7 @@ PROVIDER: Final = ProviderId("prv_1")
 
 
 class OwnSearch(SearchProcess):
-    """Searches in this process, always for as long."""
+    """Searches in this process, with the same number of rounds each time."""
 
     async def find(self, search: Search, network: Network) -> FoundOrder:
         found = answer(search, network, rounds=3)
@@ -38,7 +38,7 @@ class OwnSearch(SearchProcess):
 
 
 class RegistryInService:
-    """A registry all of whose drones are in service, but these."""
+    """A registry whose drones are in service, except the withdrawn ones."""
 
     def __init__(self, withdrawn: frozenset[str] = frozenset()) -> None:
         self.withdrawn = withdrawn

@@ -206,7 +206,7 @@ async def test_a_ground_stop_names_its_network(gateway: Gateway, cell: FakeCompo
     assert [each.host for each in gateway.forwarded] == [CELL_HOST]
 
 
-async def test_with_a_hundred_cells_each_call_goes_to_its_own_and_one_stops_alone(
+async def test_with_a_hundred_cells_a_silent_cell_fails_only_its_own_calls(
     gateway: Gateway,
 ) -> None:
     names = [f"region-{number:03}" for number in range(100)]

@@ -18,7 +18,7 @@ def test_nothing_is_forecast_from_few_packages() -> None:
     assert late_share(come(FEWEST, float)) is not None
 
 
-def test_nine_of_ten_packages_are_at_most_so_late() -> None:
+def test_nine_of_ten_packages_come_within_the_forecast_lateness() -> None:
     assert late_share(come(99, lambda number: 10.0 * number)) == pytest.approx(0.89)
 
 
@@ -26,7 +26,7 @@ def test_packages_that_come_early_make_no_forecast_earlier_than_the_plan() -> No
     assert late_share(come(100, lambda _: -60.0)) == 0.0
 
 
-def test_a_minute_late_in_a_short_plan_counts_as_for_five_minutes() -> None:
+def test_lateness_in_a_short_plan_is_a_share_of_five_minutes() -> None:
     share = late_share([Arrival(10.0, 60.0, None)] * 50)
 
     assert share == pytest.approx(0.2)
