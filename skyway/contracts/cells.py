@@ -107,7 +107,7 @@ class CellWork(WireModel):
         dict[str, int], Field(description="Number of rows of each table that a move copies.")
     ]
     revision: Annotated[
-        str | None, Field(description="Newest migration of its database; null before 0.2.")
+        str | None, Field(description="Newest migration of its database; null from older servers.")
     ] = None
     seal_id: Annotated[
         str | None, Field(description="The seal of its database, which refuses all changes.")
