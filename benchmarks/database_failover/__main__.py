@@ -1,4 +1,4 @@
-"""Kills the primary of two PostgreSQL servers during deliveries, and looks what became of them.
+"""Kills the primary of two PostgreSQL servers during deliveries, and counts what became of them.
 
 `python -m benchmarks database_failover --deliveries 200 --runs 20` prints a table with a row for
 each run: how long nothing was accepted, and what became of the deliveries. It ends with 1 if a

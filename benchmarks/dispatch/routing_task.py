@@ -62,7 +62,7 @@ class RoutingTask:
         """The order with the least estimated cost, for solvers that only keep a hard end.
 
         Such solvers make the whole way short, and know no mean delivery time. `order` receives the
-        moment at which all trips are over, and returns None if the solver serves not all requests.
+        moment at which all trips are over, and returns None if the solver leaves a request out.
         The end is found by halving: first twice the mean need of a drone.
         """
         least_s = [min(row[one] for row in self.needs_s) for one in range(self.requests)]

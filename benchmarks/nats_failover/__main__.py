@@ -58,7 +58,7 @@ class Accounts:
     hashes: Mapping[str, str]
 
     def close(self, closed: Iterable[str]) -> None:
-        """Let these accounts in no more, and all others again."""
+        """Refuse these accounts, and let all others in again."""
         names = self.hashes.keys() - set(closed)
         hashes = {name: self.hashes[name] for name in sorted(names)}
         write_private(self.file, nats_accounts(hashes, BrokerRules()))

@@ -20,7 +20,7 @@ _SIZE_IN = (6.4, 4.2)
 #: What the legend adds to the name of a line for its open markers.
 _LIMITED = ": limit reached"
 
-#: Length of the arrow at a value that is at least what it is, points.
+#: Length of the arrow at a value that is only a lower limit, points.
 _ARROW_PT = 16
 
 #: The share of the axis that a group of bars takes, 0 to 1.
@@ -41,7 +41,7 @@ class Line:
     """One line of a figure: estimates over x.
 
     A marker is open where the time limit ended some runs: `is_limited` says so for each estimate.
-    An estimate that is at least its value has an open marker with an arrow.
+    An estimate that is only a lower limit has an open marker with an arrow.
     """
 
     label: str

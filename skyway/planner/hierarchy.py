@@ -21,7 +21,7 @@ from skyway.planner.weather import Weather
 
 
 def rows_of(network: Network) -> Skyway:
-    """The network's segments by both ends, and its pads; without a hierarchy and weather."""
+    """The network's segments by both ends, and its pads; without a hierarchy or weather."""
     incoming, outgoing = network.incoming, network.outgoing
     no_ranks, no_lengths, no_factors = np.empty(0, np.int64), np.empty(0), np.empty((0, 0))
     return Skyway(

@@ -90,7 +90,7 @@ class ReservationColumns(Sequence[PadReservation]):
     def fits(self, network: Network) -> bool:
         """Whether every pad exists, and no pad is reserved twice at a time.
 
-        False if some reservations of a pad end within the tolerance of times.
+        Also False in some cases in which reservations overlap by no more than the tolerance.
         """
         rows = self.rows(network)
         if (rows < 0).any() or (self.pad >= network.columns.pads[rows]).any():

@@ -12,7 +12,8 @@ from skyway.planner.kernels.records import Skyway
 class Departures(NamedTuple):
     """The factors of a segment in a period, and the moments between which its flights may begin.
 
-    An infinite time says that no flight begins in this period which another period does not have.
+    An infinite time factor says that no flight begins in this period, or that an earlier period
+    with the same factors has all flights of this one.
     """
 
     time_factor: float
@@ -70,9 +71,9 @@ def least_time_factor(skyway: Skyway, column: int) -> float:
 def air_of(skyway: Skyway, column: int, period: int, first: int, flight_s: float) -> Departures:
     """The air in which flights over this segment begin in this period, and when they may.
 
-    Periods with the same factors count as one, from the first of them on that is not before
-    `first`. `flight_s` is the time of the flight in still air: the flight is over before the
-    segment closes.
+    Periods that follow one another with the same factors count as one. This one period begins with
+    `first` at the earliest. `flight_s` is the time of the flight in still air: the flight is over
+    before the segment closes.
     """
     time_factor = time_factor_of(skyway, column, period)
     energy_factor = energy_factor_of(skyway, column, period)
