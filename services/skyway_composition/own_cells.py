@@ -4,7 +4,7 @@ A request that follows a row of the table names its network and the row's genera
 refuses the request if another server serves the network, or if the sender has read an older row.
 
 A server is retired when other servers serve all networks of its database: it was copied, and its
-cells have moved, or will move to it. A retired server answers nothing, and its loops do nothing.
+cells have moved, or will move to it. A retired server refuses requests, and its loops do nothing.
 """
 
 import asyncio

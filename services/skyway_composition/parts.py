@@ -76,7 +76,7 @@ class Parts:
     own_cells: OwnCells
     count_drones: CountDrones
     dispatch_terms: DispatchTerms
-    #: Set after what may free a better order: calendars that were planned again, or closures.
+    #: Set when a better order may exist: after calendars were planned again, or closures changed.
     dispatches: Wake = field(default_factory=Wake)
     search: SearchProcess = field(default_factory=SearchProcess)
     gauges: Gauges = field(default_factory=Gauges)

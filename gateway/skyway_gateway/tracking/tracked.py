@@ -44,7 +44,7 @@ class TrackedPackage(JsonModel):
     state: PackageState
     station_id: StationId
     eta_at: FleetMoment | None
-    #: Nine of ten come by then. Before that is known: a drone may be so late without a new plan.
+    #: Nine of ten packages come by then. Until that is known: the latest time without a new plan.
     eta_until_at: FleetMoment | None
     promised_at: FleetMoment | None
     delivered_at: FleetMoment | None

@@ -54,7 +54,7 @@ class EndedStep:
 
 
 async def learn(tx: Tx, ended: Mapping[DroneId, EndedStep], *, now: datetime) -> dict[DroneId, str]:
-    """Learn from these states; the result is why which drones need maintenance.
+    """Learn from these states; returns the reason for each drone that now needs maintenance.
 
     Each state counts once, however often and by whichever replica it is read.
 

@@ -25,7 +25,7 @@ from skyway.drone.learned_values import (
 )
 from skyway.json_model import JsonModel
 
-#: So many flights, or recharges, the model's value counts as. The drone itself estimates its
+#: The model's value counts as so many flights, or recharges. The drone itself estimates its
 #: battery over several flights. Our own choice, as are the next numbers.
 _FLIGHTS_OF_MODEL: Final = 3
 _RECHARGES_OF_MODEL: Final = 1

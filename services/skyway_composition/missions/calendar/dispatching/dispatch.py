@@ -70,7 +70,7 @@ class Dispatcher:
                     at_ms=moment_to_ms(now),
                 )
         except RowRefused as taken:
-            log.info("better order taken", extra={"by": taken.constraint})
+            log.info("a pad of a better order was taken", extra={"by": taken.constraint})
             return "taken"
         self.calendars.set()
         about = "seconds by which adopted orders deliver earlier"

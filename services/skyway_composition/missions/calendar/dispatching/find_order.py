@@ -53,7 +53,7 @@ _MOST_SEARCHES: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class Broken:
-    """An order that breaks promises, and the drones that do."""
+    """An order that breaks promises, and the drones that break them."""
 
     late: frozenset[DroneId]
 
@@ -134,7 +134,7 @@ class OrderFinder:
         return fleet.only(fleet.calendars.keys() - withdrawn)
 
     async def _withdrawn(self, drone_ids: list[DroneId]) -> frozenset[DroneId]:
-        """The drones that are out of service, and all beyond the most of one question."""
+        """The drones that are out of service, and all beyond the limit of one question."""
         asked = OutOfServiceQuery(drone_ids=tuple(drone_ids[:MOST_DRONES]))
         answer = await self.registry.call(
             "POST", OUT_OF_SERVICE, body=asked, answer=OutOfServiceAnswer
