@@ -16,7 +16,7 @@ const faultName = (fault) => inWords(typeof fault === "string" ? fault : fault.c
 // What its flights have shown about a drone, against its model.
 const learnedText = ({planned, flights}) =>
   `energy use ${percent(planned.still_air_factor)}, battery ${percent(planned.state_of_health)}, `
-  + `charging ${percent(planned.charge_rate_factor)} of the model's, by ${flights} flights`;
+  + `charging ${percent(planned.charge_rate_factor)} of the model's, learned from ${flights} flights`;
 
 function Commands({drone, onChange, onToken}) {
   const {drone_id: droneId, provider_id: provider, state, learned} = drone;

@@ -1,4 +1,4 @@
-// Whether a network accepts deliveries now: what restricts it, before somebody asks for offers.
+// Whether a network accepts deliveries now: what restricts it, before a customer asks for offers.
 
 import {useEffect, useState} from "preact/hooks";
 
