@@ -15,6 +15,7 @@ OF_COMPOSITION = {
     "/internal/drones-out-of-service",
     "/internal/drone-signatures",
     "/internal/cells",
+    "/internal/networks/1/drones",
 }
 
 

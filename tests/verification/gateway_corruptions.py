@@ -229,6 +229,12 @@ _PACKAGES: Final = (
         " WHERE delivery_id = :completed",
     ),
     Corruption(
+        "a P90 before the promise",
+        "a package has a P90 only with a promise, and not before it",
+        gateway="UPDATE packages SET promised_p90_ms = promised_ms - 1"
+        " WHERE delivery_id = :completed",
+    ),
+    Corruption(
         "the proof of another station",
         "a delivered package has the proof of its hand-over",
         gateway="UPDATE packages SET proof = json_set(proof, '$.station_id', 'line-s2')"

@@ -282,4 +282,13 @@ _RENEWALS: Final = (
     ),
 )
 
-REGISTRY_CORRUPTIONS: Final = (*_REGISTRY, *_CELLS, *_RENEWALS, *_ACROSS)
+_LEARNED: Final = (
+    Corruption(
+        "a drone that uses nine times the energy of its model",
+        "what was learned about a drone is within its bounds",
+        registry="INSERT OR REPLACE INTO learned_values"
+        " VALUES (:flying_drone, 1, 0, 9.0, 1.0, 1.0, 0, 0, 0, 0, 0)",
+    ),
+)
+
+REGISTRY_CORRUPTIONS: Final = (*_REGISTRY, *_CELLS, *_RENEWALS, *_LEARNED, *_ACROSS)

@@ -1,5 +1,6 @@
 """`skyway verify` prints what is broken; `--repair` adds what a person can do about it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> DataFolder:
     made = DataFolder(tmp_path)
     made.make()
 
-    async def urls(_: DataFolder) -> dict[str, str]:
+    async def urls(_: DataFolder, _cells: Sequence[str]) -> dict[str, str]:
         return dict.fromkeys(CLOUD_SERVICES, "postgresql://nowhere/skyway")
 
     def look(_: DataFolder, urls: dict[str, str], facts: Path) -> Looks:
