@@ -136,9 +136,12 @@ learned_values = Table(
     Column("still_air_factor", Double, nullable=False),
     Column("state_of_health", Double, nullable=False),
     Column("charge_rate_factor", Double, nullable=False),
-    # The last state that was learned from.
+    # Whether the alarm for maintenance was raised, and the drone has not become better since.
+    Column("is_maintenance_due", Boolean, nullable=False),
+    # The last state that was learned from, and when it was received.
     Column("learned_session", BigInteger, nullable=False),
     Column("learned_seq", BigInteger, nullable=False),
+    Column("learned_ms", BigInteger, nullable=False),
     Column("since_ms", BigInteger, nullable=False),
 )
 

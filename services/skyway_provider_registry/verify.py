@@ -235,6 +235,7 @@ _DRONES: Final = (
                 ~learned_values.c.state_of_health.between(*HEALTH_BOUNDS),
                 ~learned_values.c.charge_rate_factor.between(*CHARGE_RATE_BOUNDS),
                 learned_values.c.flights + learned_values.c.recharges < 1,
+                learned_values.c.learned_ms < learned_values.c.since_ms,
             )
         ),
         "Delete the row of `learned_values`: plans use the drone's model until it has flown again.",

@@ -30,6 +30,8 @@ BREAKS: dict[str, tuple[Executable, str]] = {
             charge_rate_factor=1.0,
             learned_session=1,
             learned_seq=1,
+            is_maintenance_due=False,
+            learned_ms=1,
             since_ms=0,
         ),
         "drn_000001",

@@ -127,7 +127,7 @@ class Recorder:
             received_at = ReceptionTime(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
             async with self.db.write() as tx:
                 await record(tx, sightings, received_at, ahead=judgement.ahead)
-                worse = await learn(tx, judgement.ended, now=received_at.fleet_at)
+                worse = await learn(tx, judgement.ended, received_at=received_at)
                 for drone_id, reason in worse.items():
                     await keep_waiting(tx, self._maintenance_due(drone_id, reason))
                 await put_in_maintenance(tx, judgement.alarms)

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import timedelta
 from typing import Final
 
-from sqlalchemy import Text, bindparam, delete, exists, select
+from sqlalchemy import BigInteger, Text, and_, bindparam, delete, exists, or_, select
 
 from skyway.contracts.drone_report import DroneState
 from skyway.ids import DroneId, MissionId
@@ -18,7 +18,16 @@ from skyway_provider_registry.presence.learning import (
     learned_from,
     why_maintenance,
 )
+from skyway_provider_registry.presence.sighting_store import ReceptionTime
 from skyway_provider_registry.tables import learned_values, mission_hints
+
+#: The least fleet time between two observations of a drone that count, by the registry's clock.
+#: A flight to the next station takes longer, but a drone could report a landing each second
+#: without any flight. Our own choice, as is the next number.
+_APART: Final = timedelta(seconds=60)
+
+#: The last landing of a mission may come after composition's report of its end: so much later.
+_ENDED_BEFORE: Final = timedelta(seconds=30)
 
 #: The columns that say what was learned; a query over drones joins them.
 LEARNED_COLUMNS: Final = tuple(
@@ -29,6 +38,7 @@ LEARNED_COLUMNS: Final = tuple(
         "still_air_factor",
         "state_of_health",
         "charge_rate_factor",
+        "is_maintenance_due",
         "since_ms",
     )
 )
@@ -36,10 +46,15 @@ LEARNED_COLUMNS: Final = tuple(
 _LEARNED: Final = select(learned_values).where(
     learned_values.c.drone_id == bindparam("about", type_=Text)
 )
-_IS_BOOKED: Final = select(
+_has_just_ended = and_(
+    mission_hints.c.mission_state == "COMPLETED",
+    mission_hints.c.reported_wall_ms >= bindparam("ended_wall_ms", type_=BigInteger),
+)
+_IS_UNDER_WAY: Final = select(
     exists().where(
         mission_hints.c.mission_id == bindparam("mission", type_=Text),
         mission_hints.c.drone_id == bindparam("about", type_=Text),
+        or_(mission_hints.c.is_live, _has_just_ended),
     )
 )
 
@@ -53,24 +68,32 @@ class EndedStep:
     state: DroneState
 
 
-async def learn(tx: Tx, ended: Mapping[DroneId, EndedStep], *, now: datetime) -> dict[DroneId, str]:
+async def learn(
+    tx: Tx, ended: Mapping[DroneId, EndedStep], *, received_at: ReceptionTime
+) -> dict[DroneId, str]:
     """Learn from these states; returns the reason for each drone that now needs maintenance.
 
     Each state counts once, however often and by whichever replica it is read.
 
-    The rows of `presence` are locked, and so are these. Only missions of composition count: a drone
-    that pretends to fly gains nothing.
+    The rows of `presence` are locked, and so are these. Only missions of composition that are under
+    way count, and at most one state in `_APART`: a drone without a mission teaches nothing, and one
+    that only pretends to fly its mission is not faster than one that flies.
     """
     worse: dict[DroneId, str] = {}
+    now_ms = moment_to_ms(received_at.fleet_at)
+    ended_wall_ms = moment_to_ms(received_at.wall_at - _ENDED_BEFORE)
     for drone_id, step in sorted(ended.items()):
         state, about = step.state, {"about": drone_id}
         row = (await tx.execute(_LEARNED, about)).one_or_none()
         if row and (row.learned_session, row.learned_seq) >= (state.session, state.seq):
             continue
+        if row and ms_to_moment(row.learned_ms) + _APART > received_at.fleet_at:
+            continue
         before = Learned() if row is None else learned_of(row)
         after = learned_from(before, before=step.before, state=state)
-        booked = await tx.execute(_IS_BOOKED, about | {"mission": step.mission_id})
-        if after == before or not booked.scalar_one():
+        mission = {"mission": step.mission_id, "ended_wall_ms": ended_wall_ms}
+        under_way = await tx.execute(_IS_UNDER_WAY, about | mission)
+        if after == before or not under_way.scalar_one():
             continue
         values = {
             "flights": after.flights,
@@ -78,12 +101,12 @@ async def learn(tx: Tx, ended: Mapping[DroneId, EndedStep], *, now: datetime) ->
             "still_air_factor": after.still_air_factor,
             "state_of_health": after.state_of_health,
             "charge_rate_factor": after.charge_rate_factor,
+            "is_maintenance_due": after.is_maintenance_due,
             "learned_session": state.session,
             "learned_seq": state.seq,
+            "learned_ms": now_ms,
         }
-        new = tx.insert(learned_values).values(
-            drone_id=drone_id, since_ms=moment_to_ms(now), **values
-        )
+        new = tx.insert(learned_values).values(drone_id=drone_id, since_ms=now_ms, **values)
         await tx.execute(new.on_conflict_do_update(index_elements=["drone_id"], set_=values))
         reason = why_maintenance(before, after)
         if reason is not None:
@@ -106,6 +129,7 @@ def learned_of(row: AnyRow) -> Learned:
         still_air_factor=row.still_air_factor,
         state_of_health=row.state_of_health,
         charge_rate_factor=row.charge_rate_factor,
+        is_maintenance_due=row.is_maintenance_due,
     )
 
 

@@ -2,8 +2,8 @@
 
 Each value is a mean that begins at the model's, which counts as some flights. One flight moves it
 by little, and by at most so much, however far away it was. So a broken sensor or an odd day does
-not matter, and a drone that lies for a flight gains nothing. Old flights are forgotten slowly:
-motors and batteries age.
+not matter, and a drone that lies about a flight gains hardly anything. Old flights are forgotten
+slowly: motors and batteries age.
 
 A drone estimates wind from its air speed, and reports its energy use without it. So wind is not
 learned as a property of the drone.
@@ -46,16 +46,21 @@ _EVIDENCE: Final = 20
 _MOST_USE: Final = 1.3
 _SLOWEST_CHARGING: Final = 0.5
 
+#: The need is over once both means are better than their limits by so much. So a drone near a limit
+#: does not raise an alarm after every second flight.
+_CLEARLY_BETTER: Final = 0.1
+
 
 @dataclass(frozen=True, slots=True)
 class Learned:
-    """The values of a drone after so many flights and recharges."""
+    """The values of a drone after so many flights and recharges, and whether it needs a person."""
 
     flights: int = 0
     recharges: int = 0
     still_air_factor: float = 1.0
     state_of_health: float = 1.0
     charge_rate_factor: float = 1.0
+    is_maintenance_due: bool = False
 
     def after_flight(self, health: DroneHealth) -> Self:
         """The values after a flight that the drone reports about; the same if it measured none."""
@@ -68,7 +73,8 @@ class Learned:
             weight=_FLIGHTS_OF_MODEL + flights,
             bounds=STILL_AIR_BOUNDS,
         )
-        return replace(self._with_battery(health), flights=flights, still_air_factor=factor)
+        after = replace(self._with_battery(health), flights=flights, still_air_factor=factor)
+        return after._with_need()
 
     def after_recharge(self, health: DroneHealth) -> Self:
         """The values after a recharge; the same if the drone measured none."""
@@ -81,7 +87,8 @@ class Learned:
             weight=_RECHARGES_OF_MODEL + recharges,
             bounds=CHARGE_RATE_BOUNDS,
         )
-        return replace(self._with_battery(health), recharges=recharges, charge_rate_factor=factor)
+        after = replace(self._with_battery(health), recharges=recharges, charge_rate_factor=factor)
+        return after._with_need()
 
     @property
     def planned(self) -> LearnedValues:
@@ -105,6 +112,17 @@ class Learned:
         )
         return replace(self, state_of_health=mean)
 
+    def _with_need(self) -> Self:
+        """The same values; a need for maintenance begins beyond a limit, and ends well within."""
+        planned = self.planned
+        if planned.still_air_factor >= _MOST_USE or planned.charge_rate_factor <= _SLOWEST_CHARGING:
+            return replace(self, is_maintenance_due=True)
+        is_better = (
+            self.still_air_factor <= _MOST_USE - _CLEARLY_BETTER
+            and self.charge_rate_factor >= _SLOWEST_CHARGING + _CLEARLY_BETTER
+        )
+        return replace(self, is_maintenance_due=False) if is_better else self
+
 
 def learned_from(learned: Learned, *, before: str, state: DroneState) -> Learned:
     """The values after this state of a drone whose activity was `before`."""
@@ -116,19 +134,18 @@ def learned_from(learned: Learned, *, before: str, state: DroneState) -> Learned
 
 
 def why_maintenance(before: Learned, after: Learned) -> str | None:
-    """Why a person should look at the drone; None if it has not become worse beyond a limit."""
-    was, now = before.planned, after.planned
-    if _MOST_USE <= now.still_air_factor > was.still_air_factor:
+    """Why a person should look at the drone; None if no need for it has begun."""
+    if before.is_maintenance_due or not after.is_maintenance_due:
+        return None
+    if after.planned.still_air_factor >= _MOST_USE:
         return (
             f"its last flights used {after.still_air_factor:.2f} times the energy of its model in "
             "still air: look at its motors and propellers"
         )
-    if _SLOWEST_CHARGING >= now.charge_rate_factor < was.charge_rate_factor:
-        return (
-            f"it charges at {after.charge_rate_factor:.2f} of its model's rate: look at its "
-            "contacts and its battery"
-        )
-    return None
+    return (
+        f"it charges at {after.charge_rate_factor:.2f} of its model's rate: look at its "
+        "contacts and its battery"
+    )
 
 
 def _mean(mean: float, observed: float, *, weight: int, bounds: tuple[float, float]) -> float:

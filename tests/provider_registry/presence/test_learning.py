@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from skyway_provider_registry.presence import jump_store
 from skyway_provider_registry.presence.follow import Recorder
-from skyway_provider_registry.presence.learning import Learned
+from skyway_provider_registry.presence.learning import Learned, why_maintenance
 from skyway_provider_registry.verify import RULES
 
 from skyway.contracts.drone_report import DroneHealth, DroneState
@@ -96,6 +96,20 @@ def test_no_report_leads_out_of_the_bounds(reports: list[tuple[float, float, flo
     assert learned.flights == learned.recharges == len(reports)
 
 
+def test_maintenance_is_due_once_until_the_drone_is_clearly_better() -> None:
+    health = {use: make_health(use=use) for use in (1.0, 1.25, 1.35)}
+    learned, reasons = flown([1.6] * 6), 0
+    for use in [1.35] * 10 + [1.25, 1.35] * 50:
+        before, learned = learned, learned.after_flight(health[use])
+        reasons += why_maintenance(before, learned) is not None
+    assert (reasons, learned.is_maintenance_due) == (1, True)
+
+    for use in [1.0] * 20:
+        before, learned = learned, learned.after_flight(health[use])
+        assert why_maintenance(before, learned) is None
+    assert not learned.is_maintenance_due
+
+
 @dataclass
 class FlyingDrone:
     """A drone with a mission of composition, and what the registry learns from its states."""
@@ -106,13 +120,16 @@ class FlyingDrone:
     make: Callable[..., DroneState]
     drone: dict[str, Any]
     seq: int = 1
+    reported: int = 0
 
-    async def flies(self, health: DroneHealth, *, mission_id: str = "msn_1") -> DroneState:
+    async def flies(
+        self, health: DroneHealth, *, mission_id: str = "msn_1", seconds: float = 300
+    ) -> DroneState:
         """Take off and land; the state after the landing."""
         states = []
         for activity in ("FLYING", "WAITING"):
             self.seq += 1
-            self.clock.advance(timedelta(minutes=5))
+            self.clock.advance(timedelta(seconds=seconds / 2))
             states.append(
                 self.make(7, self.seq, activity=activity, mission_id=mission_id, health=health)
             )
@@ -122,6 +139,24 @@ class FlyingDrone:
     async def sends(self, state: DroneState) -> None:
         ids = (self.drone["provider_id"], self.drone["drone_id"])
         await Recorder(self.db, self.clock).record([Received(STATE, ids, state, False)])
+
+    async def reports(self, kind: str, mission_state: str) -> None:
+        """Composition reports about the mission of the drone."""
+        self.reported += 1
+        report = {
+            "report_id": f"rpt_{self.reported}",
+            "delivery_id": "dlv_1",
+            "attempt": 1,
+            "trip": 1,
+            "mission_id": "msn_1",
+            "provider_id": self.drone["provider_id"],
+            "drone_id": self.drone["drone_id"],
+            "seq": self.reported,
+            "kind": kind,
+            "at": "2026-03-01T12:00:00Z",
+            "mission_state": mission_state,
+        }
+        await self.api(None, "POST", "/internal/mission-reports", report, service="composition")
 
     async def call(self, method: str, path: str = "") -> Any:
         drone = f"/v1/providers/{self.drone['provider_id']}/drones/{self.drone['drone_id']}"
@@ -152,21 +187,9 @@ async def drone(
     await Recorder(db, clock).record(
         [Received(CONNECTION, ids, online(7, 1), False), Received(STATE, ids, state(7, 1), False)]
     )
-    report = {
-        "report_id": "rpt_1",
-        "delivery_id": "dlv_1",
-        "attempt": 1,
-        "trip": 1,
-        "mission_id": "msn_1",
-        "provider_id": made["provider_id"],
-        "drone_id": made["drone_id"],
-        "seq": 1,
-        "kind": "ENDED",
-        "at": "2026-03-01T12:00:00Z",
-        "mission_state": "COMPLETED",
-    }
-    await api(None, "POST", "/internal/mission-reports", report, service="composition")
-    return FlyingDrone(api, db, clock, state, made)
+    flying = FlyingDrone(api, db, clock, state, made)
+    await flying.reports("ACCEPTED", "ACCEPTED")
+    return flying
 
 
 @pytest.mark.databases("sqlite", "postgresql")
@@ -174,10 +197,10 @@ async def test_what_flights_show_is_shown_planned_with_and_forgotten_on_request(
     drone: FlyingDrone,
 ) -> None:
     assert await drone.learned() is None
-    assert await drone.planned() == AS_MODELLED
 
     for _ in range(5):
         await drone.flies(make_health(use=1.1, health=0.88))
+    await drone.reports("ENDED", "COMPLETED")
 
     shown = await drone.learned()
     assert (shown["flights"], shown["recharges"]) == (5, 0)
@@ -219,6 +242,25 @@ async def test_flights_without_a_mission_of_composition_do_not_count(drone: Flyi
     await drone.flies(make_health(use=0.8), mission_id="msn_of_its_own")
 
     assert await drone.learned() is None
+
+
+async def test_a_drone_cannot_report_20_flights_within_seconds(drone: FlyingDrone) -> None:
+    for _ in range(20):
+        await drone.flies(make_health(use=0.8), seconds=2)
+    assert (await drone.learned())["flights"] == 1
+
+    await drone.flies(make_health(use=0.8), seconds=60)
+    assert (await drone.learned())["flights"] == 2
+
+
+async def test_flights_for_a_mission_that_is_over_do_not_count(drone: FlyingDrone) -> None:
+    await drone.reports("ENDED", "COMPLETED")
+    # The last landing of the mission, after composition has reported the end.
+    await drone.flies(make_health(use=1.1), seconds=20)
+    for _ in range(3):
+        await drone.flies(make_health(use=0.8))
+
+    assert (await drone.learned())["flights"] == 1
 
 
 async def test_a_drone_that_measures_nothing_is_planned_by_its_model(drone: FlyingDrone) -> None:
