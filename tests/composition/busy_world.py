@@ -411,9 +411,9 @@ class BusyWorld:
         assert [(each.mission_id, each.mission.state) for each in records] == []
         await self._check_ended()
 
-    async def reports(self) -> list[MissionReport]:
-        """All reports to the gateway, in order."""
-        query = select(outbox).where(outbox.c.channel == "gateway").order_by(outbox.c.id)
+    async def reports(self, channel: str = "gateway") -> list[MissionReport]:
+        """All reports to a service, in order."""
+        query = select(outbox).where(outbox.c.channel == channel).order_by(outbox.c.id)
         async with self.db.read() as connection:
             rows = (await connection.execute(query)).all()
         return [MissionReport.model_validate_json(row.payload) for row in rows]

@@ -165,9 +165,9 @@ def _moment(moment_ms: int | None) -> datetime | None:
 async def store_reports(tx: Tx, reports: Sequence[MissionReport], *, wall_at: datetime) -> None:
     """Store reports that are new, of drones of the named provider.
 
-    Of each mission state only the first report is stored, and those that say when the drone is
-    free: others would change nothing. A QUEUED mission may come from another drone, whose presence
-    changes too.
+    Of each mission state only the first report is stored, and those that name another drone or say
+    when the drone is free: others would change nothing. A QUEUED mission may come from another
+    drone, whose presence changes too.
     """
     change, wall_ms = await next_change(tx), moment_to_ms(wall_at)
     rows = [
@@ -225,6 +225,7 @@ def _store_report() -> Insert:
     new = postgresql.insert(mission_hints).from_select(["drone_id", "mission_id", *names], own)
     is_new = (mission_hints.c.seq < new.excluded.seq) & or_(
         mission_hints.c.mission_state != new.excluded.mission_state,
+        mission_hints.c.drone_id != new.excluded.drone_id,
         new.excluded.free_ms.is_not(None),
     )
     changed = {name: new.excluded[name] for name in ("drone_id", *names)}

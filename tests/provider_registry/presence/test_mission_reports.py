@@ -262,15 +262,17 @@ async def test_no_moment_is_shown_when_no_drone_is_busy(api: Any, drone: dict[st
     assert (found["drones"], found["next_free_at"]) == (1, None)
 
 
+@pytest.mark.parametrize("free", [FREE_FROM, None])
+@pytest.mark.parametrize("kind", ["RETIMED", "REPLANNED"])
 async def test_a_waiting_mission_that_moves_is_a_mission_of_its_new_drone(
-    api: Any, db: Database, drone: dict[str, Any]
+    api: Any, db: Database, drone: dict[str, Any], kind: str, free: dict[str, object] | None
 ) -> None:
     other = await api.drone(drone["provider_id"])
     waits = {"kind": "QUEUED", "mission_state": "QUEUED", "free_from": FREE_FROM}
     await report_to(api, make_report(drone, 1, **waits))
 
-    moved = {"drone_id": other["drone_id"], "drone_before": drone["drone_id"]}
-    await report_to(api, make_report(drone, 2, **{**waits, "kind": "RETIMED", **moved}))
+    moved = {"drone_id": other["drone_id"], "drone_before": drone["drone_id"], "free_from": free}
+    await report_to(api, make_report(drone, 2, **{**waits, "kind": kind, **moved}))
 
     async with db.read() as connection:
         rows = (await connection.execute(select(mission_hints.c.drone_id))).all()

@@ -25,8 +25,9 @@ from skyway_composition.links.store import lock_links, save_links
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.record import MissionRecord
 
-#: The reports that say when a drone is busy or free; the registry needs no others.
-_OF_THE_DRONE: Final = ("QUEUED", "ACCEPTED", "RETIMED", "REFUSED", "ENDED")
+#: The reports that say when a drone is busy or free. So do all about a QUEUED mission, which may
+#: move to another drone. The registry needs no others.
+_OF_THE_DRONE: Final = ("ACCEPTED", "REFUSED", "ENDED")
 
 
 @dataclass(slots=True)
@@ -178,7 +179,7 @@ def report_in(
     )
     with in_trace_of(record.traceparent):
         tx.report("gateway", MISSION_REPORTS, sent, stream=mission.mission_id)
-        if kind in _OF_THE_DRONE:
+        if mission.state == "QUEUED" or kind in _OF_THE_DRONE:
             tx.report("registry", MISSION_REPORTS, sent, stream=mission.mission_id)
     return replace(record, report_seq=sent.seq)
 

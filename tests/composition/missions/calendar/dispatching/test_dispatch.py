@@ -2,14 +2,20 @@
 
 import asyncio
 import itertools
+import shutil
 import types
 from collections.abc import Coroutine, Generator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
 from skyway_composition.missions.calendar.dispatching.dispatch import Dispatcher
+from skyway_provider_registry.presence.store import store_reports
+from skyway_provider_registry.tables import drones, mission_hints, presence, providers
+from sqlalchemy import select
 
+from skyway.runtime.sql.database import Database
 from tests.composition.busy_network import NETWORK_ID
 from tests.composition.busy_world import BusyWorld
 from tests.composition.dispatched_world import (
@@ -60,6 +66,57 @@ async def test_a_mission_moves_to_a_drone_that_delivers_it_sooner(world: BusyWor
     await world.end()
     assert sorted(delivered_by(world, 1) + delivered_by(world, 2)) == _ALL
     assert "dlv3" in delivered_by(world, 2)
+
+
+@pytest.fixture
+def registry_url(tmp_path: Path, templates: Any) -> str:
+    """The URL of a new database of the registry."""
+    path = tmp_path / "registry.db"
+    shutil.copy(templates.on_sqlite("skyway_provider_registry"), path)
+    return f"sqlite:///{path}"
+
+
+async def register(registry: Database, drone_ids: list[str]) -> None:
+    """Add drones of the provider that have sent nothing yet."""
+    order = ("connection_session", "connection_number", "connection_rank")
+    none = dict.fromkeys((*order, "state_session", "state_seq", "sample_session", "sample_seq"), -1)
+    home = {"home_station_id": "a", "home_longitude_deg": 0, "home_latitude_deg": 0}
+    drone = {"provider_id": PROVIDER, "model_id": "m", **home, "initial_soc": 1}
+    terms = {"name": "P", "tariff": "{}", "state": "ACTIVE"}
+    async with registry.write() as tx:
+        await tx.execute(providers.insert().values(provider_id=PROVIDER, **terms, created_ms=0))
+        for drone_id in drone_ids:
+            about = {"drone_id": drone_id}
+            new = drones.insert().values(**about, **drone, is_in_maintenance=False, created_ms=0)
+            await tx.execute(new)
+            await tx.execute(presence.insert().values(**about, **none))
+
+
+@_on_sqlite
+async def test_the_registry_learns_which_drone_a_moved_mission_has(
+    world: BusyWorld, registry_url: str
+) -> None:
+    await book_unevenly(world)
+    await dispatch_fairly(world)
+    (moved,) = [each for each in await reports_of(world, "dlv3") if each.kind == "REPLANNED"]
+
+    async with Database(registry_url) as registry:
+        await register(registry, ["drn_1", "drn_2"])
+        for report in await world.reports("registry"):
+            async with registry.write() as tx:
+                await store_reports(tx, [report], wall_at=world.clock.wall_now())
+        async with registry.read() as connection:
+            found = await connection.execute(
+                select(mission_hints).where(mission_hints.c.mission_id == moved.mission_id)
+            )
+            hint = found.one()
+
+    assert moved.free_from is not None
+    assert (hint.drone_id, hint.free_station_id, hint.mission_state) == (
+        "drn_2",
+        moved.free_from.station_id,
+        "QUEUED",
+    )
 
 
 @_on_sqlite
