@@ -160,8 +160,12 @@ def _status_lines(status: Mapping[str, Any]) -> Iterator[str]:
     if status["more_restrictions"]:
         yield f"  and {status['more_restrictions']} more"
     for each in status["models"]:
-        counts = f"{each['registered']} drones, {each['online']} online, {each['idle']} idle"
-        yield f"  {each['model_id']}: {each['status']}, {counts}"
+        line = f"  {each['model_id']}: {each['status']}"
+        if each["registered"] is None:  # only operators see the counts
+            yield line
+        else:
+            counts = f"{each['registered']} drones, {each['online']} online, {each['idle']} idle"
+            yield f"{line}, {counts}"
 
 
 def _refuse_options(kind: Kind, options: Mapping[str, float | None]) -> None:

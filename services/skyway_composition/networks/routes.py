@@ -29,7 +29,12 @@ from skyway_composition.closures.store import in_force
 from skyway_composition.networks import store
 from skyway_composition.networks.prepared import PreparedNetworks, current_row
 from skyway_composition.networks.publish import etag, publish, read_content
-from skyway_composition.networks.service_status import CountDrones, NetworkStatus, status_of
+from skyway_composition.networks.service_status import (
+    CountDrones,
+    NetworkStatus,
+    status_of,
+    without_counts,
+)
 from skyway_composition.networks.settings import NetworkDocument
 from skyway_composition.networks.store import VersionRow
 
@@ -276,7 +281,10 @@ def service_status_routes(
     async def get_network_status(
         network_id: NetworkId, caller: Annotated[Caller, Depends(gate)]
     ) -> NetworkStatus:
-        """Show whether the network accepts deliveries now, and what restricts it."""
+        """Show whether the network accepts deliveries now, and what restricts it.
+
+        Only operators see how many drones there are.
+        """
         _must_be_reader(caller)
         await current_row(db, network_id)
         drones = await count_drones(network_id)
@@ -284,6 +292,7 @@ def service_status_routes(
         async with db.read() as connection:
             closures = await in_force(connection, network_id, after_ms=now_ms)
         present = [each for each in closures if each.is_in_force(now_ms)]
-        return status_of(network_id, present, drones, now_ms=now_ms)
+        status = status_of(network_id, present, drones, now_ms=now_ms)
+        return status if caller.role == "operator" else without_counts(status)
 
     return router

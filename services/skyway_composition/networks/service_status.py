@@ -78,9 +78,20 @@ class ModelStatus(JsonModel):
             "are busy or must charge. OPEN: some are idle."
         ),
     ]
-    registered: Annotated[int, Field(description="Drones of this model in the network.")]
-    online: Annotated[int, Field(description="Those that are in service and have reported.")]
-    idle: Annotated[int, Field(description="Those that are charged and have no mission.")]
+    registered: Annotated[
+        int | None,
+        Field(description="Drones of this model in the network; null except for operators."),
+    ]
+    online: Annotated[
+        int | None,
+        Field(
+            description="Those that are in service and have reported; null except for operators."
+        ),
+    ]
+    idle: Annotated[
+        int | None,
+        Field(description="Those that are charged and have no mission; null except for operators."),
+    ]
 
 
 class NetworkStatus(JsonModel):
@@ -144,6 +155,13 @@ def status_of(
         more_restrictions=max(0, len(found) - _MOST_LISTED),
         models=tuple(models),
     )
+
+
+def without_counts(status: NetworkStatus) -> NetworkStatus:
+    """The status for customers and providers, who must not count the drones of other providers."""
+    hidden = {"registered": None, "online": None, "idle": None}
+    models = tuple(each.model_copy(update=hidden) for each in status.models)
+    return status.model_copy(update={"models": models})
 
 
 def _stops_all(stop: Closure) -> bool:

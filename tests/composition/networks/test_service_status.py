@@ -1,13 +1,17 @@
 """GET /v1/networks/{network_id}/status: is the service open, and what restricts it?"""
 
+import dataclasses
 from typing import Any
 
+import httpx
 import pytest
+from skyway_composition.app import composition_app
 from skyway_composition.closures.closure import Closure, ClosureKind
 from skyway_composition.networks.service_status import NetworkStatus, status_of
 
 from skyway.contracts.drones import DronesOfModel, NetworkDrones
 from skyway.ids import ClosureId, DroneModelId, NetworkId
+from tests.shared_app import shared_app
 
 NOW_MS = 1_000_000
 ROW = NetworkId("row")
@@ -131,3 +135,30 @@ async def test_the_status_shows_closures_that_are_in_force_now(composition: Any)
         ("STATION_CLOSED", "b"),
     ]
     assert missing.status_code == 404
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+async def test_only_operators_see_how_many_drones_there_are(composition: Any) -> None:
+    async def counted(_network_id: NetworkId) -> NetworkDrones:
+        return NetworkDrones(models=(drones(),), unplaced=0)
+
+    parts = dataclasses.replace(composition.parts, count_drones=counted)
+    seen = {}
+    async with httpx.AsyncClient(
+        transport=httpx.ASGITransport(shared_app(composition_app, parts)),
+        base_url="http://composition",
+        headers={"Authorization": "Bearer secret of gateway"},
+    ) as client:
+        for caller in ("operator:op", "customer:c", "provider:p", "service:gateway"):
+            answer = await client.get("/v1/networks/row/status", headers={"Skyway-Caller": caller})
+            (model,) = NetworkStatus.model_validate_json(answer.content).models
+            assert (model.status, model.max_payload_kg) == ("OPEN", 2.7)
+            seen[caller.partition(":")[0]] = (model.registered, model.online, model.idle)
+
+    hidden = (None, None, None)
+    assert seen == {
+        "operator": (4, 3, 2),
+        "customer": hidden,
+        "provider": hidden,
+        "service": hidden,
+    }

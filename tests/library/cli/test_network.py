@@ -207,6 +207,7 @@ STATUS = {
     "more_restrictions": 7,
     "models": [
         {"model_id": "m", "status": "OPEN", "registered": 4, "online": 3, "idle": 2},
+        {"model_id": "n", "status": "PAUSED", "registered": None, "online": None, "idle": None},
     ],
 }
 
@@ -222,4 +223,5 @@ def test_status_says_what_restricts_a_network(gateway: Gateway) -> None:
         "  ZONE_CLOSED: an area is closed (until 2026-03-01T13:00:00Z)",
         "  and 7 more",
         "  m: OPEN, 4 drones, 3 online, 2 idle",
+        "  n: PAUSED",
     ]
