@@ -52,6 +52,7 @@ from skyway.contracts.mission_reports import MissionReport
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
+from skyway.drone.learned_values import AS_MODELLED, LearnedValues
 from skyway.ids import ClosureId, DeliveryId, MissionId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import Conflict
@@ -99,6 +100,7 @@ class BusyWorld:
         self.attempts: dict[str, int] = {}
         self.released: set[tuple[str, str]] = set()
         self.loaders = "RIGHT"
+        self.learned: dict[str, LearnedValues] = {}
         self._bookings_under_way = 0
         self.restart()
 
@@ -276,6 +278,7 @@ class BusyWorld:
                     "home_station_id": each.drone.home_station_id,
                     "tariff": Tariff(base=100, per_km=10),
                     "loading": loading,
+                    "learned": self.learned.get(each.drone_id, AS_MODELLED),
                 }
             )
             for each in (self.drones if drones is None else drones)

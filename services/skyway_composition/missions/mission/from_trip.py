@@ -229,7 +229,7 @@ def new_mission(
 def flown_by(record: MissionRecord, candidate: Candidate) -> MissionRecord:
     """A QUEUED mission with another drone of the same provider; its price stays."""
     drone = {"drone_id": candidate.drone_id, "drone_model_id": candidate.model.model_id}
-    names = ("drone_id", "model", "home_station_id", "standby")
+    names = ("drone_id", "model", "home_station_id", "standby", "learned")
     changed = {name: getattr(candidate, name) for name in names}
     return replace(
         record,

@@ -53,7 +53,7 @@ def fleet_problem(
         "drones": tuple(
             FleetDrone(
                 drone_id=each.drone_id,
-                model=with_margin(each.candidate.model, settings.energy_margin),
+                model=with_margin(each.candidate.planned_model, settings.energy_margin),
                 station_id=slot.station_id,
                 free_s=(slot.at_ms - base_ms) / 1000,
                 soc=slot.soc,

@@ -139,7 +139,7 @@ class OrderPlanner:
             self.solver,
             self._world_of(row, record.mission_id),
             moved.trip.plan,
-            standing=Standing(candidate.model, served.soc_from, served.station_id),
+            standing=Standing(candidate.planned_model, served.soc_from, served.station_id),
             standby=StandbyChoice.of(candidate),
             start_ms=moved.trip.start_ms,
         )

@@ -4,22 +4,28 @@ import asyncio
 import itertools
 import shutil
 import types
-from collections.abc import Coroutine, Generator
+from collections.abc import Coroutine, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
 from skyway_composition.missions.calendar.dispatching.dispatch import Dispatcher
+from skyway_composition.missions.calendar.dispatching.search_process import FoundOrder, Search
 from skyway_provider_registry.presence.store import store_reports
 from skyway_provider_registry.tables import drones, mission_hints, presence, providers
 from sqlalchemy import select
 
+from skyway.delivery.plan import Fly, Plan, Recharge
+from skyway.dispatch.problem import FleetDrone
+from skyway.drone.learned_values import LearnedValues
+from skyway.network.network import Network
 from skyway.runtime.sql.database import Database
 from tests.composition.busy_network import NETWORK_ID
 from tests.composition.busy_world import BusyWorld
 from tests.composition.dispatched_world import (
     PROVIDER,
+    OwnSearch,
     dispatch_fairly,
     dispatcher_of,
     waiting_missions,
@@ -42,6 +48,25 @@ async def book_unevenly(world: BusyWorld) -> None:
     for number in range(1, 5):
         assert await book(world, f"dlv{number}", "a", "b", drone=1) == "BOOKED"
     assert await book(world, "dlv5", "b", "c", drone=2) == "BOOKED"
+
+
+class NotedSearch(OwnSearch):
+    """Notes the drones of the last search."""
+
+    drones: tuple[FleetDrone, ...] = ()
+
+    async def find(self, search: Search, network: Network) -> FoundOrder:
+        self.drones = search.fields["drones"]
+        return await super().find(search, network)
+
+
+def batteries_of(plan: Plan, *, soc: float) -> Iterator[float]:
+    """The energy of a full battery by each flight of a plan, which begins with this charge."""
+    for step in plan.steps:
+        if isinstance(step, Fly):
+            yield step.energy_j / (soc - step.soc_end)
+        if isinstance(step, Fly | Recharge):
+            soc = step.soc_end
 
 
 async def better_order(dispatcher: Dispatcher) -> BetterOrder:
@@ -117,6 +142,32 @@ async def test_the_registry_learns_which_drone_a_moved_mission_has(
         moved.free_from.station_id,
         "QUEUED",
     )
+
+
+@_on_sqlite
+async def test_a_mission_that_moves_is_planned_with_what_its_new_drone_has_learned(
+    world: BusyWorld,
+) -> None:
+    world.learned = {
+        "drn_1": LearnedValues(still_air_factor=1.1),
+        "drn_2": LearnedValues(state_of_health=0.9),
+    }
+    await book_unevenly(world)
+    search = NotedSearch()
+
+    assert await dispatcher_of(world, search=search).look_at(NETWORK_ID, PROVIDER) == "adopted"
+
+    assert len({each.model.battery_j for each in search.drones}) == 2
+    records = (await waiting_missions(world)).values()
+    assert {each.drone_id: each.candidate.learned for each in records} == world.learned
+    for each in records:
+        batteries = [
+            *batteries_of(each.mission.plan, soc=each.start.soc),
+            *batteries_of(each.mission.home_plan, soc=each.stays[0].soc_from),
+        ]
+        planned_j = each.candidate.planned_model.battery_j
+        assert batteries == pytest.approx([planned_j] * len(batteries))
+    await world.check()
 
 
 @_on_sqlite
