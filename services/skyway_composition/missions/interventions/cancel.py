@@ -1,5 +1,6 @@
 """Cancels packages of a delivery, in one transaction over all its missions."""
 
+import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import reduce
@@ -20,6 +21,12 @@ from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 #: The code in reports about packages that a customer has cancelled.
 CANCELLED = "CANCELLED"
 
+log = logging.getLogger(__name__)
+
+
+class _Moved(Exception):
+    """The dispatcher has moved a waiting mission to a drone that is not locked."""
+
 
 @dataclass(frozen=True, slots=True)
 class Cancellations:
@@ -36,6 +43,13 @@ class Cancellations:
         The order of locks is the usual one: the delivery (so that nothing is booked for it
         meanwhile), the drones, their missions.
         """
+        while True:
+            try:
+                return await self._cancel(delivery_id, requested)
+            except _Moved:
+                log.info("waiting mission moved", extra={"delivery_id": delivery_id})
+
+    async def _cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
         async with self.db.write() as tx:
             await lock_delivery(tx, delivery_id)
             earlier = await store.cancellation(tx, delivery_id, requested.cancellation_id)
@@ -57,15 +71,14 @@ class Cancellations:
     ) -> Cancellation:
         drone_ids = await store.drones_serving(tx.connection, delivery_id)
         waiting = await queued_of_delivery(tx.connection, delivery_id)
-        work = await MissionUnitOfWork.lock(
-            [*drone_ids, *(each.drone_id for each in waiting)],
-            tx=tx,
-            clock=self.clock,
-            mint=self.mint,
-        )
+        locked = {*drone_ids, *(each.drone_id for each in waiting)}
+        work = await MissionUnitOfWork.lock(locked, tx=tx, clock=self.clock, mint=self.mint)
         # Read again: a mission may have been sent before its drone was locked.
         drone_ids = await store.drones_serving(tx.connection, delivery_id)
         queued = await queued_of_delivery(tx.connection, delivery_id)
+        if not locked.issuperset([*drone_ids, *(each.drone_id for each in queued)]):
+            # Locking the other drone now could meet a transaction that locks both in order.
+            raise _Moved
         records = [
             work.missions[each]
             for each in drone_ids

@@ -9,9 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
+from skyway_composition.links.store import lock_links
+from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder, adopt
 from skyway_composition.missions.calendar.dispatching.dispatch import Dispatcher
 from skyway_composition.missions.calendar.dispatching.search_process import FoundOrder, Search
+from skyway_composition.missions.interventions import cancel
+from skyway_composition.missions.interventions.stop_packages import release_queued
 from skyway_provider_registry.presence.store import store_reports
 from skyway_provider_registry.tables import drones, mission_hints, presence, providers
 from sqlalchemy import select
@@ -19,6 +22,7 @@ from sqlalchemy import select
 from skyway.delivery.plan import Fly, Plan, Recharge
 from skyway.dispatch.problem import FleetDrone
 from skyway.drone.learned_values import LearnedValues
+from skyway.ids import PackageId
 from skyway.network.network import Network
 from skyway.runtime.sql.database import Database
 from tests.composition.busy_network import NETWORK_ID
@@ -37,6 +41,7 @@ from tests.composition.missions.calendar.booked_chain import (
     reports_of,
     request,
 )
+from tests.row_locks import free_keys, until_a_lock_is_waited_for
 
 _on_sqlite = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
@@ -60,9 +65,9 @@ class NotedSearch(OwnSearch):
         return await super().find(search, network)
 
 
-def batteries_of(plan: Plan, *, soc: float) -> Iterator[float]:
+def batteries_of(plan: Plan | None, *, soc: float) -> Iterator[float]:
     """The energy of a full battery by each flight of a plan, which begins with this charge."""
-    for step in plan.steps:
+    for step in () if plan is None else plan.steps:
         if isinstance(step, Fly):
             yield step.energy_j / (soc - step.soc_end)
         if isinstance(step, Fly | Recharge):
@@ -248,6 +253,38 @@ async def test_an_adoption_that_is_killed_anywhere_changes_nothing(world: BusyWo
     await world.check()
     await world.end()
     assert sorted(delivered_by(world, 1) + delivered_by(world, 2)) == _ALL
+
+
+@pytest.mark.databases("postgresql")
+async def test_a_cancellation_locks_the_drone_to_which_its_mission_has_just_moved(
+    world: BusyWorld, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On PostgreSQL, where two transactions write at the same time."""
+    await book_unevenly(world)
+    better = await better_order(dispatcher_of(world))
+    before = await waiting_missions(world)
+    moved = next(
+        each.record
+        for missions in better.moved.values()
+        for each in missions
+        if each.record.drone_id != before[each.record.mission_id].drone_id
+    )
+    locked: list[bool] = []
+
+    async def noted(*asked: Any, **how: Any) -> tuple[PackageId, ...]:
+        locked.append(moved.drone_id not in await free_keys(world.db, "drone_links", "drone_id"))
+        return await release_queued(*asked, **how)
+
+    monkeypatch.setattr(cancel, "release_queued", noted)
+    async with world.db.write() as tx:
+        await lock_links(tx, [*better.moved])
+        cancelling = asyncio.create_task(world.cancel(moved.mission.delivery_id, None))
+        await until_a_lock_is_waited_for(world.db)
+        assert await adopt(tx, better, clock=world.clock, mint=world.mint)
+
+    assert (await cancelling).released == (f"{moved.mission.delivery_id}_1",)
+    assert locked == [True]
+    await world.check()
 
 
 async def test_bookings_go_on_while_orders_are_adopted(migrated_url: str) -> None:
