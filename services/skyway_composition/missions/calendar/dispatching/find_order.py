@@ -44,8 +44,12 @@ _SETTLED_S: Final = (120.0, 3.0)
 _MOST_WAITING: Final = 500
 
 #: Why a fleet keeps its order: nothing to search for, the search has failed or found nothing
-#: better, or its order has no exact plan, breaks a promise, or saves too little.
-NotBetter = Literal["unsearched", "failed", "kept", "no plan", "promise", "no gain"]
+#: better, or its order has no exact plan (at present or at all), breaks a promise, or saves too
+#: little.
+NotBetter = Literal["unsearched", "failed", "kept", "no plan now", "no plan", "promise", "no gain"]
+
+#: After these a fleet is not searched again until its calendars change.
+_SAME_AGAIN: Final = ("kept", "no plan", "promise", "no gain")
 
 #: How often an order is searched until no promise is broken. Our own choice.
 _MOST_SEARCHES: Final = 3
@@ -76,7 +80,10 @@ class DispatchTerms:
 
 @dataclass(frozen=True, slots=True)
 class OrderFinder:
-    """Finds better orders; a fleet whose calendars have not changed is not searched again."""
+    """Finds better orders.
+
+    A fleet for which there was none is not searched again until its calendars change.
+    """
 
     db: Database
     networks: PreparedNetworks
@@ -100,13 +107,19 @@ class OrderFinder:
         times = self._times()
         skyway = await self.networks.current(network_id)
         world = await World.of(skyway, self.db, after_ms=times.now_ms)
-        fleet = await self._fleet(network_id, provider_id, times)
+        fleet = _free_to_take_off(await self._fleet(network_id, provider_id, times), world, times)
         # Calendars of an earlier network or closure are planned again first, without this search.
         if not _can_improve(fleet) or not fleet.is_planned_in(world.present):
             return "unsearched"
         if self._searched.get((network_id, provider_id)) == fleet.orders:
             return "unsearched"
-        self._searched[network_id, provider_id] = fleet.orders
+        found = await self._better(fleet, world, times)
+        if found in _SAME_AGAIN:
+            self._searched[network_id, provider_id] = fleet.orders
+        return found
+
+    async def _better(self, fleet: Fleet, world: World, times: Moments) -> BetterOrder | NotBetter:
+        """A better order of this fleet, or why none."""
         for _ in range(_MOST_SEARCHES):
             orders = await self._searched_orders(fleet, world, times)
             if orders is None:
@@ -177,10 +190,12 @@ class OrderFinder:
 
     async def _judged(self, affected: Fleet, orders: Orders, world: World, times: Moments) -> Found:
         """The order of these drones with exact plans, if it is better."""
-        moved = await plan_orders(self.solver, world, affected, orders, times=times)
+        moved = await plan_orders(
+            self.solver, world, affected, orders, times=times, clock=self.clock
+        )
         if isinstance(moved, NoTrip):
             log.info("better order has no plan", extra={"code": moved.code, "detail": moved.detail})
-            return "no plan"
+            return "no plan now" if moved.is_temporary else "no plan"
         before = {each.mission_id: each for each in affected.waiting}
         after = [each.record for planned in moved.values() for each in planned]
         judgement = judge(
@@ -217,6 +232,20 @@ class OrderFinder:
         ahead = fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s + 2 * self.terms.budget_s)
         settled_ms = now_ms + round(ahead.total_seconds() * 1000)
         return Moments(now_ms, settled_ms, hand_over_time_ms(self.clock))
+
+
+def _free_to_take_off(fleet: Fleet, world: World, times: Moments) -> Fleet:
+    """The drones that no ground stop holds where their next missions would begin."""
+    free = {
+        drone_id
+        for drone_id, each in fleet.calendars.items()
+        if (slot := each.slot(not_before_ms=0, times=times)) is not None
+        and world.conditions.ground_stop(
+            each.candidate.model_copy(update={"station_id": slot.station_id}), at_ms=slot.at_ms
+        )
+        is None
+    }
+    return fleet.only(free)
 
 
 def _can_improve(fleet: Fleet) -> bool:

@@ -7,14 +7,17 @@ the standby of each drone's last mission, around the pads of all services.
 import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 from skyway.delivery.plan import Plan
 from skyway.errors import InvalidProblem
 from skyway.ids import DroneId, MissionId
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.scheduling.standby import StandbyChoice, home_start_ms, shortened_trip
 from skyway.scheduling.stays import Slot, slot_after
 from skyway.scheduling.trip import NOTHING_TO_DELIVER, BookedPad, NoTrip, Trip, no_plan
+from skyway.units import moment_to_ms
 from skyway_composition.missions.calendar.dispatching.fleet import Calendar, Fleet, Moments, Orders
 from skyway_composition.missions.calendar.plan_queue import Moved, deadline_ms, problem_of
 from skyway_composition.missions.mission.from_trip import flown_by, replanned_in_queue
@@ -23,6 +26,10 @@ from skyway_composition.planning.find_trip import way_home
 from skyway_composition.planning.problem_for import Standing
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World, compose_in
+
+_TOO_LATE: Final = NoTrip(
+    "NO_PLAN_FOUND", "planning lasted until missions of the order could begin", is_temporary=True
+)
 
 
 @dataclass(slots=True)
@@ -48,6 +55,7 @@ class OrderPlanner:
     solver: SolverPool
     world: World
     times: Moments
+    clock: FleetClock
     _pads: dict[MissionId, Sequence[BookedPad]] = field(default_factory=dict)
 
     async def plan(self, fleet: Fleet, orders: Orders) -> dict[DroneId, tuple[Moved, ...]] | NoTrip:
@@ -64,6 +72,8 @@ class OrderPlanner:
         for drone_id, row in rows.items():
             self._push(ready, drone_id, row)
         while ready:
+            if self._is_too_late:
+                return _TOO_LATE
             _, drone_id = heapq.heappop(ready)
             reason = await self._add_next(rows[drone_id])
             if reason is not None:
@@ -73,10 +83,15 @@ class OrderPlanner:
             return NoTrip("BUSY", "a drone has no place for its next mission", is_temporary=True)
         last = [row for row in rows.values() if row.planned]
         for row in sorted(last, key=lambda each: each.planned[-1].record.served_ms):
-            reason = await self._add_standby(row)
+            reason = _TOO_LATE if self._is_too_late else await self._add_standby(row)
             if reason is not None:
                 return reason
         return {drone_id: tuple(row.planned) for drone_id, row in rows.items()}
+
+    @property
+    def _is_too_late(self) -> bool:
+        """Whether missions that may move would have to be sent already."""
+        return moment_to_ms(self.clock.now()) > self.times.settled_ms
 
     def _push(self, ready: list[tuple[int, DroneId]], drone_id: DroneId, row: _Row) -> None:
         if not row.following:
@@ -176,12 +191,21 @@ class OrderPlanner:
 
 
 async def plan_orders(
-    solver: SolverPool, world: World, fleet: Fleet, orders: Orders, *, times: Moments
+    solver: SolverPool,
+    world: World,
+    fleet: Fleet,
+    orders: Orders,
+    *,
+    times: Moments,
+    clock: FleetClock,
 ) -> dict[DroneId, tuple[Moved, ...]] | NoTrip:
-    """The fleet's missions in this order with their new plans; why some mission has none."""
+    """The fleet's missions in this order with their new plans; why some mission has none.
+
+    Planning stops when the first missions that may move could begin.
+    """
     free = world.without([each.mission_id for each in fleet.waiting])
     try:
-        return await OrderPlanner(solver, free, times).plan(fleet, orders)
+        return await OrderPlanner(solver, free, times, clock).plan(fleet, orders)
     except InvalidProblem as error:
         # A newer version of the network has hand-overs that are longer than a window.
         return NoTrip("WINDOW_MISSED", str(error), is_temporary=False)

@@ -5,14 +5,20 @@ import itertools
 import shutil
 import types
 from collections.abc import Coroutine, Generator, Iterator
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
+from skyway_composition.closures.closure import Area
 from skyway_composition.links.store import lock_links
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder, adopt
 from skyway_composition.missions.calendar.dispatching.dispatch import Dispatcher
-from skyway_composition.missions.calendar.dispatching.search_process import FoundOrder, Search
+from skyway_composition.missions.calendar.dispatching.search_process import (
+    FoundOrder,
+    Search,
+    SearchFailed,
+)
 from skyway_composition.missions.interventions import cancel
 from skyway_composition.missions.interventions.stop_packages import release_queued
 from skyway_provider_registry.presence.store import store_reports
@@ -45,6 +51,13 @@ from tests.row_locks import free_keys, until_a_lock_is_waited_for
 
 _on_sqlite = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
+_AROUND_C = Area.model_validate(
+    {
+        "type": "Polygon",
+        "coordinates": [[[0.05, 0.09], [0.06, 0.09], [0.054, 0.1], [0.05, 0.09]]],
+    }
+)
+
 _ALL = [f"dlv{number}" for number in range(1, 6)]
 
 
@@ -62,6 +75,18 @@ class NotedSearch(OwnSearch):
 
     async def find(self, search: Search, network: Network) -> FoundOrder:
         self.drones = search.fields["drones"]
+        return await super().find(search, network)
+
+
+class FailsOnce(OwnSearch):
+    """Fails at first."""
+
+    has_failed = False
+
+    async def find(self, search: Search, network: Network) -> FoundOrder:
+        if not self.has_failed:
+            self.has_failed = True
+            raise SearchFailed("for this test")
         return await super().find(search, network)
 
 
@@ -195,6 +220,45 @@ async def test_a_calendar_that_has_not_changed_is_not_searched_again(world: Busy
     outcomes = [await dispatcher.look_at(NETWORK_ID, PROVIDER) for _ in range(2)]
 
     assert outcomes == ["kept", "unsearched"]
+
+
+@_on_sqlite
+async def test_a_drone_that_a_ground_stop_holds_gets_no_mission(world: BusyWorld) -> None:
+    # The second drone ends its first mission there.
+    await world.close("GROUND_STOP", area=_AROUND_C)
+    await book_unevenly(world)
+
+    assert await dispatcher_of(world).look_at(NETWORK_ID, PROVIDER) != "adopted"
+
+    assert {each.drone_id for each in (await waiting_missions(world)).values()} == {"drn_1"}
+
+
+@_on_sqlite
+async def test_a_fleet_whose_search_has_failed_is_searched_again(world: BusyWorld) -> None:
+    await book_unevenly(world)
+    dispatcher = dispatcher_of(world, search=FailsOnce())
+
+    outcomes = [await dispatcher.look_at(NETWORK_ID, PROVIDER) for _ in range(2)]
+
+    assert outcomes == ["failed", "adopted"]
+
+
+@_on_sqlite
+async def test_planning_stops_when_its_order_comes_too_late(world: BusyWorld) -> None:
+    await book_unevenly(world)
+    before = await waiting_missions(world)
+
+    class Late(OwnSearch):
+        async def find(self, search: Search, network: Network) -> FoundOrder:
+            found = await super().find(search, network)
+            world.clock.advance(timedelta(hours=1))
+            return found
+
+    dispatcher = dispatcher_of(world, search=Late())
+
+    assert await dispatcher.look_at(NETWORK_ID, PROVIDER) == "no plan now"
+
+    assert await waiting_missions(world) == before
 
 
 @_on_sqlite
