@@ -298,13 +298,8 @@ class BusyWorld:
             await self.converse()
 
     async def cancel(self, delivery_id: str, package_ids: tuple[str, ...] | None) -> Cancellation:
-        requested = CancelMissions.model_validate(
-            {
-                "cancellation_id": self.mint("can"),
-                "package_ids": package_ids,
-                "reason": "changed my mind",
-            }
-        )
+        why = {"cancellation_id": self.mint("can"), "reason": "changed my mind"}
+        requested = CancelMissions.model_validate({**why, "package_ids": package_ids})
         answer = await self.cancellations.cancel(DeliveryId(delivery_id), requested)
         self.released |= {(delivery_id, each) for each in answer.released}
         await self.converse()
