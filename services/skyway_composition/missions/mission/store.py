@@ -56,8 +56,8 @@ _SAVE: Final = (
     .values(next_end_ms=first_planned_end_ms)
 )
 
-# A weaker lock than that of a deletion: whoever has locked a drone may still save its missions,
-# which name their delivery. With the stronger lock each of the two would wait for the other.
+# A weaker lock than that of a deletion: a transaction that has locked a drone may still save its
+# missions, which name their delivery. With the stronger lock the two would wait for each other.
 _LOCK: Final = (
     select(deliveries.c.closed_ms)
     .where(deliveries.c.delivery_id == bindparam("of_delivery"))
