@@ -52,7 +52,6 @@ from skyway.contracts.mission_reports import MissionReport
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
-from skyway.drone.learned_values import AS_MODELLED, LearnedValues
 from skyway.ids import ClosureId, DeliveryId, MissionId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import Conflict
@@ -100,7 +99,6 @@ class BusyWorld:
         self.attempts: dict[str, int] = {}
         self.released: set[tuple[str, str]] = set()
         self.loaders = "RIGHT"
-        self.learned: dict[str, LearnedValues] = {}
         self._bookings_under_way = 0
         self.restart()
 
@@ -278,7 +276,7 @@ class BusyWorld:
                     "home_station_id": each.drone.home_station_id,
                     "tariff": Tariff(base=100, per_km=10),
                     "loading": loading,
-                    "learned": self.learned.get(each.drone_id, AS_MODELLED),
+                    "learned": each.learned,
                 }
             )
             for each in (self.drones if drones is None else drones)
@@ -298,8 +296,8 @@ class BusyWorld:
             await self.converse()
 
     async def cancel(self, delivery_id: str, package_ids: tuple[str, ...] | None) -> Cancellation:
-        why = {"cancellation_id": self.mint("can"), "reason": "changed my mind"}
-        requested = CancelMissions.model_validate({**why, "package_ids": package_ids})
+        wish = {"package_ids": package_ids, "reason": "changed my mind"}
+        requested = CancelMissions.model_validate({"cancellation_id": self.mint("can"), **wish})
         answer = await self.cancellations.cancel(DeliveryId(delivery_id), requested)
         self.released |= {(delivery_id, each) for each in answer.released}
         await self.converse()

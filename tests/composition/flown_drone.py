@@ -29,6 +29,7 @@ from skyway.contracts.flight_step import (
 )
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, INSTRUCTIONS, STATE, Address, Topic
 from skyway.contracts.world import ClockAnchor
+from skyway.drone.learned_values import AS_MODELLED
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
@@ -207,6 +208,8 @@ class FlownDrone:
         self.ids = (str(self.drone.provider_id), drone_id)
         self.clock = SharedClock(clock)
         self.disturbances = UNDISTURBED
+        #: What the registry has learned about it.
+        self.learned = AS_MODELLED
         self.has_reception = True
         self.journal = OpenJournal(self.drone.at_first())
         self.unsent: list[Received[Any]] = []

@@ -178,10 +178,9 @@ async def test_the_registry_learns_which_drone_a_moved_mission_has(
 async def test_a_mission_that_moves_is_planned_with_what_its_new_drone_has_learned(
     world: BusyWorld,
 ) -> None:
-    world.learned = {
-        "drn_1": LearnedValues(still_air_factor=1.1),
-        "drn_2": LearnedValues(state_of_health=0.9),
-    }
+    first, second, *_ = world.drones
+    first.learned = LearnedValues(still_air_factor=1.1)
+    second.learned = LearnedValues(state_of_health=0.9)
     await book_unevenly(world)
     search = NotedSearch()
 
@@ -189,7 +188,9 @@ async def test_a_mission_that_moves_is_planned_with_what_its_new_drone_has_learn
 
     assert len({each.model.battery_j for each in search.drones}) == 2
     records = (await waiting_missions(world)).values()
-    assert {each.drone_id: each.candidate.learned for each in records} == world.learned
+    assert {each.drone_id: each.candidate.learned for each in records} == {
+        each.drone_id: each.learned for each in (first, second)
+    }
     for each in records:
         batteries = [
             *batteries_of(each.mission.plan, soc=each.start.soc),
