@@ -50,7 +50,7 @@ def _registered(system: Any) -> dict[str, Any]:
 def _first_mission(system: Any, delivery_id: str) -> str:
     """The id of the first mission that was booked for a delivery; ids grow with time."""
     found = system.operate("GET", f"/v1/missions?delivery_id={delivery_id}")
-    return min(each["mission_id"] for each in found["items"])
+    return str(min(each["mission_id"] for each in found["items"]))
 
 
 def _request(
