@@ -8,7 +8,7 @@ the same missions.
 
 import logging
 import random
-from collections.abc import Awaitable, Callable, Collection, Sequence
+from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Final
@@ -100,12 +100,31 @@ class Booker:
         """Renew our claims of these deliveries, as far as they are still ours."""
         await hold(self.db, deliveries, claimant=self.claimant, clock=self.clock)
 
-    async def book_or_retry(self, queued: QueuedDelivery) -> None:
+    async def candidates_of(
+        self, line: Sequence[QueuedDelivery]
+    ) -> Mapping[DeliveryId, Candidates]:
+        """Candidates for requests that wait in line, asked for the last of them first.
+
+        So a drone that comes online meanwhile is a candidate for those in front too. Nothing if
+        the registry is away: then each round asks for itself, and postpones its delivery.
+        """
+        found = {}
+        try:
+            for queued in reversed(line):
+                query = candidate_query(queued)
+                found[queued.delivery.delivery_id] = await self.registry.candidates(query)
+        except (ServiceUnavailable, RemoteProblem):
+            return {}
+        return found
+
+    async def book_or_retry(
+        self, queued: QueuedDelivery, candidates: Candidates | None = None
+    ) -> None:
         """One round; if a service is away, the next round comes later."""
         round_time = timed("skyway_booking_round_duration_seconds", "time of a round of booking")
         with tracing(queued.traceparent, "book"), round_time:
             try:
-                await self.book(queued)
+                await self.book(queued, candidates)
                 self.missing.are_back()
             except (ServiceUnavailable, RemoteProblem) as trouble:
                 if not self.missing.note(trouble):
@@ -115,8 +134,11 @@ class Booker:
                     queued.delivery, reasons=None, was_asked=isinstance(trouble, RemoteProblem)
                 )
 
-    async def book(self, queued: QueuedDelivery) -> None:
-        """One round: the waiting packages are planned, wait for another round, or are given up."""
+    async def book(self, queued: QueuedDelivery, candidates: Candidates | None = None) -> None:
+        """One round: the waiting packages are planned, wait for another round, or are given up.
+
+        Without `candidates` the registry is asked for them.
+        """
         delivery = queued.delivery
         if delivery.cancel_reason is not None:  # the process that cancelled it died meanwhile
             await self.finish_cancelling(delivery)
@@ -132,7 +154,7 @@ class Booker:
         if is_over and delivery.request.latest_at is not None:
             await self._give_up_late(queued, delivery.reasons)
             return
-        candidates = await self.registry.candidates(candidate_query(queued))
+        candidates = candidates or await self.registry.candidates(candidate_query(queued))
         # Ask even without candidates: an earlier round may have booked this attempt and died.
         requested = booking_request(delivery, candidates.shortlist)
         booking = await self.composition.book(delivery.delivery_id, requested)

@@ -7,13 +7,15 @@ counts from the next look on, for deliveries that wait already too.
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Final, Never
 
-from skyway.delivery.request import DeliveryRequest
-from skyway.ids import DeliveryId
+from skyway.contracts.shortlist import Candidates
+from skyway.delivery.request import PRIORITY_RANKS, DeliveryRequest
+from skyway.ids import DeliveryId, NetworkId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.loops import MissingParts, Wake, always, repeat
 from skyway.runtime.metrics import count
@@ -39,7 +41,10 @@ _BATCH: Final = 100
 
 
 class BookingLoop:
-    """Books what it is given and what is due in the queue, each delivery in a task of its own.
+    """Books what it is given and what is due in the queue, each line in a task of its own.
+
+    A line is one new delivery, or the requests of one network that wait for a drone and are due
+    together. These compete for the same drones, so they are booked one after the other.
 
     The process that accepts a delivery usually books it: the new row is claimed already, so nobody
     has to look for it. One look at the queue claims everything else that is due, up to `most` at
@@ -54,7 +59,7 @@ class BookingLoop:
         self._places = asyncio.Semaphore(most)
         self._booker: Booker | None = None
         self._group = asyncio.TaskGroup()
-        self._under_way: dict[asyncio.Task[None], DeliveryId] = {}
+        self._under_way: dict[asyncio.Task[None], Sequence[QueuedDelivery]] = {}
         self._is_behind = False
         self._missing = MissingParts("bookings")
 
@@ -83,43 +88,71 @@ class BookingLoop:
     def begin(self, queued: QueuedDelivery) -> None:
         """Start to book a delivery that we have claimed; while the process ends, do nothing."""
         if self._booker is not None:
-            task = self._group.create_task(self._book(self._booker, queued))
-            self._under_way[task] = queued.delivery.delivery_id
-            task.add_done_callback(self._finished)
+            self._begin(self._booker, [queued])
 
     async def _step(self, booker: Booker) -> bool:
         """Start to book what is due; always False, because new work wakes the loop."""
         free = max(0, self._most - len(self._under_way))
         self._is_behind = True  # until everything that is due is claimed
         due = await booker.claim(limit=free) if free else []
-        for queued in due:
-            self.begin(queued)
+        for line in _lines(due):
+            self._begin(booker, line)
         self._is_behind = len(due) == free
         return False
 
     async def _hold(self, booker: Booker) -> bool:
         """Renew the claims of running bookings; always False, because the next time comes later."""
-        if self._under_way:
-            await booker.hold(frozenset(self._under_way.values()))
+        held = [queued.delivery.delivery_id for line in self._under_way.values() for queued in line]
+        if held:
+            await booker.hold(frozenset(held))
         return False
+
+    def _begin(self, booker: Booker, line: Sequence[QueuedDelivery]) -> None:
+        task = self._group.create_task(self._book(booker, line))
+        self._under_way[task] = line
+        task.add_done_callback(self._finished)
 
     def _finished(self, task: asyncio.Task[None]) -> None:
         del self._under_way[task]
         if self._is_behind:
             self.queued.set()
 
-    async def _book(self, booker: Booker, queued: QueuedDelivery) -> None:
-        """Book one delivery when there is a free place; if it fails, its claim runs out."""
+    async def _book(self, booker: Booker, line: Sequence[QueuedDelivery]) -> None:
+        """Book the deliveries of a line in turn when there is a free place."""
+        # One COMMIT may accept more deliveries than there are free places.
+        async with self._places:
+            found = await booker.candidates_of(line) if len(line) > 1 else {}
+            for queued in line:
+                await self._book_one(booker, queued, found.get(queued.delivery.delivery_id))
+
+    async def _book_one(
+        self, booker: Booker, queued: QueuedDelivery, candidates: Candidates | None
+    ) -> None:
+        """Book one delivery; if it fails, its claim runs out."""
         try:
-            # One COMMIT may accept more deliveries than there are free places.
-            async with self._places:
-                await booker.book_or_retry(queued)
+            await booker.book_or_retry(queued, candidates)
         except Exception as error:
             count("skyway_loop_failures", "steps of loops that failed", loop="book")
             if not self._missing.note(error):
                 log.exception("booking failed", extra={"delivery_id": queued.delivery.delivery_id})
         else:
             self._missing.are_back()
+
+
+def _lines(due: Sequence[QueuedDelivery]) -> list[list[QueuedDelivery]]:
+    """The requests that wait in one network, by class and asking; new deliveries each alone."""
+    alone = [[queued] for queued in due if not queued.is_waiting]
+    waiting = defaultdict[NetworkId | None, list[QueuedDelivery]](list)
+    for queued in sorted(due, key=_asking_order):
+        if queued.is_waiting:
+            waiting[queued.network_id].append(queued)
+    return [*waiting.values(), *alone]
+
+
+def _asking_order(queued: QueuedDelivery) -> tuple[int, datetime, DeliveryId]:
+    delivery = queued.delivery
+    rank = PRIORITY_RANKS[delivery.request.qos.priority]
+    return rank, delivery.created_at, delivery.delivery_id
 
 
 def books_from(request: DeliveryRequest, horizon: timedelta) -> datetime | None:

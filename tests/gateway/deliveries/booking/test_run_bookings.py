@@ -1,7 +1,7 @@
 """The booking loops: bookings run at the same time; later pickups wait and hold nothing."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from types import SimpleNamespace
@@ -37,7 +37,10 @@ class Booker:
     async def hold(self, deliveries: frozenset[str]) -> None:
         self.held.put_nowait(deliveries)
 
-    async def book_or_retry(self, queued: Any) -> None:
+    async def candidates_of(self, line: Sequence[Any]) -> dict[str, Any]:
+        return {}
+
+    async def book_or_retry(self, queued: Any, candidates: Any) -> None:
         name = queued.delivery.delivery_id
         self.under_way.add(name)
         if name.startswith("slow"):
@@ -62,7 +65,18 @@ def until() -> Until:
 
 
 def _queued(name: str) -> Any:
-    return SimpleNamespace(delivery=SimpleNamespace(delivery_id=name))
+    """A request called "slow b of n" waits in the network "n" for a drone; others are new.
+
+    Names that contain "urgent" are PRIORITY requests.
+    """
+    _, is_waiting, network_id = name.partition(" of ")
+    qos = SimpleNamespace(priority="PRIORITY" if "urgent" in name else "STANDARD")
+    request = SimpleNamespace(qos=qos)
+    return SimpleNamespace(
+        delivery=SimpleNamespace(delivery_id=name, created_at=START, request=request),
+        is_waiting=bool(is_waiting),
+        network_id=network_id or None,
+    )
 
 
 async def _run(
@@ -189,6 +203,21 @@ async def test_deliveries_of_one_commit_beyond_the_limit_wait(until: Until) -> N
         await until(lambda: len(booker.booked) == 3)
 
     await _run(booker, 2, test, loop=loop)
+
+
+async def test_requests_that_wait_in_one_network_are_booked_one_after_the_other(
+    until: Until,
+) -> None:
+    booker = Booker(["broken of n", "standard of n", "slow urgent of n", "other of m", "new"])
+
+    async def test() -> None:
+        await until(lambda: booker.booked == ["other of m", "new"])
+        assert booker.under_way == {"slow urgent of n"}
+        booker.gate.set()
+        await until(lambda: len(booker.booked) == 4)
+        assert booker.booked[2:] == ["slow urgent of n", "standard of n"]
+
+    await _run(booker, 5, test)
 
 
 async def test_claims_of_running_bookings_are_renewed() -> None:

@@ -8,7 +8,7 @@ import pytest
 from skyway_gateway.deliveries.booking.wake_waiting import next_try_at
 
 from skyway.contracts.candidate import ProviderReason
-from skyway.ids import ProviderId
+from skyway.ids import DeliveryId, ProviderId
 from tests.gateway.deliveries.booking.connections import connection
 from tests.gateway.whole_gateway import Gateway
 
@@ -42,6 +42,31 @@ async def quiet(gateway: Gateway) -> None:
 async def wakes(gateway: Gateway) -> bool:
     """Whether something was noted since the last look that wakes requests."""
     return await gateway.parts.waker.noted.wait(0)
+
+
+async def test_a_drone_that_comes_online_meanwhile_goes_to_the_first_that_waits(
+    gateway: Gateway, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    standard = DeliveryId(await waiting(gateway))
+    urgent = DeliveryId(await waiting(gateway, qos={"priority": "PRIORITY"}))
+    gateway.composition.is_busy = False
+    online, gateway.registry.candidates_now = gateway.registry.candidates_now, []
+    asked = gateway.registry.candidates
+
+    async def comes_online_after_the_first_question(query: Any) -> Any:
+        answer = await asked(query)
+        gateway.registry.candidates_now = online
+        return answer
+
+    monkeypatch.setattr(gateway.registry, "candidates", comes_online_after_the_first_question)
+    gateway.parts.waker.note_change()
+    await gateway.parts.waker.step()
+    line = await gateway.parts.booker.claim(limit=9)
+    found = await gateway.parts.booker.candidates_of(line)
+
+    assert [queued.delivery.delivery_id for queued in line] == [urgent, standard]
+    assert not found[urgent].shortlist.is_empty
+    assert found[standard].shortlist.is_empty
 
 
 async def test_a_waiting_request_shows_when_the_first_drone_is_free(gateway: Gateway) -> None:
