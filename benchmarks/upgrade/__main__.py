@@ -3,8 +3,8 @@
 `python -m benchmarks upgrade --from COMMIT` starts that commit's services and drones on PostgreSQL
 and Mosquitto. It migrates the databases, starts the services of this checkout beside the older
 ones, ends the older ones, starts them again on the newer tables, and ends them for good. The drones
-stay as they are. It ends with 1 if a request was not accepted at the first try, if a delivery did not end,
-or if `skyway verify` finds a violation.
+stay as they are. It ends with 1 if a request was not accepted at the first try, if a delivery did
+not end, or if `skyway verify` finds a violation.
 """
 
 import argparse
