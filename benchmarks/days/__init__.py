@@ -1,0 +1,1 @@
+"""Deliveries on the simulator's days: promised against delivered."""

@@ -1,0 +1,69 @@
+"""Flies deliveries on the simulator's days, and shows what was promised against what came.
+
+`python -m benchmarks days --days calm,windy --deliveries 40 --seeds 1,2` runs a whole Skyway on the
+embedded pair for each day and seed: one provider, drones of the model DJI Matrice 300 RTK all over
+the bundled corridor, requests of one package each.
+"""
+
+import argparse
+import asyncio
+import functools
+import operator
+import sys
+from typing import Final
+
+from benchmarks.days.day import Trial, fly
+from benchmarks.days.figures import HEADER
+from benchmarks.planner.machine import Machine
+from benchmarks.planner.table import Table
+from skyway.errors import SkywayError
+
+_DAYS: Final = "calm,busy,windy,cold,stormy"
+
+
+def main() -> int:
+    """Fly the days that are asked for, and print a row for each."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks days", description=__doc__)
+    parser.add_argument("--days", default=_DAYS, help="scenarios, with commas between")
+    parser.add_argument("--deliveries", type=int, default=40, help="of each day and seed")
+    parser.add_argument("--drones", type=int, default=30)
+    parser.add_argument("--every-s", type=float, default=180.0, help="fleet time between requests")
+    parser.add_argument("--clock-rate", type=float, default=120.0)
+    parser.add_argument("--seeds", default="1", help="with commas between")
+    given = parser.parse_args()
+    seeds = [int(each) for each in given.seeds.split(",")]
+    about = (
+        f"{given.deliveries} deliveries every {given.every_s:g} s, {given.drones} drones, "
+        f"clock rate {given.clock_rate:g}, seeds {given.seeds}"
+    )
+    print(f"{Machine.here().as_text()}; {about}\n", flush=True)
+    rows: list[tuple[str, ...]] = []
+    try:
+        for scenario in given.days.split(","):
+            flown = [
+                asyncio.run(
+                    fly(
+                        Trial(
+                            scenario=scenario,
+                            deliveries=given.deliveries,
+                            drones=given.drones,
+                            every_s=given.every_s,
+                            clock_rate=given.clock_rate,
+                            seed=seed,
+                        )
+                    )
+                )
+                for seed in seeds
+            ]
+            rows.append((scenario, *functools.reduce(operator.add, flown).row()))
+            print(" | ".join(rows[-1]), flush=True)
+    except SkywayError as error:
+        print(error, file=sys.stderr)
+        return 1
+    caption = "Promised against delivered on the simulator's days."
+    print(Table("days", caption, ("day", *HEADER), rows).as_markdown(), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
