@@ -168,5 +168,5 @@ def _requests(network: Network, count: int, chance: random.Random) -> list[dict[
 def _connected(network: Network) -> list[StationId]:
     """The stations of the largest part of the network in which all are reached from all."""
     graph = networkx.DiGraph((each.from_id, each.to_id) for each in network.segments)
-    parts = map(frozenset, networkx.strongly_connected_components(graph))
-    return sorted(max(parts, key=len))
+    parts = sorted(networkx.strongly_connected_components(graph), key=len)
+    return sorted(parts[-1])
