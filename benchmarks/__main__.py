@@ -1,5 +1,6 @@
 """`make benchmark`: every benchmark, one after another, or the one named with its own options."""
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -21,8 +22,20 @@ def main(arguments: list[str]) -> int:
     for name in arguments[:1] or NAMES:
         print(f"== {name}", flush=True)
         command = [sys.executable, "-m", f"benchmarks.{name}", *arguments[1:]]
-        subprocess.run(command, check=True, cwd=_HERE.parent)
+        if (code := _run(command)) != 0:
+            return code
     return 0
+
+
+def _run(command: list[str]) -> int:
+    """Run a benchmark; SIGTERM is passed on to it, so that it can end what it has started."""
+    process = subprocess.Popen(command, cwd=_HERE.parent)
+    signal.signal(signal.SIGTERM, lambda *_: process.terminate())
+    while True:
+        try:
+            return process.wait()
+        except KeyboardInterrupt:  # the benchmark has received Ctrl-C too
+            continue
 
 
 if __name__ == "__main__":

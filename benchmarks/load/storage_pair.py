@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -19,8 +20,12 @@ _SETTINGS = ("SKYWAY_DATABASE_URL", "SKYWAY_MQTT_URL", "SKYWAY_MQTT_DRONE_URL")
 def storage_pair(
     storage: Storage, folder: DataFolder, *, postgresql_options: Sequence[str] = ()
 ) -> Iterator[dict[str, Server]]:
-    """Start the servers of this pair and set the environment for it; the servers by name."""
+    """Start the servers of this pair and set the environment for it; the servers by name.
+
+    Within the block SIGTERM does the same as Ctrl-C, so all that was started is ended in order.
+    """
     with ExitStack() as stack:
+        stack.enter_context(_sigterm_interrupts())
         stack.enter_context(_environment_kept())
         for name in _SETTINGS:
             os.environ.pop(name, None)
@@ -30,6 +35,21 @@ def storage_pair(
             servers["mosquitto"] = make_mosquitto(folder)
             stack.callback(servers["mosquitto"].stop)
         yield servers
+
+
+@contextmanager
+def _sigterm_interrupts() -> Iterator[None]:
+    def interrupt(*_: object) -> None:
+        # `timeout` sends the signal to all processes, and `python -m benchmarks` passes it on. A
+        # second Ctrl-C would break off what the first one has begun.
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        signal.raise_signal(signal.SIGINT)
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager
