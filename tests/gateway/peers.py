@@ -138,8 +138,10 @@ class Peers:
     registry: FakeRegistry
     composition: FakeComposition
     cells: dict[str, FakeComposition] = field(default_factory=dict)
-    #: Hosts that do not answer, that never finish, and that know no id, and the lists of hosts.
+    #: Hosts that do not answer, that answer 500, that never finish, and that know no id, and the
+    #: lists of hosts.
     away: set[str] = field(default_factory=set)
+    failing: set[str] = field(default_factory=set)
     hanging: set[str] = field(default_factory=set)
     unknown_at: set[str] = field(default_factory=set)
     pages: dict[str, object] = field(default_factory=dict)
@@ -152,6 +154,8 @@ class Peers:
             await request.aread()
             if request.url.host in self.away:
                 raise httpx.ConnectError("away")
+            if request.url.host in self.failing:
+                return _streamed(500, {"title": "Failed", "status": 500})
             if request.url.host in self.hanging:
                 await asyncio.Event().wait()
             composition = self.cells.get(request.url.host, self.composition)

@@ -128,7 +128,7 @@ async def test_a_call_goes_to_the_server_of_the_network_or_station_in_its_path(
     ]
 
 
-async def test_each_server_is_asked_in_turn_about_an_id_without_a_network(
+async def test_servers_are_asked_about_an_id_without_a_network_until_one_knows_it(
     gateway: Gateway, cell: FakeComposition
 ) -> None:
     gateway.peers.unknown_at = {"composition"}
@@ -159,6 +159,35 @@ async def test_a_call_does_not_wait_for_a_server_that_hangs_and_is_not_concerned
 
     assert found.status_code == 200
     assert [each.host for each in gateway.forwarded] == [CELL_HOST]
+
+
+async def test_a_server_that_fails_does_not_hide_the_server_that_knows_an_id(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    gateway.peers.failing = {"composition"}
+    found = await gateway.http.get("/v1/missions/msn_1", headers=gateway.operator)
+    gateway.peers.unknown_at = {CELL_HOST}
+    perhaps = await gateway.http.get("/v1/missions/msn_1", headers=gateway.operator)
+
+    assert (found.status_code, perhaps.status_code) == (200, 503)
+
+
+async def test_many_servers_are_asked_about_an_id_although_the_first_ones_hang(
+    gateway: Gateway, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = [f"region-{number}" for number in range(20)]
+    monkeypatch.setattr(cell_routes, "ANSWERS_WITHIN_S", 0.01)
+    gateway.registry.cells = [
+        NetworkCell(network_id=NetworkId(name), url=f"http://{name}", state="OPEN", generation=n)
+        for n, name in enumerate(names, start=1)
+    ]
+    await gateway.parts.servers.refresh()
+    gateway.peers.hanging = {"composition", *names[:-1]}
+
+    found = await gateway.http.get("/v1/missions/msn_1", headers=gateway.operator)
+
+    assert found.status_code == 200
+    assert [each.host for each in gateway.forwarded] == [names[-1]]
 
 
 async def test_a_problem_of_unknown_length_is_not_held_in_memory(

@@ -1,7 +1,7 @@
-"""Passes calls on to the servers of composition: to one, to one after another, or to all.
+"""Passes calls on to the servers of composition: to one, to a few at a time, or to all.
 
 A call whose path has a network or a station goes to the server of that network. A call with another
-id, such as a mission's, goes to one server after another until one knows the id. A list is merged
+id, such as a mission's, goes to a few servers at a time until one knows the id. A list is merged
 from the lists of all servers; the header `Skyway-Silent-Cells` names the servers whose part is
 missing.
 """
@@ -29,6 +29,9 @@ from skyway_gateway.routed_composition import NetworkFinder
 
 #: The header that names the servers whose part of a list is missing.
 SILENT_HEADER: Final = "Skyway-Silent-Cells"
+
+#: How many servers are asked at the same time about an id whose server is not known.
+_ASKED_TOGETHER: Final = 8
 
 #: The calls whose body names a network.
 _NAMED_IN_BODY: Final = ("/v1/zones", "/v1/ground-stops")
@@ -110,43 +113,46 @@ class ForwardToCells:
     async def _first_that_knows(
         self, request: Request, row: Forwarded, caller: Caller | None
     ) -> Response:
-        """The first answer that is not 404; only one cell can know the id.
+        """The answer of the server that knows the id; only one server can know it.
 
-        The next server is asked when the one before does not know the id, or has not answered for
-        a while. So the call does not wait for a server that hangs and is not concerned.
+        A few servers are asked at a time. The next one is asked when one of them does not know the
+        id, or when all of them have not answered for a while. So the call does not wait for a
+        server that hangs and is not concerned.
         """
         await request.body()  # the request keeps its body, so that each server gets it
-        path, servers = request.scope["path"], iter(self.servers.every().values())
-        silent: ServiceUnavailable | None = None
-        unknown: Response | None = None
+        servers = list(self.servers.every().values())
         asked: set[asyncio.Task[Response]] = set()
+        answers: list[Response] = []
+        silent: ServiceUnavailable | None = None
+        most = _ASKED_TOGETHER
         try:
-            while (server := next(servers, None)) is not None or asked:
-                if server is not None:
-                    asking = server.forward(request, path, caller, timeout_s=row.timeout_s)
+            while servers or asked:
+                while servers and len(asked) < most:
+                    asking = _ask(servers.pop(0), request, row, caller)
                     asked.add(asyncio.create_task(asking))
                 done, asked = await asyncio.wait(
                     asked,
-                    timeout=None if server is None else ANSWERS_WITHIN_S,
+                    timeout=ANSWERS_WITHIN_S if servers else None,
                     return_when=asyncio.FIRST_COMPLETED,
                 )
+                if not done:
+                    most += _ASKED_TOGETHER
                 for each in done:
                     try:
-                        answer = each.result()
+                        answers.append(each.result())
                     except ServiceUnavailable as error:
                         silent = error
-                        continue
-                    if answer.status_code != HTTPStatus.NOT_FOUND:
-                        return answer
-                    await _close(unknown)
-                    unknown = answer
+                answers.sort(key=_is_unknown)
+                if answers and not _is_unknown(answers[0]):
+                    return answers.pop(0)
+            if silent is not None or not answers:
+                raise silent or ServiceUnavailable("composition", "it has no server")
+            return answers.pop()
         finally:
-            for each in asked:
-                each.cancel()
-        if silent is not None or unknown is None:
-            await _close(unknown)
-            raise silent or ServiceUnavailable("composition", "it has no server")
-        return unknown
+            for task in asked:
+                task.cancel()
+            for answer in answers:
+                await _close(answer)
 
     async def _merge(self, request: Request, row: Forwarded, caller: Caller | None) -> Response:
         path = request.scope["path"]
@@ -185,7 +191,29 @@ def _network_named(body: bytes, row: Forwarded) -> NetworkId | None:
     return NetworkId(network_id) if isinstance(network_id, str) else None
 
 
-async def _close(answer: Response | None) -> None:
+async def _ask(
+    server: ServiceClient, request: Request, row: Forwarded, caller: Caller | None
+) -> Response:
+    """The answer of one server.
+
+    Raises
+    ------
+    ServiceUnavailable
+        The server does not answer, or fails: it may know the id.
+    """
+    path = request.scope["path"]
+    answer = await server.forward(request, path, caller, timeout_s=row.timeout_s)
+    if answer.status_code >= HTTPStatus.INTERNAL_SERVER_ERROR:
+        await _close(answer)
+        raise ServiceUnavailable(server.name, f"it answers {answer.status_code}")
+    return answer
+
+
+def _is_unknown(answer: Response) -> bool:
+    return answer.status_code == HTTPStatus.NOT_FOUND
+
+
+async def _close(answer: Response) -> None:
     """End an answer that is not passed on."""
     if isinstance(answer, StreamingResponse) and hasattr(answer.body_iterator, "aclose"):
         await answer.body_iterator.aclose()
