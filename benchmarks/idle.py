@@ -1,0 +1,148 @@
+"""`python -m benchmarks idle`: what the processes of a Skyway take while nothing is asked of them.
+
+A further replica or a further cell costs at least this much, however few deliveries there are. For
+each number of replicas a system is started, with a PostgreSQL and a Mosquitto of its own.
+"""
+
+import argparse
+import asyncio
+import os
+import shlex
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import asyncpg
+import uvloop
+
+from benchmarks.load.burst import Burst
+from benchmarks.load.city import City
+from benchmarks.load.cpu import CpuReading
+from benchmarks.load.profile import profiled
+from benchmarks.load.run import data_folder, pids_of
+from benchmarks.load.statements import SERVER_OPTIONS
+from benchmarks.load.storage_pair import storage_pair
+from benchmarks.load.world import populate
+from benchmarks.planner.machine import Machine
+from benchmarks.planner.table import Table
+from skyway.cli.gateway import GatewayApi, read_keys
+from skyway.cli.system.children import REPLICATED, Ports
+from skyway.cli.system.running_system import running_system
+
+#: Wall seconds until the services have compiled and cached what an idle service needs.
+_SETTLE_S: Final = 15.0
+
+_STATEMENTS: Final = """
+    SELECT datname, sum(calls)::float AS calls, sum(total_exec_time) AS running_ms, query
+    FROM pg_stat_statements(true) AS counted JOIN pg_database ON pg_database.oid = counted.dbid
+    WHERE datname <> 'postgres'
+    GROUP BY datname, query
+    ORDER BY sum(calls) DESC
+"""
+
+
+def main(arguments: list[str]) -> int:
+    """Measure each number of replicas and print what they take."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks idle", description=__doc__)
+    parser.add_argument("--replicas", type=int, nargs="+", default=[1, 2, 4])
+    parser.add_argument("--stations", type=int, default=100)
+    parser.add_argument("--drones", type=int, default=20)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--profile", type=Path, metavar="FOLDER", help="stacks, statements")
+    asked = parser.parse_args(arguments)
+    command = shlex.join(["python", "-m", "benchmarks", "idle", *arguments])
+    print(f"`{command}`: {Machine.here().as_text()}.\n", flush=True)
+    rows = list[tuple[str, ...]]()
+    for replicas in asked.replicas:
+        burst = Burst(
+            storage="production",
+            stations=asked.stations,
+            drones=asked.drones,
+            providers=2,
+            rate_per_s=0.0,
+            seconds=asked.seconds,
+            clock_rate=1.0,
+            agents=1,
+            longest_wait_s=30.0,
+            seed=1,
+            replicas=replicas,
+            profile=None if asked.profile is None else asked.profile / f"{replicas}",
+        )
+        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:  # as the services
+            rows += runner.run(_run(burst))
+    columns = ("replicas", "service", "ms a second", "its database", "statements a second")
+    print(Table("idle", "Processor time while idle.", columns, rows).as_markdown())
+    return 0
+
+
+async def _run(burst: Burst) -> list[tuple[str, ...]]:
+    with (
+        data_folder() as folder,
+        storage_pair("production", folder, postgresql_options=SERVER_OPTIONS) as servers,
+    ):
+        async with running_system(
+            folder,
+            rate=burst.clock_rate,
+            ports=Ports(gateway=0, broker=0),
+            say=print,
+            replicas=burst.replicas,
+        ) as system:
+            city = City.of(stations=burst.stations, seed=1)
+            key = read_keys(folder)["SKYWAY_OPERATOR_KEY"]
+            async with GatewayApi(system.urls["gateway"]) as api:
+                world = await populate(system, api, city, operator_key=key, burst=burst)
+            pids = pids_of(system, world, replicas=burst.replicas)
+            python_pids = dict(pids)
+            pids |= {name: one.pid for name, one in servers.items()}
+            await asyncio.sleep(_SETTLE_S)
+            return await _measured(burst, pids, python_pids)
+
+
+async def _measured(
+    burst: Burst, pids: Mapping[str, int], python_pids: Mapping[str, int]
+) -> list[tuple[str, ...]]:
+    connection = await asyncpg.connect(os.environ["SKYWAY_DATABASE_URL"])
+    try:
+        await connection.execute("CREATE EXTENSION IF NOT EXISTS pg_stat_statements")
+        await connection.execute("SELECT pg_stat_statements_reset()")
+        before, began_s = CpuReading.of(pids), time.monotonic()
+        with profiled(python_pids, burst.profile):
+            await asyncio.sleep(burst.seconds)
+        took_s = time.monotonic() - began_s
+        taken = CpuReading.of(pids).since(before).seconds
+        statements = await connection.fetch(_STATEMENTS)
+    finally:
+        await connection.close()
+    if burst.profile is not None:
+        _leave(statements, burst.profile, seconds=took_s)
+    return [
+        (
+            f"{burst.replicas}",
+            service,
+            f"{1e3 * taken.get(service, 0.0) / took_s:.1f}",
+            f"{1e3 * taken.get(f'postgresql {service}', 0.0) / took_s:.1f}",
+            f"{_calls(statements, f'skyway_{service}') / took_s:.1f}",
+        )
+        for service in (*REPLICATED, "agent 0", "mosquitto")
+    ]
+
+
+def _calls(statements: Sequence[asyncpg.Record], database: str) -> float:
+    return sum(float(each["calls"]) for each in statements if each["datname"] == database)
+
+
+def _leave(statements: Sequence[asyncpg.Record], folder: Path, *, seconds: float) -> None:
+    """Write the statements into a file of the folder, the most frequent first."""
+    lines = [
+        f"{each['calls'] / seconds:7.2f}/s {each['running_ms'] / seconds:7.3f} ms/s "
+        f"{each['datname']} {' '.join(each['query'].split())[:300]}"
+        for each in statements
+    ]
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "statements.txt").write_text("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
