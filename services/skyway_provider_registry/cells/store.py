@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from datetime import datetime
+from typing import Final
 
 from sqlalchemy import func, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
@@ -14,10 +15,13 @@ from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.tables import cells
 
+#: Every process reads the table each second, so the statement is built once.
+_EVERY: Final = select(cells).order_by(cells.c.network_id)
+
 
 async def every(connection: AsyncConnection) -> tuple[NetworkCell, ...]:
     """All cells, in order of their networks."""
-    found = await connection.execute(select(cells).order_by(cells.c.network_id))
+    found = await connection.execute(_EVERY)
     return tuple(_cell(row) for row in found)
 
 
