@@ -1,13 +1,11 @@
 """Changes during a flight: the drone gets another plan, or lands where it is safest."""
 
-import json
 from datetime import timedelta
 from typing import Any
 
 import pytest
 
 from skyway.contracts.flight_step import FlyStep, RechargeStep, ReturnStep
-from tests.composition.missions.replanning.test_check_plan import HEALTH
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
@@ -108,51 +106,6 @@ async def test_a_drone_lands_before_a_station_whose_pad_is_out_of_order(
     assert (divert.steps[0].kind, divert.steps[0].station_id) == ("RECHARGE", "b")
     assert [step.kind for step in divert.steps].count("DELIVER") == 1
     assert await composition.broken() == []
-
-
-@pytest.mark.parametrize(("soc", "expected"), [(1.0, None), (0.2, "MORE_ENERGY")])
-async def test_a_drone_in_flight_gets_a_new_plan_only_if_its_next_landing_needs_one(
-    composition: Any, drone: Any, make: Any, soc: float, expected: str | None
-) -> None:
-    first = await take_off(composition, drone, "e", make=make, battery_j=FOR_TWO_FLIGHTS_J)
-    over, landing = first.steps[1:3]
-    assert (over.lands, landing.lands) == (False, True)
-    used = {"health": HEALTH | {"consumption_factor": 1.25}}
-
-    await composition.receive(flying(drone, first, over.step_id, soc=soc, **used))
-
-    assert await trouble_code(composition) == expected
-
-
-@pytest.mark.parametrize(("factor", "expected"), [(1.13, None), (1.25, "MORE_ENERGY")])
-async def test_a_drone_that_charges_gets_a_new_plan_for_the_flights_after_its_session(
-    composition: Any, drone: Any, make: Any, factor: float, expected: str | None
-) -> None:
-    first = await take_off(composition, drone, "e", make=make)
-    flight, recharge = first.steps[1:3]
-    assert (flight.lands, recharge.kind) == (True, "RECHARGE")
-    composition.clock.advance(flight.planned_end_at - composition.clock.now())
-    used = {"health": HEALTH | {"consumption_factor": factor}}
-
-    await composition.receive(
-        *drone.ended(first, [flight]),
-        flying(
-            drone,
-            first,
-            recharge.step_id,
-            activity="RECHARGING",
-            station_id=recharge.station_id,
-            **used,
-        ),
-    )
-
-    assert await trouble_code(composition) == expected
-
-
-async def trouble_code(composition: Any) -> str | None:
-    """Why the mission needs another plan; None if it needs none."""
-    ((trouble,),) = await composition.rows("SELECT trouble FROM missions")
-    return None if trouble is None else str(json.loads(trouble)["code"])
 
 
 async def test_packages_go_back_when_their_recipient_cannot_be_reached(
