@@ -111,9 +111,14 @@ class OutOfServiceQuery(WireModel):
 
 
 class OutOfServiceAnswer(WireModel):
-    """Drones in MAINTENANCE, of a SUSPENDED provider, or not registered any more."""
+    """Drones in MAINTENANCE, of a SUSPENDED provider, or not registered any more.
+
+    The drones in `due_drone_ids` are due for maintenance: each flies the missions that it has, and
+    gets no others.
+    """
 
     drone_ids: tuple[DroneId, ...]
+    due_drone_ids: tuple[DroneId, ...] = ()
 
 
 #: Where composition asks how many drones a network has.

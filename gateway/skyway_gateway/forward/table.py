@@ -56,6 +56,25 @@ def _world_rows(path: str) -> tuple[Forwarded, ...]:
     )
 
 
+def _batteries_and_maintenance(provider: str) -> tuple[Forwarded, ...]:
+    """What a provider notes about its batteries, and about the maintenance of its drones."""
+    battery, rule = f"{provider}/batteries/{{battery_id}}", f"{provider}/maintenance-rules"
+    drone = f"{provider}/drones/{{drone_id}}"
+    calls: tuple[tuple[Method, str], ...] = (
+        ("POST", f"{provider}/batteries"),
+        ("GET", f"{provider}/batteries"),
+        ("GET", battery),
+        ("DELETE", battery),
+        ("PUT", f"{drone}/battery"),
+        ("DELETE", f"{drone}/battery"),
+        ("POST", f"{drone}/maintenance"),
+        ("GET", rule),
+        ("PUT", f"{rule}/{{model_id}}"),
+        ("DELETE", f"{rule}/{{model_id}}"),
+    )
+    return tuple(Forwarded(method, path, "registry", _FLEETS) for method, path in calls)
+
+
 CELLS_PATH: Final = "/v1/cells"
 
 #: Its route is its own: the gateway adds the provider's key to the answer.
@@ -103,6 +122,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         "registry",
         _FLEETS,
     ),
+    *_batteries_and_maintenance("/v1/providers/{provider_id}"),
     Forwarded("POST", "/v1/enrolments", "registry", (), limit_bytes=_KEYLESS_BYTES),
     Forwarded("POST", "/v1/enrolments/rotations", "registry", _DRONE),
     Forwarded("GET", CELLS_PATH, "registry", _OPERATOR),

@@ -142,17 +142,17 @@ class OrderFinder:
         fleet = fleet_of(records, links, left_out=held, times=times)
         if not _can_improve(fleet):
             return fleet
-        # A drone that is withdrawn finishes its mission, and gets no other one.
+        # These drones keep the missions that they have, and get no others.
         withdrawn = await self._withdrawn([*fleet.calendars])
         return fleet.only(fleet.calendars.keys() - withdrawn)
 
     async def _withdrawn(self, drone_ids: list[DroneId]) -> frozenset[DroneId]:
-        """The drones that are out of service, and all beyond the limit of one question."""
+        """Drones out of service or due for maintenance, and all beyond the limit of a question."""
         asked = OutOfServiceQuery(drone_ids=tuple(drone_ids[:MOST_DRONES]))
         answer = await self.registry.call(
             "POST", OUT_OF_SERVICE, body=asked, answer=OutOfServiceAnswer
         )
-        return frozenset((*answer.drone_ids, *drone_ids[MOST_DRONES:]))
+        return frozenset((*answer.drone_ids, *answer.due_drone_ids, *drone_ids[MOST_DRONES:]))
 
     async def _searched_orders(self, fleet: Fleet, world: World, times: Moments) -> Orders | None:
         """The order that the search proposes; None if it fails."""
