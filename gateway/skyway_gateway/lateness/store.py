@@ -3,13 +3,16 @@
 from collections.abc import Sequence
 from typing import Final
 
-from sqlalchemy import BigInteger, Integer, bindparam, select
+from sqlalchemy import BigInteger, Integer, bindparam, func, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.runtime.sql.connection import AnyRow
 from skyway_gateway.delivery_tables import deliveries, missions, packages
 
-_DELIVERED: Final = (
+#: The last packages of a provider in a network that count. Our own choice.
+MOST_OF_PROVIDER: Final = 300
+
+_LAST: Final = (
     select(
         packages.c.delivery_id,
         packages.c.package_id,
@@ -29,12 +32,26 @@ _DELIVERED: Final = (
     )
     .order_by(packages.c.delivered_ms.desc(), packages.c.delivery_id, packages.c.package_id)
     .limit(bindparam("most", type_=Integer))
+    .subquery("last")
+)
+_place: Final = func.row_number().over(
+    partition_by=(_LAST.c.network_id, _LAST.c.provider_id),
+    order_by=(_LAST.c.delivered_ms.desc(), _LAST.c.delivery_id, _LAST.c.package_id),
+)
+_RANKED: Final = select(_LAST, _place.label("place")).subquery("ranked")
+_DELIVERED: Final = (
+    select(_RANKED)
+    .where(_RANKED.c.place <= MOST_OF_PROVIDER)
+    .order_by(_RANKED.c.delivered_ms, _RANKED.c.delivery_id, _RANKED.c.package_id)
 )
 
 
 async def delivered_since(
     connection: AsyncConnection, since_ms: int, *, most: int
 ) -> Sequence[AnyRow]:
-    """The last packages that were delivered at `since_ms` of fleet time or later, oldest first."""
+    """The last packages that were delivered at `since_ms` of fleet time or later, oldest first.
+
+    Of the `most` last packages, those that are among the last of their provider in their network.
+    """
     found = await connection.execute(_DELIVERED, {"since_ms": since_ms, "most": most})
-    return found.all()[::-1]
+    return found.all()
