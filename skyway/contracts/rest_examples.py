@@ -143,6 +143,8 @@ BY_NAME: Final[Mapping[str, Any]] = {
     "booked_start_at": "2026-03-02T08:05:00Z",
     "begins_at": "2026-03-02T08:05:00Z",
     "promised_at": "2026-03-02T08:29:00Z",
+    "due_at": "2026-03-02T08:34:00Z",
+    "promise": "P90",
     "promised_p90_at": "2026-03-02T08:34:00Z",
     "eta_p90_at": "2026-03-02T08:34:00Z",
     "eta_at": "2026-03-02T08:29:00Z",

@@ -22,6 +22,9 @@ MAX_PACKAGE_MASS_KG = 1_000.0
 
 Objective = Literal["fastest", "cheapest", "greenest"]
 
+#: Which arrival time is promised: the moment by which nine of ten packages come, or half of them.
+PromiseLevel = Literal["P90", "P50"]
+
 #: The classes of requests.
 Priority = Literal["PRIORITY", "STANDARD"]
 
@@ -151,6 +154,13 @@ class QoS(JsonModel):
             "`priority_factor` of the provider's tariff."
         ),
     ] = "STANDARD"
+    promise: Annotated[
+        PromiseLevel,
+        Field(
+            description="Which arrival time is promised: P90, by which nine of ten packages come, "
+            "or P50, the time of the plan. Before a P90 can be forecast, the plan's time is."
+        ),
+    ] = "P90"
 
     @model_validator(mode="after")
     def _one_way_to_rank(self) -> Self:

@@ -17,7 +17,7 @@ import {TrackingBox} from "./tracking_box.js";
 
 const LATE_MS = 60_000;
 
-export const isLate = ({promised_at: promised, eta_at: eta, delivered_at: delivered}) =>
+export const isLate = ({due_at: promised, eta_at: eta, delivered_at: delivered}) =>
   promised && (delivered ?? eta) && Date.parse(delivered ?? eta) - Date.parse(promised) > LATE_MS;
 
 function useDelivery(path, deliveryId) {
@@ -46,7 +46,7 @@ function Packages({packages}) {
             <td>${each.package_id}</td>
             <td>${each.destination?.station_id ? stationName(each.destination.station_id) : ""}</td>
             <td>${inWords(each.state)}</td>
-            <td>${each.promised_at ? momentText(each.promised_at) : ""}</td>
+            <td>${each.due_at ? momentText(each.due_at) : ""}</td>
             <td class="eta">${each.delivered_at
               ? `handed over ${momentText(each.delivered_at)}`
               : each.eta_at ? momentText(each.eta_at) : ""}</td>

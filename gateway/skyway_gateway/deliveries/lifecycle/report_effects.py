@@ -184,6 +184,7 @@ def _refused(delivery: Delivery, mission: FlownMission, report: MissionReport) -
             "mission_id": None,
             "promised_at": None,
             "promised_p90_at": None,
+            "due_at": None,
             "eta_at": None,
         },
         where=is_left,
