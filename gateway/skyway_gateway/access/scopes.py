@@ -66,6 +66,7 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         f"GET {_PROVIDER}/deliveries",
         f"GET {_PROVIDER}/earnings",
         "GET /v1/stats/deliveries",
+        "GET /v1/stats/promises",
     ),
     "deliveries:write": (
         "POST /v1/deliveries",

@@ -4,8 +4,11 @@ from datetime import datetime, timedelta
 from typing import Any
 
 import pytest
+from skyway_gateway.deliveries.reading.promises import promises_of
 from skyway_gateway.delivery_tables import packages
+from skyway_gateway.gauges import GatewayGauges
 from skyway_gateway.lateness.calibrate import FEWEST
+from skyway_gateway.lateness.store import KeptPromises
 from sqlalchemy import update
 
 from skyway.ids import NetworkId, ProviderId, StationId
@@ -131,3 +134,56 @@ async def test_an_unknown_promise_is_refused(gateway: Gateway) -> None:
 
         assert answer.status_code == 422, answer.text
         assert "qos.promise" in answer.text
+
+
+async def test_kept_promises_are_shown_by_network_and_provider(gateway_on_both: Gateway) -> None:
+    gateway = gateway_on_both
+    await teach(gateway)
+    for late_min in (9, 9, 9, 30):
+        await deliver(gateway, late=timedelta(minutes=late_min))
+    old = await deliver(gateway, late=timedelta(minutes=9))
+    await deliver_at(gateway, old, gateway.clock.now() - timedelta(days=2))
+
+    answer = await gateway.http.get("/v1/stats/promises", headers=gateway.operator)
+    own = await gateway.http.get("/v1/stats/promises", headers=gateway.provider)
+    customer = await gateway.http.get("/v1/stats/promises", headers=gateway.customer)
+    gauges = {
+        (each.name, each.labels["span"]): each.value
+        for each in await GatewayGauges(gateway.parts)._promises()
+    }
+
+    network, provider = answer.json()["items"]
+    assert network["provider_id"] is None
+    assert provider["provider_id"] is not None
+    for found in (network, provider):
+        assert found["day"] == {"packages": 4, "p90_share": 0.75}
+        assert found["week"] == {"packages": 5, "p90_share": 0.8}
+    assert {each["provider_id"] for each in own.json()["items"]} <= {"prv_1"}
+    assert customer.status_code == 403
+    assert gauges["skyway_promised_packages", "day"] == 4
+    assert gauges["skyway_promised_packages_in_time", "week"] == 4
+
+
+def make_kept(network: str, provider: str, packages: int, in_time: int) -> KeptPromises:
+    return KeptPromises(
+        NetworkId(network),
+        ProviderId(provider),
+        packages={"day": 0, "week": packages},
+        in_time={"day": 0, "week": in_time},
+    )
+
+
+def test_a_network_sums_its_providers_and_a_provider_sees_itself() -> None:
+    rows = [
+        make_kept("texas", "b", 90, 90),
+        make_kept("texas", "a", 10, 0),
+        make_kept("city", "a", 5, 5),
+    ]
+
+    shown = [(each.network_id, each.provider_id) for each in promises_of(rows, provider_id=None)]
+    own = promises_of(rows, provider_id=ProviderId("a"))
+
+    assert shown == [("city", None), ("city", "a"), ("texas", None), ("texas", "a"), ("texas", "b")]
+    assert promises_of(rows, provider_id=None)[2].week.p90_share == 0.9
+    assert [(each.network_id, each.week.p90_share) for each in own] == [("city", 1.0), ("texas", 0)]
+    assert {each.day.p90_share for each in own} == {None}
