@@ -23,6 +23,7 @@ from skyway_provider_registry.fleets.battery import (
     NewBatteryRow,
 )
 from skyway_provider_registry.fleets.drone import Drone
+from skyway_provider_registry.presence.store import touch
 from skyway_provider_registry.providers import store as providers
 
 
@@ -112,11 +113,13 @@ def installation_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -
     ) -> Drone:
         """Note that a drone has this battery now; its battery from before is in no drone."""
         caller.must_be("operator", "provider")
-        found = partial(store.of_caller, provider_id=provider_id, drone_id=drone_id)
+        of_drone = partial(store.of_caller, provider_id=provider_id, drone_id=drone_id)
         async with db.write() as tx:
-            drone = await found(tx.connection, caller)
+            # Nothing else about the drone changes from here on.
+            await touch(tx, drone_id)
+            drone = await of_drone(tx.connection, caller)
             await battery_store.install(tx, drone, requested.battery_id, at=clock.now())
-            drone = await found(tx.connection, caller)
+            drone = await of_drone(tx.connection, caller)
         return drone.shown(clock.wall_now())
 
     @router.delete(path, responses=conflicts("ON_MISSION"))
@@ -125,11 +128,13 @@ def installation_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -
     ) -> Drone:
         """Note that a drone does not have its registered battery any more."""
         caller.must_be("operator", "provider")
-        found = partial(store.of_caller, provider_id=provider_id, drone_id=drone_id)
+        of_drone = partial(store.of_caller, provider_id=provider_id, drone_id=drone_id)
         async with db.write() as tx:
-            drone = await found(tx.connection, caller)
+            # Nothing else about the drone changes from here on.
+            await touch(tx, drone_id)
+            drone = await of_drone(tx.connection, caller)
             await battery_store.remove_from(tx, drone, at=clock.now())
-            drone = await found(tx.connection, caller)
+            drone = await of_drone(tx.connection, caller)
         return drone.shown(clock.wall_now())
 
     return router

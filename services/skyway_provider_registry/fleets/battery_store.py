@@ -1,4 +1,8 @@
-"""All SQL of batteries: which drone each is in, and what it has given."""
+"""All SQL of batteries: which drone each is in, and what it has given.
+
+Each change of an installation gets the number of its change first (`change_store`). So no other
+change of a battery or a drone comes between its reads and its writes.
+"""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -14,6 +18,7 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.battery_tables import batteries, past_installations
+from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.fleets.battery import (
     MOST_INSTALLATIONS,
     Battery,
@@ -23,7 +28,6 @@ from skyway_provider_registry.fleets.battery import (
 )
 from skyway_provider_registry.fleets.drone import FleetDrone
 from skyway_provider_registry.presence import learned_store
-from skyway_provider_registry.presence.store import touch
 from skyway_provider_registry.tables import drones, presence
 
 #: The most batteries of a provider: several for each drone that it may have. Our own choice.
@@ -111,8 +115,6 @@ async def install(tx: Tx, drone: FleetDrone, battery_id: BatteryId, *, at: datet
     Conflict
         BATTERY_INSTALLED, OTHER_MODEL, or ON_MISSION.
     """
-    # The number of the change comes first: it lets no other change of a battery come between.
-    await touch(tx, drone.drone_id)
     row = await _row(tx.connection, drone.provider_id, battery_id)
     if row.drone_id == drone.drone_id:
         return
@@ -148,7 +150,6 @@ async def remove_from(tx: Tx, drone: FleetDrone, *, at: datetime) -> None:
     Conflict
         ON_MISSION.
     """
-    await touch(tx, drone.drone_id)
     refuse_on_mission(drone)
     if not await free(tx, drone.drone_id, at=at):
         raise NotFound("battery of drone", drone.drone_id)
@@ -165,6 +166,7 @@ async def delete_one(tx: Tx, provider_id: ProviderId, battery_id: BatteryId) -> 
     Conflict
         BATTERY_INSTALLED.
     """
+    await next_change(tx)
     this = batteries.c.battery_id == battery_id
     found = await tx.execute(
         delete(batteries).where(

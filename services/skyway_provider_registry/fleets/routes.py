@@ -45,6 +45,7 @@ from skyway_provider_registry.fleets.statistics_store import FleetStatistics, to
 from skyway_provider_registry.fleets.store import every_model
 from skyway_provider_registry.presence import learned_store
 from skyway_provider_registry.presence.drone_presence import SILENCE
+from skyway_provider_registry.presence.store import touch
 from skyway_provider_registry.providers import store as providers
 
 #: Bytes of a list of drones (docs/reference/rest.md); a drone takes about 200.
@@ -125,10 +126,7 @@ def fleet_routes(
     async def forget_learned_values(
         provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
     ) -> Response:
-        """Forget what a drone's flights have shown, after a change of its motors or contacts.
-
-        What was learned about a registered battery stays with the battery.
-        """
+        """Forget what flights have shown about a drone; its registered battery keeps its health."""
         caller.must_be("operator", "provider")
         async with db.write() as tx:
             await store.change(tx, caller, provider_id=provider_id, drone_id=drone_id, values={})
@@ -142,6 +140,7 @@ def fleet_routes(
         """Remove a drone that is on no mission, and its broker account."""
         caller.must_be("operator", "provider")
         async with db.write() as tx:
+            await touch(tx, drone_id)
             drone = await store.of_caller(
                 tx.connection, caller, provider_id=provider_id, drone_id=drone_id
             )
