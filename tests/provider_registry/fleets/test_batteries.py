@@ -1,5 +1,6 @@
 """Batteries as things: each is in one drone at most, and keeps what was learned about it."""
 
+import random
 from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
@@ -246,3 +247,34 @@ async def test_batteries_are_listed_in_pages(drone: FlyingDrone) -> None:
 
     assert [each["battery_id"] for each in first["items"] + second["items"]] == made
     assert second["next_cursor"] is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+async def test_however_batteries_are_moved_each_is_in_one_drone_at_most(
+    drone: FlyingDrone, api: Any, seed: int
+) -> None:
+    await drone.reports("ENDED", "COMPLETED")
+    provider_id, chance = drone.drone["provider_id"], random.Random(seed)
+    drones = [drone.drone["drone_id"], (await api.drone(provider_id))["drone_id"]]
+    batteries = [await register(drone, f"S-{number}") for number in range(3)]
+    expected: dict[str, str] = {}
+
+    for _ in range(25):
+        drone.clock.advance(timedelta(seconds=chance.choice([0, 40])))
+        drone_id, battery_id = chance.choice(drones), chance.choice(batteries)
+        path = f"/drones/{drone_id}/battery"
+        if chance.random() < 0.3:
+            answer = await drone.provider_calls("DELETE", path)
+            assert (answer.status_code == 200) == (drone_id in expected)
+            expected.pop(drone_id, None)
+            continue
+        answer = await drone.provider_calls("PUT", path, {"battery_id": battery_id})
+        is_elsewhere = battery_id in {expected[each] for each in expected.keys() - {drone_id}}
+        assert answer.status_code == (409 if is_elsewhere else 200), answer.text
+        if not is_elsewhere:
+            expected[drone_id] = battery_id
+
+    rows = (await drone.provider_calls("GET", "/batteries")).json()["items"]
+    found = {each["drone_id"]: each["battery_id"] for each in rows if each["drone_id"]}
+    assert found == expected
+    assert await broken_rules(drone.db, RULES) == []
