@@ -175,6 +175,15 @@ class OfferLimits(WireModel):
             "even if the tariff has changed since. Null for offers of an earlier version."
         ),
     ] = None
+    late_share: Annotated[
+        float | None,
+        Field(
+            ge=0,
+            description="The lateness that nine of ten packages do not exceed, as a share of the "
+            "planned time: the P90 of the offer was made with it, and that of the booking is. Null "
+            "if it was not known.",
+        ),
+    ] = None
 
 
 class BookMissions(WireModel):

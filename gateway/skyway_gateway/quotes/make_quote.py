@@ -2,7 +2,7 @@
 
 import contextlib
 from dataclasses import dataclass
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Annotated, Final
 
 from pydantic import Field
@@ -10,6 +10,7 @@ from pydantic import Field
 from skyway.announced_networks import CachedNetworks
 from skyway.contracts.candidate import CandidateQuery
 from skyway.contracts.quote import HoldTerms, OfferTerms, QuoteAnswer, QuoteQuery
+from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import InvalidInput, SkywayError
 from skyway.geo import Position
@@ -176,9 +177,9 @@ class QuoteMaker:
             made_at=self.clock.now(),
             expires_at=expires_at,
             offers=tuple(
-                Offer(
-                    **(dict(terms) | {"packages": self._promises(terms, request)}),
-                    offer_id=OfferId(self.mint("off")),
+                self._offer(
+                    terms,
+                    request,
                     expires_at=expires_at,
                     tariff=found.shortlist.terms_of[terms.provider_id].tariff,
                 )
@@ -189,8 +190,10 @@ class QuoteMaker:
         is_held = hold is not None and answer.held_until_at is not None
         return _Made(quote, hold.hold_id if hold is not None and is_held else None)
 
-    def _promises(self, terms: OfferTerms, request: DeliveryRequest) -> tuple[OfferedPackage, ...]:
-        """The packages of an offer with the arrival times that would be promised now."""
+    def _offer(
+        self, terms: OfferTerms, request: DeliveryRequest, *, expires_at: datetime, tariff: Tariff
+    ) -> Offer:
+        """The offer with the arrival times that are promised."""
         network_id = self.networks.network_of(request.pickup.station_id)
         share = self.forecast.late_share(network_id, terms.provider_id)
         last_at = max(each.eta_at for each in terms.packages)
@@ -200,7 +203,13 @@ class QuoteMaker:
             p90_at = p90_of(each.eta_at, start_at=start_at, share=share)
             due_at = due_of(each.eta_at, p90_at, request.qos.promise)
             packages.append(OfferedPackage(**dict(each), eta_p90_at=p90_at, due_at=due_at))
-        return tuple(packages)
+        return Offer(
+            **(dict(terms) | {"packages": tuple(packages)}),
+            offer_id=OfferId(self.mint("off")),
+            expires_at=expires_at,
+            tariff=tariff,
+            late_share=share,
+        )
 
     def _hold_terms(self, caller: Caller, requested: QuoteRequest) -> HoldTerms | None:
         if not requested.hold:

@@ -47,7 +47,7 @@ class OfferedPackage(PackageEta):
         FleetMoment | None,
         Field(
             description="What is promised: `eta_p90_at`, or `eta_at` if `qos.promise` is P50 or "
-            "nothing is forecast. The booking forecasts it again."
+            "nothing is forecast."
         ),
     ] = None
 
@@ -70,6 +70,13 @@ class Offer(OfferTerms):
             "is booked; null for offers of an earlier version."
         ),
     ] = None
+    late_share: Annotated[
+        float | None,
+        Field(
+            description="The lateness that nine of ten packages do not exceed, as a share of their "
+            "planned time, which is at least 300 s; the booking keeps it. Null if it is not known."
+        ),
+    ] = None
 
     def limits(self, hold: OfferHold | None) -> OfferLimits:
         """What a booking of the offer keeps; `hold` is what composition holds for it."""
@@ -79,6 +86,7 @@ class Offer(OfferTerms):
             within_s=self.delivery_time_s,
             hold=hold,
             tariff=self.tariff,
+            late_share=self.late_share,
         )
 
 

@@ -128,6 +128,26 @@ async def test_offers_show_what_would_be_promised(gateway: Gateway) -> None:
     assert moment(shown["P50"], "eta_p90_at") > moment(shown["P50"], "eta_at")
 
 
+async def test_an_accepted_offer_keeps_its_margin(gateway: Gateway) -> None:
+    await teach(gateway)
+    answer = await gateway.http.post("/v1/quotes", json=make_request(), headers=gateway.customer)
+    quote = answer.json()
+    offer = quote["offers"][0]
+    for _ in range(FEWEST):
+        await deliver(gateway, late=timedelta(minutes=60))
+    await gateway.parts.forecast.step()
+
+    accepted = await gateway.post({"quote_id": quote["quote_id"], "offer_id": offer["offer_id"]})
+    while await gateway.book_next():
+        pass
+
+    [package] = (await gateway.get(accepted.json()["delivery_id"]))["packages"]
+    planned_s = max(300.0, offer["delivery_time_s"])
+    margin = moment(package, "promised_p90_at") - moment(package, "promised_at")
+    assert margin.total_seconds() <= offer["late_share"] * planned_s + 1
+    assert package["due_at"] == package["promised_p90_at"]
+
+
 async def test_an_unknown_promise_is_refused(gateway: Gateway) -> None:
     for promise in ("P99", "p90", None, 90):
         answer = await gateway.post(make_request(qos={"promise": promise}))
