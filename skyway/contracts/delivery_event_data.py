@@ -126,6 +126,14 @@ class LoadedData(_FlownBy):
 
     station_id: Annotated[StationId | None, Field(description="Where it was loaded.")]
     package_ids: Annotated[tuple[PackageId, ...], Field(description="The packages on board.")]
+    is_pooled: Annotated[
+        bool,
+        Field(description="Whether the drone has loaded packages of other deliveries too."),
+    ] = False
+    price: Annotated[
+        Price | None,
+        Field(description="What the mission costs from now on; a pooled trip costs less."),
+    ] = None
     evidence: _Evidence
 
 

@@ -113,6 +113,8 @@ def _loaded() -> Mapping[str, Any]:
         **_FLOWN_BY,
         "station_id": SAN_MARCOS,
         "package_ids": ["p1", "p2"],
+        "is_pooled": False,
+        "price": {"amount": 1340, "currency": "USD"},
         "evidence": _ON_BOARD,
     }
 

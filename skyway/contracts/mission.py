@@ -116,6 +116,13 @@ class DeliveryMission(WireModel):
         Field(description="AWAITED while the drone stands at the pickup until a loader confirms."),
     ] = "AUTOMATIC"
     is_held: Annotated[bool, Field(description="Whether an operator holds the drone.")] = False
+    is_pooled: Annotated[
+        bool,
+        Field(
+            description="Whether the drone has loaded packages of other deliveries too; then "
+            "`price` is the pooled price."
+        ),
+    ] = False
     #: Why the plan does not deliver what is on board, but leaves it where the drone can land.
     given_up: Annotated[
         str | None, Field(description="Why the plan delivers nothing; null if it delivers.")

@@ -65,6 +65,13 @@ class OfferTerms(WireModel):
     drone_id: DroneId
     drone_model_id: DroneModelId
     price: Annotated[Price, Field(description="What the delivery costs.")]
+    pooled_price: Annotated[
+        Price | None,
+        Field(
+            description="What it costs instead if its drone loads packages of other deliveries "
+            "too; null if the request does not allow that, or the price would be the same."
+        ),
+    ] = None
     pickup_at: Annotated[
         FleetMoment, Field(description="When the first drone begins to load at the pickup.")
     ]

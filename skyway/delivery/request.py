@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -161,11 +161,30 @@ class QoS(JsonModel):
             "or P50, the time of the plan. Before a P90 can be forecast, the plan's time is."
         ),
     ] = "P90"
+    pooling: Annotated[
+        bool,
+        Field(
+            strict=True,
+            description="Whether the drone may carry packages of other deliveries too. If it "
+            "does, the price is multiplied by the `pooled_factor` of the provider's tariff. Not "
+            "with windows or a deadline.",
+        ),
+    ] = False
+    pooling_wait_s: Annotated[
+        float,
+        Field(ge=0, le=3600, description="Seconds that the start may wait for others to join."),
+    ] = 0.0
 
     @model_validator(mode="after")
     def _one_way_to_rank(self) -> Self:
         if self.objective is not None and self.weights is not None:
             raise ValueError("objective and weights exclude each other: give one of them")
+        return self
+
+    @model_validator(mode="after")
+    def _waits_only_to_share(self) -> Self:
+        if self.pooling_wait_s > 0 and not self.pooling:
+            raise ValueError("pooling_wait_s needs pooling: true")
         return self
 
     @property
@@ -268,6 +287,19 @@ class DeliveryRequest(JsonModel):
         limits = [self.qos.deadline_at, self.latest_pickup_at]
         limits += [each.latest_at for each in self.packages]
         return min((each for each in limits if each is not None), default=None)
+
+    @property
+    def may_share_trip(self) -> bool:
+        """Whether the packages may fly together with those of other deliveries."""
+        return self.qos.pooling and not self.has_windows and self.qos.deadline_at is None
+
+    def begun_after_wait(self, asked_at: datetime) -> "DeliveryRequest":
+        """The request that begins when it has waited for deliveries that share its trip."""
+        if not self.may_share_trip or self.qos.pooling_wait_s == 0:
+            return self
+        waited_at = asked_at + timedelta(seconds=self.qos.pooling_wait_s)
+        update = {"earliest_pickup_at": max(waited_at, self.earliest_pickup_at or waited_at)}
+        return self.model_copy(update=update)
 
     @property
     def payload_kg(self) -> float:

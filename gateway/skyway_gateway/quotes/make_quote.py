@@ -162,7 +162,8 @@ class QuoteMaker:
         found = await self.registry.candidates(_candidate_query(request, checked.pickup_position))
         answer = QuoteAnswer(offers=(), infeasible=())
         if not found.shortlist.is_empty:
-            query = QuoteQuery(request=request, shortlist=found.shortlist, hold=hold)
+            waiting = request.begun_after_wait(self.clock.now())
+            query = QuoteQuery(request=waiting, shortlist=found.shortlist, hold=hold)
             async with self.planning.turn(str(caller)):
                 answer = await self.composition.quote(query)
         infeasible = (*answer.infeasible, *found.infeasible)

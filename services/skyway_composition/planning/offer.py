@@ -116,6 +116,7 @@ def terms_of(
         drone_id=values.drone_id,
         drone_model_id=first.candidate.model.model_id,
         price=offer.price,
+        pooled_price=_pooled_price(offer),
         pickup_at=min(_pickup_at(part.trip) for part in offer.parts),
         delivery_time_s=values.time_s,
         packages=tuple(eta for part in offer.parts for eta in _etas(part.trip)),
@@ -130,6 +131,15 @@ def terms_of(
         score=best.score(values, weights),
         no_shows=values.no_shows,
     )
+
+
+def _pooled_price(offer: Offer) -> Price | None:
+    """What the offer costs if all its trips are shared; None if the price would be the same."""
+    if not all(part.request.may_share_trip for part in offer.parts):
+        return None
+    pooled = [part.price.pooled(part.candidate.tariff).amount for part in offer.parts]
+    price = offer.price.model_copy(update={"amount": sum(pooled)})
+    return price if price.amount < offer.price.amount else None
 
 
 def distance_flown_m(network: Network, plan: Plan) -> float:

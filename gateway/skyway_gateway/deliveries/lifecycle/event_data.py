@@ -80,9 +80,11 @@ def flown_by(mission: DeliveryMission) -> Data:
 def loaded(
     package_ids: Sequence[PackageId], mission: DeliveryMission, report: MissionReport
 ) -> Data:
-    """Data of `delivery.loaded`: what the drone has on board."""
+    """Data of `delivery.loaded`: what the drone has on board, and what the mission costs now."""
     return {
         **flown_by(mission),
+        "is_pooled": mission.is_pooled,
+        "price": mission.price.model_dump(mode="json"),
         "station_id": report.station_id,
         "package_ids": list(package_ids),
         "evidence": report.data,

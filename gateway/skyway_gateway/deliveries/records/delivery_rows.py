@@ -211,7 +211,6 @@ def mission_row(mission: FlownMission) -> Values:
         "trip": mission.trip,
         "provider_id": mission.provider_id,
         "report_seq": 0,
-        "price_amount": mission.price.amount,
         "currency": mission.price.currency,
         "start_ms": moment_to_ms(mission.start_at),
         **_mission_values(mission),
@@ -221,10 +220,12 @@ def mission_row(mission: FlownMission) -> Values:
 def _mission_values(mission: FlownMission) -> Values:
     """The columns of a mission that change during its life.
 
-    A mission gets another drone only while it waits in a calendar.
+    A mission gets another drone only while it waits in a calendar. Its price falls when its drone
+    loads packages of other deliveries too.
     """
     return {
         "state": mission.state,
+        "price_amount": mission.price.amount,
         "drone_id": mission.drone_id,
         "body": mission.model_dump_json(),
     }

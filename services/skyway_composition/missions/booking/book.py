@@ -17,12 +17,18 @@ from skyway.ids import DeliveryId, HoldId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.loops import Wake
-from skyway.runtime.metrics import observe
+from skyway.runtime.metrics import count, observe
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions.booking.clear_way import Pause
-from skyway_composition.missions.booking.engage import WorldChanged, claim, engage
+from skyway_composition.missions.booking.engage import (
+    SharedTrip,
+    SharedTrips,
+    WorldChanged,
+    claim,
+    engage,
+)
 from skyway_composition.missions.booking.hold_store import (
     HeldOffer,
     find_hold,
@@ -38,6 +44,7 @@ from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.store import add_delivery, close_delivery, lock_delivery
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.store import Present
+from skyway_composition.planning.offer import Offers
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
@@ -56,6 +63,7 @@ class Bookings:
     calendars: Wake
     turns: Turns = field(default_factory=Turns)
     pause: Pause = asyncio.sleep
+    shared: SharedTrips | None = None
 
     @property
     def rounds(self) -> Rounds:
@@ -97,7 +105,13 @@ class Bookings:
         order = AskingOrder.of(delivery_id, requested, self.clock.now())
         with self.turns.line_up(seen.around.network_id, order) as turn:
             booking = await self.rounds.run(
-                requested, seen, turn, look=look, commit=commit, own_hold=own_hold
+                requested,
+                seen,
+                turn,
+                look=look,
+                commit=commit,
+                join=partial(self._join, delivery_id, requested),
+                own_hold=own_hold,
             )
         return booking if loss is None else with_hold_loss(booking, loss)
 
@@ -177,20 +191,11 @@ class Bookings:
         *,
         own_hold: HoldId | None,
     ) -> Booking:
-        """Reserve the drones and pads and send the missions, in one transaction.
-
-        A delivery with a row is locked first. A delivery without a row is added at the end, with
-        all other new rows.
-        """
-        if found.delivery_exists:
-            if await lock_delivery(tx, delivery_id):
-                return Booking(outcome="CLOSED")
-            booked = await missions_of(tx.connection, delivery_id, attempt=requested.attempt)
-            if booked:
-                return Booking(outcome="BOOKED", missions=booked)
-        else:
-            # If another request books or closes it first, the database refuses this row.
-            add_delivery(tx, delivery_id)
+        """Reserve the drones and pads and send the missions, in one transaction."""
+        exists = found.delivery_exists
+        earlier = await _claim_delivery(tx, delivery_id, requested.attempt, exists=exists)
+        if earlier is not None:
+            return earlier
         if own_hold is not None:
             # Locked before the network and the drones, as it is when it is deleted.
             await lock_hold(tx, own_hold)
@@ -218,8 +223,63 @@ class Bookings:
         )
         return Booking(outcome="BOOKED", missions=missions)
 
+    async def _join(
+        self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers, best: FoundOffer
+    ) -> Booking | None:
+        """Have the request join a waiting mission, if that is better than all these offers."""
+        if self.shared is None:
+            return None
+        found = await self.shared.find(delivery_id, requested, offers)
+        if found is None:
+            return None
+        try:
+            async with self.db.write() as tx:
+                booking = await self._book_shared(tx, delivery_id, requested, found, best)
+        except (RowRefused, WorldChanged) as changed:
+            about = {"delivery_id": delivery_id, "reason": repr(changed)}
+            log.info("shared trip could not be booked", extra=about)
+            return None
+        count("skyway_shared_trips", "deliveries that joined the mission of another one")
+        return booking
+
+    async def _book_shared(
+        self,
+        tx: Tx,
+        delivery_id: DeliveryId,
+        requested: BookMissions,
+        found: SharedTrip,
+        best: FoundOffer,
+    ) -> Booking:
+        earlier = await _claim_delivery(
+            tx, delivery_id, requested.attempt, exists=best.delivery_exists
+        )
+        if earlier is not None:
+            return earlier
+        mission = await found.join(tx, clock=self.clock, mint=self.mint)
+        if mission is None:
+            raise WorldChanged
+        tx.after_commit(self.calendars.set)
+        return Booking(outcome="BOOKED", missions=(mission,))
+
     def _now_ms(self) -> int:
         return moment_to_ms(self.clock.now())
+
+
+async def _claim_delivery(
+    tx: Tx, delivery_id: DeliveryId, attempt: int, *, exists: bool
+) -> Booking | None:
+    """Lock a delivery that has a row, or add it when the transaction ends.
+
+    Returns the answer if the delivery is closed, or this attempt was booked before.
+    """
+    if not exists:
+        # If another request books or closes it first, the database refuses this row.
+        add_delivery(tx, delivery_id)
+        return None
+    if await lock_delivery(tx, delivery_id):
+        return Booking(outcome="CLOSED")
+    booked = await missions_of(tx.connection, delivery_id, attempt=attempt)
+    return Booking(outcome="BOOKED", missions=booked) if booked else None
 
 
 def _hold_of(requested: BookMissions) -> HoldId | None:

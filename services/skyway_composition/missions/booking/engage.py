@@ -5,9 +5,10 @@ stations.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 from skyway.contracts.flight_step import FlightStep
-from skyway.contracts.mission import Mission
+from skyway.contracts.mission import BookMissions, Mission
 from skyway.ids import DeliveryId, DroneId, HoldId, MissionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
@@ -42,7 +43,7 @@ from skyway_composition.planning.availability import (
     hand_over_time_ms,
     send_ahead_ms,
 )
-from skyway_composition.planning.offer import Offer, Part
+from skyway_composition.planning.offer import Offer, Offers, Part
 from skyway_composition.planning.world import World, still_holds
 
 
@@ -188,8 +189,11 @@ async def claim(
     parts = sorted(offer.parts, key=lambda each: each.candidate.drone_id)
     drones = [*(each.drone_id for each in moves), *(each.candidate.drone_id for each in parts)]
     booked = [pad for part in parts for pad in part.trip.booked_pads]
-    send_by_ms = now_ms + send_ahead_ms(clock)
-    sent_now = {each.candidate.drone_id for each in parts if _is_sent_now(each, send_by_ms)}
+    sent_now = {
+        each.candidate.drone_id
+        for each in parts
+        if _is_sent_now(each, now_ms + send_ahead_ms(clock, each.request.qos))
+    }
     first = parts[0].candidate
     is_only_sent = first.drone_id in sent_now and parts[0].opening is None and own_hold is None
     is_only_sent = is_only_sent and not moves
@@ -261,3 +265,19 @@ async def _claim_openings(
         before = {after} | (set() if live is None else {live.mission_id})
         for mission_id in sorted(before):
             await give_way(tx, mission_id, part.trip.booked_pads)
+
+
+class SharedTrip(Protocol):
+    """A trip that a request shares with the waiting mission of another delivery."""
+
+    async def join(self, tx: Tx, *, clock: FleetClock, mint: Mint) -> Mission | None:
+        """Save it; returns the request's mission, or None if anything has changed."""
+
+
+class SharedTrips(Protocol):
+    """Finds shared trips."""
+
+    async def find(
+        self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers
+    ) -> SharedTrip | None:
+        """The best shared trip, if it is better than all these offers; else None."""

@@ -107,7 +107,7 @@ class OrderFinder:
         times = self._times()
         skyway = await self.networks.current(network_id)
         world = await World.of(skyway, self.db, after_ms=times.now_ms)
-        fleet = _free_to_take_off(await self._fleet(network_id, provider_id, times), world, times)
+        fleet = free_to_take_off(await self._fleet(network_id, provider_id, times), world, times)
         # Calendars of an earlier network or closure are planned again first, without this search.
         if not _can_improve(fleet) or not fleet.is_planned_in(world.present):
             return "unsearched"
@@ -234,7 +234,7 @@ class OrderFinder:
         return Moments(now_ms, settled_ms, hand_over_time_ms(self.clock))
 
 
-def _free_to_take_off(fleet: Fleet, world: World, times: Moments) -> Fleet:
+def free_to_take_off(fleet: Fleet, world: World, times: Moments) -> Fleet:
     """The drones that no ground stop holds where their next missions would begin."""
     free = {
         drone_id
