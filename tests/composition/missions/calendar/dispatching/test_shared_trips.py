@@ -8,11 +8,14 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from skyway_composition.live.live_store import missions_with_steps, open_missions
+from skyway_composition.live.present import live_missions
 from skyway_composition.missions.booking.engage import SharedTrip, SharedTrips
 from skyway_composition.missions.calendar.dispatching.find_host import MOST_SHARES
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import missions_seen
+from skyway_composition.missions.tracking import track_of
 from skyway_composition.retention.forget_store import delete_deliveries, needed_among
 from skyway_composition.tables import custody, deliveries, guests, missions, outbox
 from skyway_composition.verify.rules import RULES
@@ -115,6 +118,32 @@ async def test_two_deliveries_share_a_trip_and_pay_the_pooled_price(world: BusyW
     async with world.db.read() as connection:
         held = await held_packages(connection, DeliveryId("dlv2"))
     assert {each.custodian.custodian_id for each in held.values()} == {"b", "c"}
+
+
+@_on_sqlite
+async def test_a_customer_sees_the_drone_and_the_way_with_its_own_packages(
+    world: BusyWorld,
+) -> None:
+    record = await book_both(world)
+    while not (await kinds_of(world, "dlv2"))["LOADED"]:
+        await pass_minutes(world, 1)
+
+    for share, stations in zip(record.shares, ({"a", "b"}, {"a", "b", "c"}), strict=True):
+        (tracked,) = (await track_of(world.db, share.delivery_id)).missions
+        assert tracked.mission_id == share.mission_id
+        assert {each for step in tracked.steps for each in step.package_ids} <= {"p1", "p2"}
+        assert {step.station_id for step in tracked.steps} <= stations
+        assert tracked.position is not None
+    async with world.db.read() as connection:
+        versions = {each.mission_id: each.version for each in await open_missions(connection)}
+        found = await missions_with_steps(connection, [record.shares[1].mission_id])
+    assert versions.keys() == {each.mission_id for each in record.shares}
+    host, guest = (each for one in found for each in live_missions(*one))
+    assert (host.flown_as, guest.flown_as) == (None, host.mission_id)
+    assert [each.package_id for each in host.packages] == ["p1"]
+    assert {each for step in host.steps for each in step.package_ids} == {"p1"}
+    assert {each for step in guest.steps for each in step.package_ids} == {"p1", "p2"}
+    assert guest.is_carrying
 
 
 @_on_sqlite
