@@ -116,6 +116,8 @@ def _offers(answer: dict[str, Any], names: dict[str, str]) -> Iterator[str]:
             f"{number}. {price_in_words(offer['price'])}, "
             f"{names.get(provider_id, provider_id)} ({provider_id})"
         )
+        if offer.get("pooled_price") is not None:
+            yield f"   pooled   {price_in_words(offer['pooled_price'])} if the trip is shared"
         yield f"   pickup   {_moment(offer['pickup_at'])}"
         for package in offer["packages"]:
             package_id = package["package_id"]

@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Collection
 from typing import Final
 
-from sqlalchemy import func, or_, select
+from sqlalchemy import func, select, union_all
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.live import MissionVersion
@@ -39,10 +39,12 @@ _OPEN_GUESTS: Final = (
     .where(is_open)
     .order_by(guests.c.mission_id)
 )
-_HOSTS: Final = select(guests.c.host_id).where(in_list(guests.c.mission_id, "mission_ids"))
-_MISSIONS: Final = select(missions).where(
-    or_(in_list(missions.c.mission_id, "mission_ids"), missions.c.mission_id.in_(_HOSTS)), is_open
+_own: Final = missions.alias("own")
+_FLOWN: Final = union_all(
+    select(_own.c.mission_id).where(in_list(_own.c.mission_id, "mission_ids")),
+    select(guests.c.host_id).where(in_list(guests.c.mission_id, "mission_ids")),
 )
+_MISSIONS: Final = select(missions).where(missions.c.mission_id.in_(_FLOWN), is_open)
 _STEPS: Final = (
     select(mission_steps)
     .where(in_list(mission_steps.c.mission_id, "mission_ids"))

@@ -92,6 +92,15 @@ def test_an_offer_that_is_not_held_says_so(gateway: Gateway) -> None:
     assert "wall time; nothing is held" in runner.invoke(make_app(), ASKED).stdout
 
 
+def test_an_offer_shows_what_it_costs_on_a_shared_trip(gateway: Gateway) -> None:
+    pooled = OFFER | {"pooled_price": {"amount": 840, "currency": "USD"}}
+    gateway.answers["POST", "/v1/quotes"] = (201, quote_with(pooled))
+
+    shown = runner.invoke(make_app(), ASKED).stdout
+
+    assert "   pooled   8.40 USD if the trip is shared" in shown.splitlines()
+
+
 def test_a_quote_without_offers_ends_with_exit_code_1_and_says_why(gateway: Gateway) -> None:
     gateway.answers["POST", "/v1/quotes"] = (201, quote_with())
 

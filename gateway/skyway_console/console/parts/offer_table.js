@@ -30,7 +30,7 @@ function OfferRow({offer, most, name, isOpen, isChosen, onChoose, onTake}) {
     <tr data-offer=${offer.offer_id} class=${isChosen ? "chosen" : ""} onMouseEnter=${onChoose}
       onFocusCapture=${onChoose}>
       <td><strong>${name}</strong><br /><small>${offer.drone_model_id}</small></td>
-      <td>${money(price)}<${ShareBar} share=${price.amount / most.price} kind="price" /></td>
+      <td>${money(price)}${offer.pooled_price && html`<br /><small>${money(offer.pooled_price)} if shared</small>`}<${ShareBar} share=${price.amount / most.price} kind="price" /></td>
       <td>${durationText(time)}<${ShareBar} share=${time / most.time} kind="time" /></td>
       <td>${momentText(offer.pickup_at)}</td>
       <td>${momentText(lastAt(offer))}${p90Text(offer)}

@@ -12,7 +12,6 @@ from sqlalchemy import (
     Integer,
     Select,
     Text,
-    and_,
     bindparam,
     case,
     cast,
@@ -21,7 +20,6 @@ from sqlalchemy import (
     literal,
     literal_column,
     null,
-    or_,
     select,
     union_all,
 )
@@ -83,12 +81,18 @@ _IS_GUEST: Final = (
     guests.c.delivery_id == bindparam("delivery_id"),
     guests.c.attempt == bindparam("attempt"),
 )
+_own = missions.alias("own")
 _MISSIONS: Final = (
     select(missions)
     .where(
-        or_(
-            and_(*_IS_OF_ATTEMPT),
-            missions.c.mission_id.in_(select(guests.c.host_id).where(*_IS_GUEST)),
+        missions.c.mission_id.in_(
+            union_all(
+                select(_own.c.mission_id).where(
+                    _own.c.delivery_id == bindparam("delivery_id"),
+                    _own.c.attempt == bindparam("attempt"),
+                ),
+                select(guests.c.host_id).where(*_IS_GUEST),
+            )
         )
     )
     .order_by(missions.c.trip)

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from sqlalchemy import ColumnElement, bindparam, insert, or_, select, update
+from sqlalchemy import ColumnElement, bindparam, insert, select, union_all, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import Cancellation, Mission
@@ -68,9 +68,17 @@ _LOCK: Final = (
 
 
 def is_of_delivery(delivery_id: str) -> ColumnElement[bool]:
-    """Whether a mission flies for this delivery, alone or among others."""
-    hosts = select(guests.c.host_id).where(guests.c.delivery_id == delivery_id)
-    return or_(missions.c.delivery_id == delivery_id, missions.c.mission_id.in_(hosts))
+    """Whether a mission flies for this delivery, alone or among others.
+
+    One list of ids: with two conditions PostgreSQL reads all missions that ever were.
+    """
+    own = missions.alias("own")
+    return missions.c.mission_id.in_(
+        union_all(
+            select(own.c.mission_id).where(own.c.delivery_id == delivery_id),
+            select(guests.c.host_id).where(guests.c.delivery_id == delivery_id),
+        )
+    )
 
 
 @dataclass(frozen=True, slots=True)
