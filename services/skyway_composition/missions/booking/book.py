@@ -7,6 +7,7 @@ so a repeated request returns what was booked before.
 
 import asyncio
 import logging
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from functools import partial
 from time import perf_counter
@@ -23,10 +24,9 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions.booking.clear_way import Pause
 from skyway_composition.missions.booking.engage import (
-    SharedTrip,
-    SharedTrips,
     WorldChanged,
     claim,
+    claim_delivery,
     engage,
 )
 from skyway_composition.missions.booking.hold_store import (
@@ -38,10 +38,11 @@ from skyway_composition.missions.booking.hold_store import (
 )
 from skyway_composition.missions.booking.outcome import pickup_unknown, with_hold_loss
 from skyway_composition.missions.booking.rounds import FoundOffer, Rounds
-from skyway_composition.missions.booking.store import FirstLook, first_look, missions_of
+from skyway_composition.missions.booking.shared_trip import SharedTrip, SharedTrips
+from skyway_composition.missions.booking.store import FirstLook, first_look
 from skyway_composition.missions.booking.turns import AskingOrder, Turns
 from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.store import add_delivery, close_delivery, lock_delivery
+from skyway_composition.missions.mission.store import close_delivery, lock_delivery
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.store import Present
 from skyway_composition.planning.offer import Offers
@@ -110,7 +111,7 @@ class Bookings:
                 turn,
                 look=look,
                 commit=commit,
-                join=partial(self._join, delivery_id, requested),
+                join=partial(self._shared, delivery_id, requested),
                 own_hold=own_hold,
             )
         return booking if loss is None else with_hold_loss(booking, loss)
@@ -193,7 +194,7 @@ class Bookings:
     ) -> Booking:
         """Reserve the drones and pads and send the missions, in one transaction."""
         exists = found.delivery_exists
-        earlier = await _claim_delivery(tx, delivery_id, requested.attempt, exists=exists)
+        earlier = await claim_delivery(tx, delivery_id, requested.attempt, exists=exists)
         if earlier is not None:
             return earlier
         if own_hold is not None:
@@ -223,15 +224,19 @@ class Bookings:
         )
         return Booking(outcome="BOOKED", missions=missions)
 
-    async def _join(
+    async def _shared(
         self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers, best: FoundOffer
-    ) -> Booking | None:
-        """Have the request join a waiting mission, if that is better than all these offers."""
+    ) -> Callable[[], Awaitable[Booking | None]] | None:
+        """What joins a waiting mission, if that is better than all these offers; else None."""
         if self.shared is None:
             return None
         found = await self.shared.find(delivery_id, requested, offers)
-        if found is None:
-            return None
+        return None if found is None else partial(self._join, delivery_id, requested, found, best)
+
+    async def _join(
+        self, delivery_id: DeliveryId, requested: BookMissions, found: SharedTrip, best: FoundOffer
+    ) -> Booking | None:
+        """Join a waiting mission; None if anything has changed since it was planned."""
         try:
             async with self.db.write() as tx:
                 booking = await self._book_shared(tx, delivery_id, requested, found, best)
@@ -239,7 +244,6 @@ class Bookings:
             about = {"delivery_id": delivery_id, "reason": repr(changed)}
             log.info("shared trip could not be booked", extra=about)
             return None
-        count("skyway_shared_trips", "deliveries that joined the mission of another one")
         return booking
 
     async def _book_shared(
@@ -250,7 +254,7 @@ class Bookings:
         found: SharedTrip,
         best: FoundOffer,
     ) -> Booking:
-        earlier = await _claim_delivery(
+        earlier = await claim_delivery(
             tx, delivery_id, requested.attempt, exists=best.delivery_exists
         )
         if earlier is not None:
@@ -259,27 +263,15 @@ class Bookings:
         if mission is None:
             raise WorldChanged
         tx.after_commit(self.calendars.set)
+        tx.after_commit(_count_shared)
         return Booking(outcome="BOOKED", missions=(mission,))
 
     def _now_ms(self) -> int:
         return moment_to_ms(self.clock.now())
 
 
-async def _claim_delivery(
-    tx: Tx, delivery_id: DeliveryId, attempt: int, *, exists: bool
-) -> Booking | None:
-    """Lock a delivery that has a row, or add it when the transaction ends.
-
-    Returns the answer if the delivery is closed, or this attempt was booked before.
-    """
-    if not exists:
-        # If another request books or closes it first, the database refuses this row.
-        add_delivery(tx, delivery_id)
-        return None
-    if await lock_delivery(tx, delivery_id):
-        return Booking(outcome="CLOSED")
-    booked = await missions_of(tx.connection, delivery_id, attempt=attempt)
-    return Booking(outcome="BOOKED", missions=booked) if booked else None
+def _count_shared() -> None:
+    count("skyway_shared_trips", "deliveries that joined the mission of another one")
 
 
 def _hold_of(requested: BookMissions) -> HoldId | None:

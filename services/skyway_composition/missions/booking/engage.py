@@ -5,10 +5,9 @@ stations.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 from skyway.contracts.flight_step import FlightStep
-from skyway.contracts.mission import BookMissions, Mission
+from skyway.contracts.mission import Booking, Mission
 from skyway.ids import DeliveryId, DroneId, HoldId, MissionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
@@ -21,7 +20,11 @@ from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import claim_next_place, lock_link, lock_links
 from skyway_composition.missions.booking.hold_store import free_drones, free_pads
 from skyway_composition.missions.booking.move_standbys import MovedStandby, move_standbys
-from skyway_composition.missions.booking.store import booked_missions, claim_in_one_statement
+from skyway_composition.missions.booking.store import (
+    booked_missions,
+    claim_in_one_statement,
+    missions_of,
+)
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
@@ -43,7 +46,7 @@ from skyway_composition.planning.availability import (
     hand_over_time_ms,
     send_ahead_ms,
 )
-from skyway_composition.planning.offer import Offer, Offers, Part
+from skyway_composition.planning.offer import Offer, Part
 from skyway_composition.planning.world import World, still_holds
 
 
@@ -267,17 +270,18 @@ async def _claim_openings(
             await give_way(tx, mission_id, part.trip.booked_pads)
 
 
-class SharedTrip(Protocol):
-    """A trip that a request shares with the waiting mission of another delivery."""
+async def claim_delivery(
+    tx: Tx, delivery_id: DeliveryId, attempt: int, *, exists: bool
+) -> Booking | None:
+    """Lock a delivery that has a row, or add it when the transaction ends.
 
-    async def join(self, tx: Tx, *, clock: FleetClock, mint: Mint) -> Mission | None:
-        """Save it; returns the request's mission, or None if anything has changed."""
-
-
-class SharedTrips(Protocol):
-    """Finds shared trips."""
-
-    async def find(
-        self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers
-    ) -> SharedTrip | None:
-        """The best shared trip, if it is better than all these offers; else None."""
+    Returns the answer if the delivery is closed, or this attempt was booked before.
+    """
+    if not exists:
+        # If another request books or closes it first, the database refuses this row.
+        store.add_delivery(tx, delivery_id)
+        return None
+    if await store.lock_delivery(tx, delivery_id):
+        return Booking(outcome="CLOSED")
+    booked = await missions_of(tx.connection, delivery_id, attempt=attempt)
+    return Booking(outcome="BOOKED", missions=booked) if booked else None

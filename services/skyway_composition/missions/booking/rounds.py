@@ -72,9 +72,9 @@ Look = Callable[[], Awaitable[FirstLook]]
 Commit = Callable[[Tx, FoundOffer], Awaitable[DoneT]]
 
 
-#: Has a request join a waiting mission, if that is better than all these offers, of which the best
-#: was found; else None.
-Join = Callable[[Offers, FoundOffer], Awaitable[DoneT | None]]
+#: Plans how a request can join a waiting mission; gives what commits that, if it is better than all
+#: these offers, of which the best was found.
+Join = Callable[[Offers, FoundOffer], Awaitable[Callable[[], Awaitable[DoneT | None]] | None]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,9 +219,9 @@ class Rounds:
                 this_round.delivery_exists,
                 () if way is None else way.moves,
             )
+            shared = await join(offers, found) if join else None
             await turn.comes()
-            joined = await join(offers, found) if join else None
-            if joined is not None:
+            if shared is not None and (joined := await shared()) is not None:
                 return joined, offers.reasons
             try:
                 async with self.db.write() as tx:

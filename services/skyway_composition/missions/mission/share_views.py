@@ -15,6 +15,9 @@ from skyway_composition.missions.mission.step_store import StepRecord
 #: These reports are only about the packages that they name.
 _OF_PACKAGES: Final = ("LOADED", "DELIVERED", "RETURNING", "RETURNED", "RELEASED")
 
+#: These reports concern all deliveries, but their reason may lie with one of them.
+_OF_ALL: Final = ("REPLANNING", "REPLANNED", "REFUSED")
+
 #: Evidence that says nothing of the packages of others.
 _OF_THE_DRONE: Final = ("place", "flown")
 
@@ -205,9 +208,9 @@ def own_fields(record: MissionRecord, share: Share, kind: str, fields: Fields) -
     }
     if fields.get("mission") is not None:
         changed["mission"] = mission_of(record, share)
-    if kind in ("REPLANNING", "REPLANNED"):
+    if kind in _OF_ALL:
         # The reason may lie with another customer's packages, and name them.
-        changed["detail"] = f"the plan of the shared trip has changed: {fields.get('code')}"
+        changed["detail"] = f"the shared trip cannot be flown as planned: {fields.get('code')}"
     return {**fields, **changed}
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from skyway_composition.live.live_store import missions_with_steps, open_missions
 from skyway_composition.live.present import live_missions
-from skyway_composition.missions.booking.engage import SharedTrip, SharedTrips
+from skyway_composition.missions.booking.shared_trip import SharedTrip, SharedTrips
 from skyway_composition.missions.calendar.dispatching.find_host import MOST_SHARES
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
