@@ -14,6 +14,7 @@ from skyway.bounds import SmallObject, Words
 from skyway.contracts.drone_report import AlarmLevel
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.signature import PublicKey
+from skyway.drone.model import DroneModel
 from skyway.ids import DroneId, DroneModelId, NetworkId, ProviderId
 from skyway.json_model import WireModel
 
@@ -134,6 +135,8 @@ class DronesOfModel(WireModel):
 
     model_id: DroneModelId
     max_payload_kg: float
+    #: None from a registry of an earlier version.
+    model: DroneModel | None = None
     registered: int
     online: int
     idle: int

@@ -7,6 +7,7 @@ from pydantic import Field
 from skyway.contracts.candidate import Candidate, ProviderReason
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.shortlist import Shortlist
+from skyway.contracts.weather import WeatherNote
 from skyway.delivery.offer import Price, Tariff
 from skyway.delivery.plan import Plan, Recharge
 from skyway.delivery.request import DeliveryRequest
@@ -110,6 +111,10 @@ class DeliveryMission(WireModel):
     margins: Annotated[
         Margins, Field(description="What the plan was booked with on top of what it needs.")
     ] = Margins()
+    weather: Annotated[
+        WeatherNote | None,
+        Field(description="The forecast of the present plan; null if it is planned in still air."),
+    ] = None
     #: AWAITED while the drone stands at the pickup until a loader confirms.
     loading: Annotated[
         Literal["AUTOMATIC", "CONFIRMED", "AWAITED"],

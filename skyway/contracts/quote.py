@@ -12,6 +12,7 @@ from skyway.contracts.candidate import Candidate, ProviderReason
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.mission import Margins, OfferHold, OfferLimits, PackageEta
 from skyway.contracts.shortlist import Shortlist
+from skyway.contracts.weather import WeatherNote
 from skyway.delivery.offer import Price
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId, DroneModelId, HoldId, ProviderId, StationId, SubjectId
@@ -93,6 +94,10 @@ class OfferTerms(WireModel):
         ),
     ] = ()
     margins: Annotated[Margins, Field(description="What the plan has on top of what it needs.")]
+    weather: Annotated[
+        WeatherNote | None,
+        Field(description="The forecast of the plans; null if they are made for still air."),
+    ] = None
     score: Annotated[float, Field(description="What offers are ranked by; lower is better.")]
     no_shows: Annotated[
         int,

@@ -129,6 +129,7 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
         "GET /v1/networks/{network_id}/stations",
         "GET /v1/networks/{network_id}/status",
         "GET /v1/networks/{network_id}/versions",
+        "GET /v1/networks/{network_id}/weather",
         "GET /v1/networks/{network_id}/zones",
         "GET /v1/stations/{station_id}/pads",
         "GET /v1/stations/{station_id}/reservations",
@@ -139,6 +140,8 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
     ),
     "network:write": (
         "PUT /v1/networks/{network_id}",
+        "PUT /v1/networks/{network_id}/weather",
+        "DELETE /v1/networks/{network_id}/weather",
         *(f"POST {path}" for path in _CLOSURES),
         *(f"DELETE {path}/{{closure_id}}" for path in _CLOSURES),
     ),

@@ -18,6 +18,7 @@ _OPERATOR: Final[tuple[CallerRole, ...]] = ("operator",)
 
 #: Bytes and wall seconds for what is large or heavy (docs/reference/rest.md).
 _NETWORK_BYTES: Final = 256 * 1024 * 1024
+_FORECAST_BYTES: Final = 16 * 1024 * 1024
 _FLEET_BYTES: Final = 8 * 1024 * 1024
 _HEAVY_S: Final = 180.0
 #: Bytes of a station with its segments in a network's GeoJSON; a city's have 900.
@@ -148,6 +149,16 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     ),
     Forwarded("GET", "/v1/networks/{network_id}/versions", "composition", _ANY),
     Forwarded("GET", "/v1/networks/{network_id}/status", "composition", _ANY, is_report=True),
+    Forwarded("GET", "/v1/networks/{network_id}/weather", "composition", _ANY),
+    Forwarded(
+        "PUT",
+        "/v1/networks/{network_id}/weather",
+        "composition",
+        _OPERATOR,
+        limit_bytes=_FORECAST_BYTES,
+        timeout_s=_HEAVY_S,
+    ),
+    Forwarded("DELETE", "/v1/networks/{network_id}/weather", "composition", _OPERATOR),
     Forwarded("GET", "/v1/networks/{network_id}/stations", "composition", _ANY_OR_DRONE),
     Forwarded("GET", "/v1/networks/{network_id}/segments", "composition", _ANY),
     Forwarded("GET", "/v1/networks/{network_id}/zones", "composition", _ANY),

@@ -36,7 +36,8 @@ from skyway_composition.missions.timeout_store import (
     perhaps_overdue,
 )
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.world import ClosedAhead, World
+from skyway_composition.planning.closed_ahead import ClosedAhead
+from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
 

@@ -14,8 +14,8 @@ from skyway.ids import ProviderId, StationId
 from skyway.network.network import Network
 from skyway.scheduling.trip import Trip
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.availability import Opening
+from skyway_composition.planning.world import World
 
 #: Milliseconds by which an offer's delivery time may be exceeded, because JSON rounds the time.
 _OFFER_SLACK_MS = 1_000
@@ -105,9 +105,7 @@ class Offers:
     reasons: tuple[ProviderReason, ...]
 
 
-def terms_of(
-    offer: Offer, *, best: BestValues, weights: Weights, settings: NetworkSettings
-) -> OfferTerms:
+def terms_of(offer: Offer, *, best: BestValues, weights: Weights, world: World) -> OfferTerms:
     """An offer as customers see it, scored relative to the best values of all offers."""
     values, first = offer.values, offer.parts[0]
     plans = [part.trip.plan for part in offer.parts]
@@ -127,7 +125,8 @@ def terms_of(
         waiting_s=sum(plan.waiting_s or 0.0 for plan in plans),
         trips=len(offer.parts),
         ways=tuple(_way(plan) for plan in plans),
-        margins=settings.margins,
+        margins=world.skyway.settings.margins,
+        weather=world.weather_note(offer.begins_ms),
         score=best.score(values, weights),
         no_shows=values.no_shows,
     )

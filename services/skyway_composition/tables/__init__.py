@@ -22,6 +22,7 @@ from skyway_composition.tables.missions import (
 )
 from skyway_composition.tables.networks import (
     closures,
+    forecasts,
     metadata,
     network_versions,
     networks,
@@ -42,6 +43,7 @@ __all__ = [
     "deliveries",
     "drone_links",
     "first_planned_end_ms",
+    "forecasts",
     "guests",
     "instructions",
     "is_live",

@@ -81,6 +81,7 @@ async def engage(
             price=part.price,
             skyway=skyway,
             expires_at=expires_at,
+            weather=world.weather_note(part.trip.start_ms),
             planned_in=(
                 None
                 if part.candidate.drone_id in places

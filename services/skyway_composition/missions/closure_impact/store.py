@@ -7,6 +7,8 @@ from typing import Any, Final
 from sqlalchemy import ColumnElement, Row, Select, and_, select, text, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.contracts.candidate import Candidate
+from skyway.drone.model import DroneModel
 from skyway.ids import DroneId, DroneModelId, MissionId, NetworkId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
 from skyway_composition.missions.closure_impact.hits import (
@@ -56,6 +58,23 @@ async def flights_to(
     if start_before_ms is not None:
         query = query.where(mission_steps.c.planned_start_ms < start_before_ms)
     return [_flight(row) for row in await connection.execute(query)]
+
+
+async def flights_of_network(connection: Reader, network_id: NetworkId) -> list[PlannedFlight]:
+    """All flights of live missions in a network that have not ended."""
+    return [_flight(row) for row in await connection.execute(_flights(network_id))]
+
+
+async def models_of_missions(
+    connection: Reader, network_id: NetworkId
+) -> dict[MissionId, DroneModel]:
+    """The drone model of each live mission in a network."""
+    found = await connection.execute(
+        select(missions.c.mission_id, missions.c.candidate).where(
+            missions.c.network_id == network_id, is_live
+        )
+    )
+    return {row.mission_id: Candidate.read(row.candidate).model for row in found}
 
 
 async def take_offs(

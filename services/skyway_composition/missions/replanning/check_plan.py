@@ -21,12 +21,13 @@ from skyway_composition.missions.replanning.request_plan import request_plan
 from skyway_composition.missions.replanning.situation import (
     Situation,
     Whereabouts,
+    air_ahead,
     factor_beyond,
     waits_for_pad,
     whereabouts,
 )
+from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.problem_for import used_more, with_margin
-from skyway_composition.planning.world import ClosedAhead
 
 #: A smaller delay is not reported to the customer. Our own choice.
 _REPORTED_LATENESS: Final = timedelta(seconds=60)
@@ -134,7 +135,7 @@ def _is_as_booked(record: MissionRecord, state: DroneState | None, *, now: datet
     is_changed = mission.loading != "AUTOMATIC" or record.aims
     if state is None or state.mission_id != mission.mission_id or not is_to_begin or is_changed:
         return False
-    factor = factor_beyond(record, state)
+    factor = factor_beyond(record, state, in_air=air_ahead(mission.plan.steps))
     return (
         (state.activity, state.station_id) == ("IDLE", drone.station_id)
         and state.at <= mission.start_at
@@ -172,7 +173,7 @@ def _expected(
     )
     trouble = _trouble(record, ahead, likely, where=where)
     if trouble is None and closed is not None:
-        trouble = _closed_by_then(ahead, where, closed)
+        trouble = _closed_by_then(ahead, where, closed.for_model(record.candidate.model))
     return _Outlook(trouble, etas, late_by)
 
 

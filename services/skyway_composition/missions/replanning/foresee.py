@@ -171,7 +171,7 @@ def _revision(after: Situation, found: Found | None) -> Revision | None:
         trouble=case.trouble,
         number=case.sent_revisions + 1,
         energy_margin=case.situation.energy_margin(case.world.skyway.settings),
-        skyway=case.world.skyway,
+        world=case.world,
         link=after.link,
     )
 
