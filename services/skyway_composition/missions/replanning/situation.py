@@ -82,7 +82,11 @@ class Situation:
     @property
     def consumption_factor(self) -> float:
         """The drone's last reported energy use relative to its planned model; 1 before a report."""
-        return factor_beyond(self.record, self.link.state, in_air=air_ahead(self.planned))
+        state = self.link.state
+        # The report is about the flights that were ahead of the drone then.
+        first = self.next_step if state is None or state.step_id is None else state.step_id
+        ahead = (each.step for each in self.steps if each.step.step_id >= first)
+        return factor_beyond(self.record, state, in_air=air_ahead(ahead))
 
     @property
     def model(self) -> DroneModel:

@@ -94,6 +94,28 @@ async def test_a_drone_that_uses_what_was_learned_about_it_keeps_its_plan(
     assert (trouble is not None) is needs_another
 
 
+@pytest.mark.parametrize(("wind_mps", "needs_another"), [(0.0, True), (5.0, False)])
+async def test_a_drone_that_uses_what_the_forecast_says_keeps_its_plan(
+    composition: Any, drone: Any, wind_mps: float, needs_another: bool
+) -> None:
+    now = composition.clock.now().isoformat()
+    wind = {"valid_at": now, "wind_speed_mps": wind_mps, "wind_from_deg": 90.0}
+    reports = [{"station_id": station, **wind} for station in "ace"]
+    forecast = {"source": "test", "issued_at": now, "reports": reports}
+    await composition("operator:op", "PUT", "/v1/networks/row/weather", forecast)
+    await composition.receive(drone.state(stream=0))
+    await composition.book()
+    (instruction,) = await composition.sent()
+    await composition.receive(drone.ack(instruction))
+    ready = {"mission_id": instruction.mission_id, "mission_revision": 1, "step_id": 1}
+
+    used = {"health": HEALTH | {"consumption_factor": 1.25}}
+    await composition.receive(drone.state(**ready | used))
+
+    (trouble,) = await troubles(composition)
+    assert (trouble is not None) is needs_another
+
+
 @pytest.mark.parametrize(
     "changes",
     [
