@@ -5,7 +5,7 @@ for an earlier forecast is booked after a new one was accepted. QUEUED missions 
 """
 
 import asyncio
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from skyway.contracts.weather import ForecastDocument, WeatherInForce
 from skyway.ids import NetworkId
@@ -56,7 +56,8 @@ class WeatherChanges:
         placed = await asyncio.to_thread(accepted, document, skyway.network, now_ms=now_ms)
         content, sha256 = await asyncio.to_thread(content_of, placed)
         row = ForecastRow(network_id, sha256, now_ms, content)
-        weather = NetworkWeather.of(StoredForecast.read(row), skyway.network)
+        stored = StoredForecast(network_id, sha256, now_ms, placed)
+        weather = await asyncio.to_thread(NetworkWeather.of, stored, skyway.network)
         # Made here, so that nothing is computed while the network is locked.
         for model in await self.impact.models_in_flight(self.db, network_id):
             await asyncio.to_thread(weather.of_model, model)
@@ -64,13 +65,14 @@ class WeatherChanges:
             await self._lock(tx, network_id)
             before = await forecast_row(tx.connection, network_id)
             if before is not None and before.sha256 == sha256:
-                return StoredForecast.read(before).in_force(now_ms=now_ms)
+                unchanged = replace(stored, received_ms=before.received_ms)
+                return unchanged.in_force(now_ms=now_ms)
             await change_conditions(tx, network_id)
             await replace_forecast(tx, row)
             await self.impact.apply_weather(tx, network_id, weather)
             await self.impact.retry_all(tx, network_id)
             tx.after_commit(self.calendars.set)
-        return weather.stored.in_force(now_ms=now_ms)
+        return stored.in_force(now_ms=now_ms)
 
     async def remove(self, network_id: NetworkId) -> None:
         """Plan in still air again; a network without a forecast stays as it is.

@@ -7,7 +7,6 @@ from typing import Any, Final
 from sqlalchemy import ColumnElement, Row, Select, and_, select, text, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.candidate import Candidate
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneId, DroneModelId, MissionId, NetworkId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
@@ -74,7 +73,10 @@ async def models_of_missions(
             missions.c.network_id == network_id, is_live
         )
     )
-    return {row.mission_id: Candidate.read(row.candidate).model for row in found}
+    # Many missions share a model, and reading the whole candidate takes much longer.
+    texts = {row.mission_id: json.dumps(json.loads(row.candidate)["model"]) for row in found}
+    models = {each: DroneModel.read(each) for each in {*texts.values()}}
+    return {mission_id: models[each] for mission_id, each in texts.items()}
 
 
 async def take_offs(
