@@ -14,7 +14,7 @@ from skyway.drone.model import DroneModel
 from skyway.network.network import Network
 from skyway.planner.kernels.memory import Floats
 from skyway.planner.weather import Weather
-from skyway.planner.wind import WindField, nearest_places, weather_of_wind, without_savings
+from skyway.planner.wind import SegmentWind, WindField, nearest_places, without_savings
 
 #: After the last period: the length of each further period, and what its deviation is multiplied
 #: by.
@@ -88,15 +88,10 @@ class Forecast:
             grid=self.grid,
         )
 
-    def weather(self, network: Network, model: DroneModel) -> Weather:
-        """The weather in which drones of this model are planned, by the clock of `edges_s`.
-
-        A segment is closed while the gusts, which are at least the wind, are above the model's
-        limit. A tail wind saves time, but no plan counts on the energy that it saves.
-        """
-        limit_mps = np.inf if model.max_wind_mps is None else model.max_wind_mps
-        wind = weather_of_wind(network, model, self.field(), limit_mps=limit_mps)
-        return without_savings(wind)
+    @property
+    def strongest_mps(self) -> float:
+        """The strongest wind at any place and time, with its error; gusts do not count."""
+        return float((np.hypot(self.east_mps, self.north_mps) + self.error_mps).max())
 
     def farthest_m(self, network: Network) -> tuple[int, float]:
         """The station that is farthest from the forecast, by its row, and how far it is.
@@ -116,6 +111,16 @@ class Forecast:
             apart_m = _M_PER_DEG * np.hypot(beyond[0] * stretch, beyond[1])
         row = int(apart_m.argmax())
         return row, float(apart_m[row])
+
+
+def planned_weather(wind: SegmentWind, model: DroneModel) -> Weather:
+    """The weather in which drones of this model are planned, by the clock of the wind.
+
+    A segment is closed while the gusts, which are at least the wind, are above the model's limit.
+    A tail wind saves time, but no plan counts on the energy that it saves.
+    """
+    limit_mps = np.inf if model.max_wind_mps is None else model.max_wind_mps
+    return without_savings(wind.weather(model, limit_mps=limit_mps))
 
 
 def _faded(deviation: Floats) -> Floats:

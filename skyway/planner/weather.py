@@ -124,6 +124,11 @@ class Weather:
             ),
         )
 
+    @cached_property
+    def closes_some(self) -> bool:
+        """Whether a segment is closed in some period."""
+        return bool(np.isinf(self.time_factor).any())
+
     def least_time_factor(self, *, until_s: float) -> Floats:
         """``(n,)``, the least of each segment for flights that begin from 0 to this moment."""
         met = self._met(until_s)

@@ -79,6 +79,64 @@ class Shares(NamedTuple):
         return at_points
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SegmentWind:
+    """The wind on all segments of a network, the same for all drone models: ``(p, n)`` each.
+
+    `along_mps` is the wind with the drone, less its error; `across_mps` is that from the side.
+    """
+
+    network: Network
+    edges_s: Floats
+    along_mps: Floats
+    across_mps: Floats
+    gust_mps: Floats
+    energy_factor: Floats
+
+    @classmethod
+    def of(cls, network: Network, wind: WindField) -> "SegmentWind":
+        """The wind at the middle of each segment."""
+        columns = network.columns
+        stretch = math.cos(math.radians(float(columns.latitude_deg.mean())))
+        x_m = _M_PER_DEG * stretch * columns.longitude_deg
+        y_m = _M_PER_DEG * columns.latitude_deg
+        from_row, to_row = columns.from_row, columns.to_row
+        east, north = x_m[to_row] - x_m[from_row], y_m[to_row] - y_m[from_row]
+        length_m = np.maximum(np.hypot(east, north), 1e-9)
+        east, north = east / length_m, north / length_m
+        shares = shares_of(
+            wind,
+            longitude_deg=(columns.longitude_deg[from_row] + columns.longitude_deg[to_row]) / 2,
+            latitude_deg=(columns.latitude_deg[from_row] + columns.latitude_deg[to_row]) / 2,
+        )
+        to_east, to_north = shares.of(wind.east_mps), shares.of(wind.north_mps)
+        return cls(
+            network,
+            np.ascontiguousarray(wind.edges_s, np.float64),
+            to_east * east + to_north * north - shares.of(wind.error_mps),
+            np.abs(to_east * north - to_north * east),
+            shares.of(wind.gust_mps),
+            np.minimum(_rounded(shares.of(wind.energy_factor)), LARGEST_FACTOR),
+        )
+
+    def weather(self, model: DroneModel, *, limit_mps: float) -> Weather:
+        """The weather for drones of this model; see `weather_of_wind`."""
+        time_factor = _time_factor(model.speed_empty_mps, self.along_mps, self.across_mps)
+        if model.speed_full_mps != model.speed_empty_mps:
+            full = _time_factor(model.speed_full_mps, self.along_mps, self.across_mps)
+            time_factor = np.maximum(time_factor, full)
+        # A sum of shares may exceed a limit by rounding alone.
+        is_too_strong = self.gust_mps > limit_mps + 1e-9
+        is_too_strong |= time_factor > LARGEST_FACTOR
+        return Weather(
+            self.network,
+            np.arange(self.along_mps.shape[1]),
+            self.edges_s,
+            np.where(is_too_strong, math.inf, _rounded(time_factor)),
+            self.energy_factor,
+        )
+
+
 def weather_of_wind(
     network: Network, model: DroneModel, wind: WindField, *, limit_mps: float
 ) -> Weather:
@@ -87,37 +145,7 @@ def weather_of_wind(
     The speed of a drone depends on its load. The factor is that of the load with which the wind
     costs most. Segments on which a flight would take more than ten times as long are closed.
     """
-    columns = network.columns
-    stretch = math.cos(math.radians(float(columns.latitude_deg.mean())))
-    x_m = _M_PER_DEG * stretch * columns.longitude_deg
-    y_m = _M_PER_DEG * columns.latitude_deg
-    from_row, to_row = columns.from_row, columns.to_row
-    east, north = x_m[to_row] - x_m[from_row], y_m[to_row] - y_m[from_row]
-    length_m = np.maximum(np.hypot(east, north), 1e-9)
-    east, north = east / length_m, north / length_m
-    shares = shares_of(
-        wind,
-        longitude_deg=(columns.longitude_deg[from_row] + columns.longitude_deg[to_row]) / 2,
-        latitude_deg=(columns.latitude_deg[from_row] + columns.latitude_deg[to_row]) / 2,
-    )
-    # By period and segment.
-    to_east, to_north = shares.of(wind.east_mps), shares.of(wind.north_mps)
-    along_mps = to_east * east + to_north * north - shares.of(wind.error_mps)
-    across_mps = np.abs(to_east * north - to_north * east)
-    time_factor = np.maximum(
-        _time_factor(model.speed_empty_mps, along_mps, across_mps),
-        _time_factor(model.speed_full_mps, along_mps, across_mps),
-    )
-    # A sum of shares may exceed a limit by rounding alone.
-    is_too_strong = shares.of(wind.gust_mps) > limit_mps + 1e-9
-    is_too_strong |= time_factor > LARGEST_FACTOR
-    return Weather(
-        network,
-        np.arange(len(length_m)),
-        np.ascontiguousarray(wind.edges_s, np.float64),
-        np.where(is_too_strong, math.inf, _rounded(time_factor)),
-        np.minimum(_rounded(shares.of(wind.energy_factor)), LARGEST_FACTOR),
-    )
+    return SegmentWind.of(network, wind).weather(model, limit_mps=limit_mps)
 
 
 def without_savings(weather: Weather) -> Weather:

@@ -9,8 +9,9 @@ from skyway.contracts.weather import ForecastDocument, WeatherInForce, WeatherNo
 from skyway.drone.model import DroneModel
 from skyway.ids import NetworkId
 from skyway.network.network import Network
-from skyway.planner.forecast import FADING, FADING_S, Forecast
+from skyway.planner.forecast import FADING, FADING_S, Forecast, planned_weather
 from skyway.planner.weather import Weather
+from skyway.planner.wind import SegmentWind
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.read_forecast import (
     MOST_FACTORS,
@@ -88,6 +89,7 @@ class NetworkWeather:
     stored: StoredForecast
     network: Network
     forecast: Forecast
+    _wind: SegmentWind | None = None
     _of_model: dict[tuple[float, float, float | None], Weather] = field(default_factory=dict)
 
     @classmethod
@@ -115,6 +117,15 @@ class NetworkWeather:
         """What a plan says that begins at this moment; None if it begins in still air for good."""
         return self.stored.note if at_ms < self.over_ms else None
 
+    def least_time_factor(self, model: DroneModel) -> float:
+        """A factor that no flight of this model gets below, found without looking at segments.
+
+        The factor of a segment is at least that of the faster load with all the wind behind it.
+        """
+        fastest_mps = max(model.speed_empty_mps, model.speed_full_mps)
+        strongest_mps = self.forecast.strongest_mps
+        return fastest_mps / (fastest_mps + strongest_mps)
+
     async def of_plan(self, model: DroneModel, start_ms: int) -> Weather | None:
         """The weather for a plan that begins at this moment; None if the air is still for good."""
         if start_ms >= self.over_ms:
@@ -128,7 +139,9 @@ class NetworkWeather:
         key = _key(model)
         found = self._of_model.get(key)
         if found is None:
-            found = self.forecast.weather(self.network, model)
+            if self._wind is None:
+                self._wind = SegmentWind.of(self.network, self.forecast.field())
+            found = planned_weather(self._wind, model)
             most = max(1, _MOST_CACHED // max(1, found.time_factor.size))
             for oldest in list(self._of_model)[: max(0, len(self._of_model) + 1 - most)]:
                 self._of_model.pop(oldest, None)

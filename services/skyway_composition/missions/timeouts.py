@@ -22,6 +22,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.listening import Listening
+from skyway_composition.missions.closure_impact.store import models_of_missions
 from skyway_composition.missions.interventions.confirm_loading import LoadingFault, refuse_loading
 from skyway_composition.missions.mission.doubt import put_in_doubt
 from skyway_composition.missions.mission.end import abort, refuse
@@ -180,7 +181,14 @@ class LateMissions:
     async def _closed(self, network_id: NetworkId) -> ClosedAhead:
         now_ms = moment_to_ms(self.clock.now())
         skyway = await self.networks.current(network_id)
-        return ClosedAhead.of(await World.of(skyway, self.db, after_ms=now_ms), now_ms=now_ms)
+        world = await World.of(skyway, self.db, after_ms=now_ms)
+        if world.weather_note(now_ms) is not None:
+            # Read here, so that nothing is computed while a mission is locked.
+            async with self.db.read() as connection:
+                models = await models_of_missions(connection, network_id)
+            for model in {*models.values()}:
+                await world.weather(model, now_ms)
+        return ClosedAhead.of(world, now_ms=now_ms)
 
     async def _judge(self, drone_id: DroneId, closed: ClosedAhead) -> None:
         async with self.db.write() as tx:

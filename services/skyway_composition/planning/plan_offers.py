@@ -149,7 +149,7 @@ async def _single_offers(
         request,
         shortlist,
         waits_s=waits_s,
-        time_factors=await finder.world.least_time_factors(shortlist.model_of, finder.start_ms),
+        time_factors=finder.world.least_time_factors(shortlist.model_of),
     )
     contest = Contest(shortlist, least, request.qos.ranking, openings=finder.openings)
     contest.leave_out(_breaking(shortlist, least, finder, limits=limits, refusals=refusals))

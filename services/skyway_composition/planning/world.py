@@ -5,7 +5,6 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf
 from typing import Final, Self
 
 import numpy as np
@@ -60,17 +59,14 @@ class World:
         known = self.conditions.weather
         return None if known is None else await known.of_plan(model, start_ms)
 
-    async def least_time_factors(
-        self, models: Mapping[DroneModelId, DroneModel], start_ms: int
+    def least_time_factors(
+        self, models: Mapping[DroneModelId, DroneModel]
     ) -> dict[DroneModelId, float]:
-        """By model: how much shorter the weather makes flights at most; empty in still air."""
-        least: dict[DroneModelId, float] = {}
-        for model_id, model in models.items():
-            weather = await self.weather(model, start_ms)
-            if weather is not None:
-                factors = weather.least_time_factor(until_s=inf)
-                least[model_id] = float(factors.min(initial=1.0))
-        return least
+        """By model: a factor below which the weather shortens no flight; empty in still air."""
+        known = self.conditions.weather
+        if known is None:
+            return {}
+        return {model_id: known.least_time_factor(model) for model_id, model in models.items()}
 
     def weather_note(self, at_ms: int) -> WeatherNote | None:
         """The forecast with which a plan is made that begins at this moment."""

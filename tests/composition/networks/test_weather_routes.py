@@ -74,6 +74,21 @@ async def test_a_booking_is_planned_in_the_weather_in_force(composition: Any, ma
 
 
 @_one
+async def test_a_tail_wind_makes_a_deadline_possible(composition: Any, make: Any) -> None:
+    still = await composition.book(make.candidate(1), delivery_id="dlv_1")
+    (eta,) = still.missions[0].packages
+    deadline = (eta.eta_at - timedelta(minutes=2)).isoformat()
+    request = make.request("c", qos={"deadline_at": deadline})
+
+    before = await composition.book(make.candidate(2), delivery_id="dlv_2", request=request)
+    await put(composition, grid(composition, wind_from_deg=[[[270.0] * 2] * 2] * 6))
+    after = await composition.book(make.candidate(2), delivery_id="dlv_3", request=request)
+
+    assert (before.outcome, before.reasons[0].code) == ("INFEASIBLE", "TOO_LATE")
+    assert after.outcome == "BOOKED", after.reasons
+
+
+@_one
 async def test_the_same_forecast_changes_nothing_and_a_deleted_one_ends(composition: Any) -> None:
     first = await put(composition, grid(composition))
     (before,) = await composition.rows("SELECT conditions FROM networks")

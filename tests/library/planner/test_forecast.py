@@ -12,8 +12,9 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.network.network import Network, Segment, Station
-from skyway.planner.forecast import FADING, FADING_S, Forecast
-from skyway.planner.wind import shares_of
+from skyway.planner.forecast import FADING, FADING_S, Forecast, planned_weather
+from skyway.planner.weather import Weather
+from skyway.planner.wind import SegmentWind, shares_of
 from tests.library.planner.conftest import MODEL
 
 A, B = StationId("a"), StationId("b")
@@ -42,6 +43,10 @@ def forecast(east_mps: float, *, gust_mps: float = 0.0, temperature_c: float = 1
         temperature_c=one(temperature_c),
         error_mps=one(0.0),
     )
+
+
+def weather_of(forecast: Forecast, network: Network, model: DroneModel) -> Weather:
+    return planned_weather(SegmentWind.of(network, forecast.field()), model)
 
 
 def grid(rows: int, columns: int, east_mps: Any) -> Forecast:
@@ -105,7 +110,7 @@ def test_of_many_places_the_nearest_count() -> None:
 
 
 def test_an_old_forecast_counts_less_and_less(network: Network, model: DroneModel) -> None:
-    weather = forecast(-4.0).weather(network, model)
+    weather = weather_of(forecast(-4.0), network, model)
 
     factors = [weather.air(0, period).time_factor for period in range(7)]
     # 10 m/s against 4, 2, 1, 0.5 and 0.25 m/s.
@@ -120,7 +125,7 @@ def test_no_wind_saves_energy(east_mps: float, temperature_c: float) -> None:
     stations = {name: Station(name, Position(x, 0.0)) for name, x in ((A, 0.0), (B, 0.1))}
     network = Network(stations, [Segment(A, B, 1e4), Segment(B, A, 1e4)])
 
-    weather = forecast(east_mps, temperature_c=temperature_c).weather(network, MODEL)
+    weather = weather_of(forecast(east_mps, temperature_c=temperature_c), network, MODEL)
 
     flown = weather.time_factor < math.inf
     assert (weather.time_factor * weather.energy_factor)[flown].min(initial=1.0) >= 1 - 1e-12
@@ -132,7 +137,7 @@ def test_gusts_above_the_limit_of_the_model_close_segments(
     careful = model.model_copy(update={"max_wind_mps": 6.0})
 
     for limited, closed in ((careful, True), (model, False)):
-        weather = forecast(1.0, gust_mps=7.0).weather(network, limited)
+        weather = weather_of(forecast(1.0, gust_mps=7.0), network, limited)
 
         assert weather.closes(A, B, start_s=0.0, end_s=10.0) is closed
         # Half of 7 m/s is left after the end.
@@ -140,7 +145,7 @@ def test_gusts_above_the_limit_of_the_model_close_segments(
 
 
 def test_cold_air_costs_energy(network: Network, model: DroneModel) -> None:
-    weather = forecast(0.0, temperature_c=0.0).weather(network, model)
+    weather = weather_of(forecast(0.0, temperature_c=0.0), network, model)
 
     assert weather.air_between(A, B, at_s=10.0).energy_factor == pytest.approx(1.1)
 

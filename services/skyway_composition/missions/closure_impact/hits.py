@@ -200,7 +200,7 @@ def hits_of_weather(
     for flight in flights:
         model = models.get(flight.owner.mission_id)
         is_begun = (flight.owner.mission_id, flight.step_id) in under_way
-        if model is None or is_begun:
+        if model is None or is_begun or not weather.of_model(model).closes_some:
             continue
         # An overdue flight is still to come.
         start_s, end_s = (max(each, now_ms) / 1000 for each in (flight.start_ms, flight.end_ms))
