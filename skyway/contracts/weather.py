@@ -245,6 +245,14 @@ class ForecastDocument(JsonModel):
         return self
 
 
+class MeasuredWind(WireModel):
+    """By how much the wind that drones measured differs from a forecast, at some of its places."""
+
+    at: FleetMoment
+    places: tuple[tuple[int, float, float], ...]
+    """The number of each place, and the difference to the east and to the north, in m/s."""
+
+
 class WeatherNote(WireModel):
     """The forecast with which something was planned."""
 
@@ -274,5 +282,9 @@ class WeatherInForce(JsonModel):
     valid_from_at: FleetMoment
     valid_until_at: FleetMoment
     fades_until_at: FleetMoment
+    measured_at: Annotated[
+        FleetMoment | None,
+        Field(description="When the wind that drones measured corrected it last; null if never."),
+    ] = None
     places: Annotated[int, Field(description="Places for which there are values.")]
     times: Annotated[int, Field(description="Times for which there are values.")]

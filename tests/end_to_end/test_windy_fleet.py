@@ -80,13 +80,13 @@ def test_a_delivery_in_a_forecast_wind_is_flown_as_planned(system: Any) -> None:
 
     file = system.folder.path / "forecast.json"
     file.write_text(json.dumps(forecast_of_head_wind(published["published_at"])))
-    told = system.command("network", "weather", str(file), "--network-id", "foretold")
+    sent = system.command("network", "weather", str(file), "--network-id", "foretold")
     windy = quoted(system, "foretold-s1", "foretold-s2")
     ended = system.until_ended(
         system.request_delivery(["foretold-s2", "foretold-s4"], pickup="foretold-s1")
     )
 
-    assert told.stdout.startswith("foretold: VALID, from a test"), told
+    assert sent.stdout.startswith("foretold: VALID, from a test"), sent
     assert (still["weather"], windy["weather"]["source"]) == (None, "a test")
     hand_overs_s = 60.0
     flown_s = [each["delivery_time_s"] - hand_overs_s for each in (still, windy)]

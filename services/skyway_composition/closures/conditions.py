@@ -17,7 +17,7 @@ from skyway.units import ms_to_moment
 from skyway_composition.closures import store
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.network_weather import NetworkWeather
-from skyway_composition.closures.weather_store import forecast_hash, forecast_row
+from skyway_composition.closures.weather_store import ForecastKey, forecast_key, forecast_row
 
 
 # Without slots, because what zones reach is computed on first use and cached.
@@ -129,6 +129,7 @@ class CachedConditions:
         self._network_id = network_id
         self._number = -1
         self._conditions = Conditions(network, ())
+        self._forecast_key: ForecastKey | None = None
 
     async def read(self, db: Database, *, after_ms: int) -> tuple[int, Conditions]:
         """The current number of the conditions, and the closures that end after a moment."""
@@ -146,12 +147,12 @@ class CachedConditions:
             return self._conditions
         async with db.read() as connection:
             closures = await store.in_force(connection, self._network_id, after_ms=after_ms)
-            sha256 = await forecast_hash(connection, self._network_id)
+            key = await forecast_key(connection, self._network_id)
         weather = self._conditions.weather
-        if sha256 is None or weather is None or weather.stored.sha256 != sha256:
-            weather = None if sha256 is None else await self._read_weather(db)
+        if key != self._forecast_key:
+            weather = None if key is None else await self._read_weather(db)
         conditions = Conditions(self._conditions.network, closures, weather)
-        self._number, self._conditions = number, conditions
+        self._number, self._conditions, self._forecast_key = number, conditions, key
         return conditions
 
     async def _read_weather(self, db: Database) -> NetworkWeather | None:

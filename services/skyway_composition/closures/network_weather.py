@@ -5,11 +5,17 @@ import math
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from skyway.contracts.weather import ForecastDocument, WeatherInForce, WeatherNote
+from skyway.contracts.weather import (
+    ForecastDocument,
+    MeasuredWind,
+    WeatherInForce,
+    WeatherNote,
+)
 from skyway.drone.model import DroneModel
 from skyway.ids import NetworkId
 from skyway.network.network import Network
 from skyway.planner.forecast import FADING, FADING_S, Forecast, planned_weather
+from skyway.planner.measured_wind import corrected
 from skyway.planner.weather import Weather
 from skyway.planner.wind import SegmentWind
 from skyway.units import moment_to_ms, ms_to_moment
@@ -25,12 +31,13 @@ _MOST_CACHED: Final = 24_000_000
 
 
 class ForecastRow(NamedTuple):
-    """A forecast as it is stored; `content` is the JSON of a `ForecastDocument`."""
+    """A forecast as it is stored: JSON of a `ForecastDocument`, and of a `MeasuredWind`."""
 
     network_id: NetworkId
     sha256: str
     received_ms: int
     content: bytes
+    measured: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,12 +48,14 @@ class StoredForecast:
     sha256: str
     received_ms: int
     document: ForecastDocument
+    measured: MeasuredWind | None = None
 
     @classmethod
     def read(cls, row: ForecastRow) -> "StoredForecast":
         """The forecast of a row."""
         document = ForecastDocument.read(row.content)
-        return cls(row.network_id, row.sha256, row.received_ms, document)
+        measured = None if row.measured is None else MeasuredWind.read(row.measured)
+        return cls(row.network_id, row.sha256, row.received_ms, document, measured)
 
     @property
     def note(self) -> WeatherNote:
@@ -77,6 +86,7 @@ class StoredForecast:
             valid_from_at=ms_to_moment(edges_ms[0]),
             valid_until_at=ms_to_moment(edges_ms[-1]),
             fades_until_at=ms_to_moment(over_ms),
+            measured_at=None if self.measured is None else self.measured.at,
             places=place_count(self.document),
             times=len(edges_ms) - 1,
         )
@@ -106,7 +116,13 @@ class NetworkWeather:
         """
         forecast = forecast_of(stored.document)
         fitting = max(1, MOST_FACTORS // max(1, len(network.columns.length_m)) - len(FADING))
-        return cls(stored, network, forecast.first(fitting))
+        forecast = forecast.first(fitting)
+        measured = stored.measured
+        if measured is not None and measured.places:
+            corrections = {place: (east, north) for place, east, north in measured.places}
+            at_s = moment_to_ms(measured.at) / 1000
+            forecast = corrected(forecast, corrections, at_s=at_s)
+        return cls(stored, network, forecast)
 
     @property
     def over_ms(self) -> float:

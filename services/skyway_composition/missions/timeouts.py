@@ -22,12 +22,12 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.listening import Listening
-from skyway_composition.missions.closure_impact.store import models_of_missions
 from skyway_composition.missions.interventions.confirm_loading import LoadingFault, refuse_loading
 from skyway_composition.missions.mission.doubt import put_in_doubt
 from skyway_composition.missions.mission.end import abort, refuse
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import steps_of
+from skyway_composition.missions.mission.store import models_of_missions
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.check_plan import REPORT_DELAY, check_plan
 from skyway_composition.missions.timeout_store import (

@@ -7,7 +7,7 @@ for an earlier forecast is booked after a new one was accepted. QUEUED missions 
 import asyncio
 from dataclasses import dataclass, replace
 
-from skyway.contracts.weather import ForecastDocument, WeatherInForce
+from skyway.contracts.weather import ForecastDocument, MeasuredWind, WeatherInForce
 from skyway.ids import NetworkId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
@@ -65,7 +65,8 @@ class WeatherChanges:
             await self._lock(tx, network_id)
             before = await forecast_row(tx.connection, network_id)
             if before is not None and before.sha256 == sha256:
-                unchanged = replace(stored, received_ms=before.received_ms)
+                measured = None if before.measured is None else MeasuredWind.read(before.measured)
+                unchanged = replace(stored, received_ms=before.received_ms, measured=measured)
                 return unchanged.in_force(now_ms=now_ms)
             await change_conditions(tx, network_id)
             await replace_forecast(tx, row)

@@ -12,7 +12,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.closures.network_weather import ClosedNow
 from skyway_composition.closures.store import in_force
-from skyway_composition.closures.weather_store import forecast_hash
+from skyway_composition.closures.weather_store import forecast_key
 from skyway_composition.networks.prepared import PreparedNetworks, current_row
 from skyway_composition.networks.service_status import (
     CountDrones,
@@ -48,7 +48,7 @@ def service_status_routes(
         now_ms = moment_to_ms(clock.now())
         async with db.read() as connection:
             closures = await in_force(connection, network_id, after_ms=now_ms)
-            has_forecast = await forecast_hash(connection, network_id) is not None
+            has_forecast = await forecast_key(connection, network_id) is not None
         windy: dict[DroneModelId, ClosedNow] = {}
         if has_forecast:
             skyway = await networks.current(network_id)

@@ -119,6 +119,7 @@ forecasts = Table(
     Column("sha256", Text, nullable=False),
     Column("received_ms", BigInteger, nullable=False),
     Column("content", LargeBinary, nullable=False),  # JSON of a ForecastDocument
+    Column("measured", Text),  # JSON of a MeasuredWind, null before the first
 )
 
 #: SEALED: this database was copied for the move of its cell, and refuses changes. COPIED: this

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from sqlalchemy import and_, func, literal_column, or_, select
 
-from skyway.contracts.weather import ForecastDocument
+from skyway.contracts.weather import ForecastDocument, MeasuredWind
 from skyway.errors import InvalidInput
 from skyway.network.geojson_text import read_network_text
 from skyway.runtime.verification.rule import Rule, Survey
@@ -112,6 +112,8 @@ async def _unusable_forecasts(survey: Survey) -> list[str]:
 def _is_unusable(row: Any) -> bool:  # a row of forecasts
     try:
         forecast_of(ForecastDocument.read(row.content))
+        if row.measured is not None:
+            MeasuredWind.read(row.measured)
     except (ValueError, InvalidInput):
         return True
     is_changed: bool = hashlib.sha256(row.content).hexdigest() != row.sha256

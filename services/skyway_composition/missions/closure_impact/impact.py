@@ -43,6 +43,7 @@ from skyway_composition.missions.closure_impact.hits import (
 )
 from skyway_composition.missions.closure_impact.store import Reader
 from skyway_composition.missions.mission.record import Trouble
+from skyway_composition.missions.mission.store import models_of_missions
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.foresee import Foresight, rehearsed
 from skyway_composition.missions.replanning.request_plan import request_plans
@@ -118,7 +119,7 @@ class MissionImpact:
     async def models_in_flight(self, db: Database, network_id: NetworkId) -> tuple[DroneModel, ...]:
         """The models of the drones that have missions in a network."""
         async with db.read() as reader:
-            models = await store.models_of_missions(reader, network_id)
+            models = await models_of_missions(reader, network_id)
         return tuple(dict.fromkeys(models.values()))
 
     async def apply_weather(self, tx: Tx, network_id: NetworkId, weather: WeatherOfModels) -> int:
@@ -219,7 +220,7 @@ async def _closed_by_weather(
     hits = hits_of_weather(
         flights,
         weather,
-        await store.models_of_missions(reader, network_id),
+        await models_of_missions(reader, network_id),
         now_ms=now_ms,
         under_way=steps_under_way(doing),
     )

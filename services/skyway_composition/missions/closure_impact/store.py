@@ -7,7 +7,6 @@ from typing import Any, Final
 from sqlalchemy import ColumnElement, Row, Select, and_, select, text, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.drone.model import DroneModel
 from skyway.ids import DroneId, DroneModelId, MissionId, NetworkId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
 from skyway_composition.missions.closure_impact.hits import (
@@ -62,21 +61,6 @@ async def flights_to(
 async def flights_of_network(connection: Reader, network_id: NetworkId) -> list[PlannedFlight]:
     """All flights of live missions in a network that have not ended."""
     return [_flight(row) for row in await connection.execute(_flights(network_id))]
-
-
-async def models_of_missions(
-    connection: Reader, network_id: NetworkId
-) -> dict[MissionId, DroneModel]:
-    """The drone model of each live mission in a network."""
-    found = await connection.execute(
-        select(missions.c.mission_id, missions.c.candidate).where(
-            missions.c.network_id == network_id, is_live
-        )
-    )
-    # Many missions share a model, and reading the whole candidate takes much longer.
-    texts = {row.mission_id: json.dumps(json.loads(row.candidate)["model"]) for row in found}
-    models = {each: DroneModel.read(each) for each in {*texts.values()}}
-    return {mission_id: models[each] for mission_id, each in texts.items()}
 
 
 async def take_offs(

@@ -3,6 +3,7 @@
 The steps and the custody of packages have their own stores.
 """
 
+import json
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Final
@@ -11,7 +12,8 @@ from sqlalchemy import ColumnElement, bindparam, insert, select, union_all, upda
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import Cancellation, Mission
-from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId
+from skyway.drone.model import DroneModel
+from skyway.ids import DeliveryId, DroneId, MissionId, NetworkId, ProviderId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway_composition.missions.mission.record import MissionRecord
@@ -280,3 +282,18 @@ async def save_request(tx: Tx, record: MissionRecord) -> None:
         .where(missions.c.mission_id == record.mission_id)
         .values(request=record.request.model_dump_json())
     )
+
+
+async def models_of_missions(
+    connection: AsyncConnection, network_id: NetworkId
+) -> dict[MissionId, DroneModel]:
+    """The drone model of each live mission in a network."""
+    found = await connection.execute(
+        select(missions.c.mission_id, missions.c.candidate).where(
+            missions.c.network_id == network_id, is_live
+        )
+    )
+    # Many missions share a model, and reading the whole candidate takes much longer.
+    texts = {row.mission_id: json.dumps(json.loads(row.candidate)["model"]) for row in found}
+    models = {each: DroneModel.read(each) for each in {*texts.values()}}
+    return {mission_id: models[each] for mission_id, each in texts.items()}
