@@ -177,8 +177,9 @@ async def test_an_offer_names_the_pooled_price_if_its_trip_may_be_shared(
     offers, _ = await offers_of(composition, make.request("e", qos=qos), drone)
 
     offer, best = offers.ranked[0], BestValues.of([offers.ranked[0].values])
-    settings = (await composition.parts.networks.current("row")).settings
-    terms = terms_of(offer, best=best, weights=Weights(time=1), settings=settings)
+    skyway = await composition.parts.networks.current("row")
+    world = await World.of(skyway, composition.parts.db, after_ms=0)
+    terms = terms_of(offer, best=best, weights=Weights(time=1), world=world)
     assert terms.price.amount == 500
     assert (terms.pooled_price and terms.pooled_price.amount) == amount
 
