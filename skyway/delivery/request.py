@@ -149,10 +149,7 @@ class QoS(JsonModel):
     )
     priority: Annotated[
         Priority,
-        Field(
-            description="PRIORITY is planned before STANDARD; its price is multiplied by the "
-            "`priority_factor` of the provider's tariff."
-        ),
+        Field(description="PRIORITY is planned first, at the tariff's `priority_factor`."),
     ] = "STANDARD"
     promise: Annotated[
         PromiseLevel,
@@ -165,9 +162,8 @@ class QoS(JsonModel):
         bool,
         Field(
             strict=True,
-            description="Whether the drone may carry packages of other deliveries too. If it "
-            "does, the price is multiplied by the `pooled_factor` of the provider's tariff. Not "
-            "with windows or a deadline.",
+            description="Whether the drone may carry packages of other deliveries too; then the "
+            "`pooled_factor` of the tariff counts. Not with windows or a deadline.",
         ),
     ] = False
     pooling_wait_s: Annotated[
@@ -176,13 +172,9 @@ class QoS(JsonModel):
     ] = 0.0
 
     @model_validator(mode="after")
-    def _one_way_to_rank(self) -> Self:
+    def _agrees_with_itself(self) -> Self:
         if self.objective is not None and self.weights is not None:
             raise ValueError("objective and weights exclude each other: give one of them")
-        return self
-
-    @model_validator(mode="after")
-    def _waits_only_to_share(self) -> Self:
         if self.pooling_wait_s > 0 and not self.pooling:
             raise ValueError("pooling_wait_s needs pooling: true")
         return self
