@@ -2,7 +2,8 @@
 
 `python -m benchmarks days --days calm,windy --deliveries 40 --seeds 1,2` runs a whole Skyway on the
 embedded pair for each day and seed: one provider, drones of the model DJI Matrice 300 RTK all over
-the bundled corridor, requests of one package each.
+the bundled corridor, requests of one package each. Without `--forecast-error-mps` plans are made in
+still air.
 """
 
 import argparse
@@ -30,11 +31,16 @@ def main() -> int:
     parser.add_argument("--every-s", type=float, default=180.0, help="fleet time between requests")
     parser.add_argument("--clock-rate", type=float, default=120.0)
     parser.add_argument("--seeds", default="1", help="with commas between")
+    parser.add_argument(
+        "--forecast-error-mps", type=float, help="plan with a forecast that is wrong by so much"
+    )
     given = parser.parse_args()
+    error_mps = given.forecast_error_mps
     seeds = [int(each) for each in given.seeds.split(",")]
     about = (
         f"{given.deliveries} deliveries every {given.every_s:g} s, {given.drones} drones, "
-        f"clock rate {given.clock_rate:g}, seeds {given.seeds}"
+        f"clock rate {given.clock_rate:g}, seeds {given.seeds}, "
+        f"forecast {'none' if error_mps is None else f'wrong by {error_mps:g} m/s'}"
     )
     print(f"{Machine.here().as_text()}; {about}\n", flush=True)
     rows: list[tuple[str, ...]] = []
@@ -50,6 +56,7 @@ def main() -> int:
                             every_s=given.every_s,
                             clock_rate=given.clock_rate,
                             seed=seed,
+                            error_mps=error_mps,
                         )
                     )
                 )

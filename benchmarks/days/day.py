@@ -9,8 +9,10 @@ from datetime import datetime, timedelta
 from typing import Any, Final
 
 import networkx
+from skyway_drone_agent.simulated.disturbances import read_scenario
 
 from benchmarks.days.figures import Day, figures_of
+from benchmarks.days.forecast import forecast_of
 from benchmarks.load.run import data_folder, verify
 from benchmarks.load.storage_pair import storage_pair
 from skyway.cli.gateway import GatewayApi, read_keys
@@ -36,7 +38,10 @@ _READY_WITHIN_S, _END_WITHIN_S = 120.0, 900.0
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """What is flown; `every_s` is the fleet time between two requests, seconds."""
+    """What is flown; `every_s` is the fleet time between two requests, seconds.
+
+    With `error_mps` the network has a forecast that is wrong by so much; None is no forecast.
+    """
 
     scenario: str
     deliveries: int
@@ -44,6 +49,7 @@ class Trial:
     every_s: float
     clock_rate: float
     seed: int
+    error_mps: float | None = None
 
 
 async def fly(trial: Trial) -> Day:
@@ -75,6 +81,7 @@ class _Player:
         chance = random.Random(self.trial.seed)
         await self._start_fleet(network, chance)
         started_at = await self._now()
+        await self._forecast(network, started_at)
         ids = []
         for number, body in enumerate(_requests(network, self.trial.deliveries, chance)):
             await self._until(started_at + timedelta(seconds=number * self.trial.every_s))
@@ -89,6 +96,17 @@ class _Player:
         alarms = await self._call("GET", "/v1/alarms?level=CRITICAL&limit=200")
         reserve_soc = DJI_MATRICE_300_RTK.reserve_soc
         return figures_of(deliveries, missions, alarms["items"], reserve_soc=reserve_soc)
+
+    async def _forecast(self, network: Network, now: datetime) -> None:
+        if self.trial.error_mps is not None:
+            body = forecast_of(
+                read_scenario(self.trial.scenario),
+                network,
+                from_at=now,
+                error_mps=self.trial.error_mps,
+                seed=self.trial.seed,
+            )
+            await self._call("PUT", f"/v1/networks/{_NETWORK_ID}/weather", body)
 
     async def _start_fleet(self, network: Network, chance: random.Random) -> None:
         terms = {"name": "Weather Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
