@@ -17,6 +17,7 @@ DroneModelId = NewType(
 )
 ProviderId = NewType("ProviderId", Annotated[str, _FORM, Field(description="Id of a provider.")])
 DroneId = NewType("DroneId", Annotated[str, _FORM, Field(description="Id of a drone.")])
+BatteryId = NewType("BatteryId", Annotated[str, _FORM, Field(description="Id of a battery.")])
 DeliveryId = NewType("DeliveryId", Annotated[str, _FORM, Field(description="Id of a delivery.")])
 MissionId = NewType("MissionId", Annotated[str, _FORM, Field(description="Id of a mission.")])
 InstructionId = NewType(

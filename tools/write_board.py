@@ -40,6 +40,11 @@ _SLOWEST: Final = (
     "(rate(skyway_http_request_duration_seconds_bucket[5m]))))"
 )
 
+_KEPT_PROMISES: Final = " / ".join(
+    f'sum by (network) (max by (network, provider) ({name}{{span="week"}}))'
+    for name in ("skyway_promised_packages_in_time", "skyway_promised_packages")
+)
+
 ROWS: Final[tuple[tuple[str, tuple[Curves, ...]], ...]] = (
     (
         "Deliveries",
@@ -51,6 +56,16 @@ ROWS: Final[tuple[tuple[str, tuple[Curves, ...]], ...]] = (
             ),
             Curves(
                 "Missions by state", "short", (("max by (state) (skyway_missions)", "{{state}}"),)
+            ),
+            Curves(
+                "Packages by their P90, week",
+                "percentunit",
+                (
+                    (
+                        _KEPT_PROMISES,
+                        "{{network}}",
+                    ),
+                ),
             ),
             Curves(
                 "Events for customers",

@@ -144,6 +144,8 @@ packages = Table(
     Column("promised_ms", BigInteger),  # the first ETA of the current attempt
     # By when nine of ten packages should come, as it was forecast then; null if it was not.
     Column("promised_p90_ms", BigInteger),
+    # One of both, as the customer asked: from it lateness counts. Null in rows of an older version.
+    Column("due_ms", BigInteger),
     Column("eta_ms", BigInteger),
     Column("delivered_ms", BigInteger),
     Column("mission_id", Text),  # the mission that carries it; null while it waits for one

@@ -4,11 +4,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
+from skyway.ids import ProviderId
 from skyway.runtime.metrics import Gauge, GaugeSource
 from skyway.runtime.outbox.outbox_store import OutboxGauges
 from skyway.units import moment_to_ms
 from skyway_gateway import gauge_store
 from skyway_gateway.gauge_store import StoredQueue
+from skyway_gateway.lateness.store import KeptPromises, kept_promises
 from skyway_gateway.parts import Parts
 from skyway_gateway.tables import outbox
 
@@ -20,6 +22,14 @@ _STATES: Final = (
     "DISPATCHED",
     "LOADING",
     "IN_PROGRESS",
+)
+
+#: A week of packages is much to read, and its shares change slowly; wall seconds.
+_PROMISES_KEPT_S: Final = 300.0
+_PROMISED: Final = "packages with a P90 that were delivered in the last day or week of fleet time"
+_IN_TIME: Final = "those of them that came by their P90"
+_NO_PROMISES: Final = KeptPromises(
+    None, ProviderId(""), packages={"day": 0, "week": 0}, in_time={"day": 0, "week": 0}
 )
 
 
@@ -37,6 +47,7 @@ class GatewayGauges:
             GaugeSource("queues", self._queues),
             GaugeSource("outbox", messages.read),
             GaugeSource("live", self._live, kept_s=0.0),
+            GaugeSource("promises", self._promises, kept_s=_PROMISES_KEPT_S),
         )
 
     async def _deliveries(self) -> list[Gauge]:
@@ -61,6 +72,23 @@ class GatewayGauges:
             _depth("problems", parts.composing.depth),
             _depth("reports", parts.reporting.depth),
         ]
+
+    async def _promises(self) -> list[Gauge]:
+        async with self.parts.db.survey() as connection:
+            now_ms = moment_to_ms(self.parts.clock.now())
+            rows = await kept_promises(connection, now_ms=now_ms)
+        readings = []
+        # Before the first such package both are shown as 0, so that rules find them.
+        for row in rows or [_NO_PROMISES]:
+            pair = {"network": row.network_id or "", "provider": row.provider_id}
+            for span, packages in row.packages.items():
+                labels = {**pair, "span": span}
+                in_time = row.in_time[span]
+                readings.append(Gauge("skyway_promised_packages", _PROMISED, packages, labels))
+                readings.append(
+                    Gauge("skyway_promised_packages_in_time", _IN_TIME, in_time, labels)
+                )
+        return readings
 
     async def _live(self) -> list[Gauge]:
         live = self.parts.live

@@ -160,6 +160,8 @@ class Parts:
             self.horizon,
             self.hold_limits,
             self.quoting,
+            self.networks.cached,
+            self.forecast,
         )
 
     @property

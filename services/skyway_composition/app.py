@@ -7,6 +7,7 @@ from typing import Final
 
 from fastapi import FastAPI
 
+from skyway.contracts.weather import ForecastDocument
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -42,13 +43,15 @@ from skyway_composition.missions.interventions.preview_command import CommandPre
 from skyway_composition.missions.interventions.routes import intervention_routes
 from skyway_composition.missions.schedule.routes import schedule_routes
 from skyway_composition.missions.tracking_routes import tracking_routes
+from skyway_composition.networks.change_weather import WeatherChanges
 from skyway_composition.networks.routes import (
     NETWORK_LIMIT_BYTES,
     airspace_routes,
     network_routes,
-    service_status_routes,
 )
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
+from skyway_composition.networks.status_routes import service_status_routes
+from skyway_composition.networks.weather_routes import FORECAST_LIMIT_BYTES, weather_routes
 from skyway_composition.pads.routes import pad_routes
 from skyway_composition.parts import SERVICE, Parts, parts_of, registry_client
 from skyway_composition.planning.routes import (
@@ -76,7 +79,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
         service=SERVICE,
         title="Skyway composition",
         description="What is flown: networks, pads, planning, missions.",
-        models=(CompositionProblem,),
+        models=(CompositionProblem, ForecastDocument),
         # Paths are matched in this order, so the routes of every delivery come first.
         routers=[
             booking_routes(
@@ -96,8 +99,18 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 published=parts.published,
                 impact=parts.impact,
             ),
+            weather_routes(
+                gate=gate,
+                changes=WeatherChanges(db, networks, parts.impact, clock, parts.calendars),
+            ),
             station_routes(db=db, gate=gate, networks=networks, clock=clock),
-            service_status_routes(db=db, gate=gate, clock=clock, count_drones=parts.count_drones),
+            service_status_routes(
+                db=db,
+                gate=gate,
+                networks=networks,
+                clock=clock,
+                count_drones=parts.count_drones,
+            ),
             airspace_routes(gate=gate, networks=networks),
             station_check_routes(db=db, gate=gate, networks=networks),
             pad_routes(db=db, gate=gate, clock=clock),
@@ -139,6 +152,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
         body_limit=body_limits(
             {
                 "PUT /v1/networks/{network_id}": NETWORK_LIMIT_BYTES,
+                "PUT /v1/networks/{network_id}/weather": FORECAST_LIMIT_BYTES,
                 "POST /v1/compositions": COMPOSITION_LIMIT_BYTES,
             }
         ),

@@ -25,6 +25,7 @@ from skyway_composition.missions.booking.hold_quote import HeldQuotes
 from skyway_composition.missions.booking.keep_offer import OfferKeeper
 from skyway_composition.missions.booking.turns import Turns
 from skyway_composition.missions.calendar.dispatching.dispatch import Dispatcher
+from skyway_composition.missions.calendar.dispatching.find_host import HostFinder
 from skyway_composition.missions.calendar.dispatching.find_order import DispatchTerms, OrderFinder
 from skyway_composition.missions.calendar.dispatching.search_process import SearchProcess
 from skyway_composition.missions.closure_impact.impact import MissionImpact
@@ -106,6 +107,14 @@ class Parts:
             self.mint,
             self.calendars,
             turns=self.turns,
+            shared=HostFinder(
+                self.db,
+                self.networks,
+                self.solver,
+                self.clock,
+                self.mint,
+                self.dispatch_terms.tolerance_s,
+            ),
         )
 
     @property

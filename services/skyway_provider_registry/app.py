@@ -38,9 +38,11 @@ from skyway_provider_registry.enrolment.routes import (
 from skyway_provider_registry.enrolment.stored_keys import StoredKeys
 from skyway_provider_registry.fleets.all_drones_routes import all_drones_routes
 from skyway_provider_registry.fleets.announce_renewals import CompositionNotice, RenewalAnnouncer
+from skyway_provider_registry.fleets.battery_routes import battery_routes, installation_routes
 from skyway_provider_registry.fleets.credential_routes import credential_routes
 from skyway_provider_registry.fleets.drone_model_routes import drone_model_routes
 from skyway_provider_registry.fleets.live_routes import live_routes
+from skyway_provider_registry.fleets.maintenance_routes import maintenance_routes
 from skyway_provider_registry.fleets.quota_routes import quota_routes
 from skyway_provider_registry.fleets.routes import (
     REGISTRATION_LIMIT_BYTES,
@@ -109,6 +111,9 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             drone_key_routes(db=db, gate=gate, clock=clock, password_file=password_file),
             drone_signature_routes(gate=gate, keys=StoredKeys(db, clock)),
             enrolment_routes(db=db, gate=gate, password_file=password_file),
+            battery_routes(db=db, gate=gate, clock=clock, mint=parts.mint),
+            installation_routes(db=db, gate=gate, clock=clock),
+            maintenance_routes(db=db, gate=gate, clock=clock),
             quota_routes(gate=gate, limit=parts.drone_limit),
             cell_routes(db=db, gate=gate, changes=parts.cell_changes),
             live_routes(db=db, gate=gate, clock=clock),

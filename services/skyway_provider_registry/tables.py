@@ -1,4 +1,7 @@
-"""The tables of the registry; `_ms` is fleet time, `_wall_ms` wall time, in ms since 1970."""
+"""The tables of the registry; `_ms` is fleet time, `_wall_ms` wall time, in ms since 1970.
+
+`battery_tables` has the tables of batteries and of maintenance.
+"""
 
 from sqlalchemy import (
     BigInteger,
@@ -8,7 +11,6 @@ from sqlalchemy import (
     Double,
     ForeignKey,
     Index,
-    MetaData,
     SmallInteger,
     Table,
     Text,
@@ -18,8 +20,9 @@ from sqlalchemy import (
 
 from skyway.runtime.idempotency_store import idempotency_table
 from skyway.runtime.replicas.replica_store import replicas_table
+from skyway_provider_registry import battery_tables
 
-metadata = MetaData()
+metadata = battery_tables.metadata
 
 replicas = replicas_table(metadata)
 
@@ -82,6 +85,12 @@ drones = Table(
     Column("initial_soc", Double, nullable=False),
     Column("standby", Text),  # null: as its provider
     Column("is_in_maintenance", Boolean, nullable=False),
+    # What `presence` had counted at the last maintenance, and since when the next one is due.
+    Column("maintained_flown_s", Double, nullable=False, server_default="0"),
+    Column("maintained_used_soc", Double, nullable=False, server_default="0"),
+    Column("maintained_ms", BigInteger),
+    Column("maintenance_due_ms", BigInteger),
+    Column("battery_changed_ms", BigInteger),
     Column("created_ms", BigInteger, nullable=False),
     # A registration belongs to one aircraft; across providers we cannot judge to which one.
     UniqueConstraint("provider_id", "registration", name="drone_registration"),
@@ -112,6 +121,9 @@ presence = Table(
     # How far, and by how much charge, its states are ahead of what it can fly and charge.
     Column("ahead_m", Double, nullable=False, server_default="0"),
     Column("ahead_soc", Double, nullable=False, server_default="0"),
+    # How long it has flown, and how many full charges it has used, as far as it was seen.
+    Column("flown_s", Double, nullable=False, server_default="0"),
+    Column("used_soc", Double, nullable=False, server_default="0"),
     Column("condition", Text),  # JSON of presence.drone_presence.Condition
     Column("sample_session", BigInteger, nullable=False),
     Column("sample_seq", BigInteger, nullable=False),
@@ -127,6 +139,7 @@ presence = Table(
 )
 
 #: What the flights of a drone have shown about it: means, which begin at 1. No row: nothing yet.
+#: With a battery in `batteries` the health is there: here it is the health of an unknown battery.
 learned_values = Table(
     "learned_values",
     metadata,
@@ -136,6 +149,8 @@ learned_values = Table(
     Column("still_air_factor", Double, nullable=False),
     Column("state_of_health", Double, nullable=False),
     Column("charge_rate_factor", Double, nullable=False),
+    # How many of the flights and recharges the health rests on.
+    Column("health_observations", BigInteger, nullable=False, server_default="0"),
     # Whether the alarm for maintenance was raised, and the drone has not become better since.
     Column("is_maintenance_due", Boolean, nullable=False),
     # The last state that was learned from, and when it was received.

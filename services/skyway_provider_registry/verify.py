@@ -1,7 +1,8 @@
 """Verification: what must always hold in the registry's database (docs/reference/invariants.md).
 
 `RULES` are all rules: of drones with their accounts and keys, of hints and change numbers, by which
-candidates are selected, and of the table of cells. `FACTS` are compared with composition's facts.
+candidates are selected, of the table of cells, and of batteries (`verify_batteries`). `FACTS` are
+compared with composition's facts.
 """
 
 import sys
@@ -19,7 +20,6 @@ from skyway.contracts.drones import DroneAlarm
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.service_facts import AnyFacts, DroneFacts, HintFacts, ProviderFacts
 from skyway.delivery.offer import Tariff
-from skyway.drone.learned_values import CHARGE_RATE_BOUNDS, HEALTH_BOUNDS, STILL_AIR_BOUNDS
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DRONE_MODELS
 from skyway.runtime.signing.key_pair import public_key_bytes
@@ -40,7 +40,6 @@ from skyway_provider_registry.tables import (
     drones,
     enrolment_tokens,
     idempotency,
-    learned_values,
     metadata,
     mission_hints,
     presence,
@@ -50,6 +49,7 @@ from skyway_provider_registry.tables import (
     telemetry_samples,
     waiting_alarms,
 )
+from skyway_provider_registry.verify_batteries import BATTERY_RULES
 
 _LATEST_MS: Final = moment_to_ms(LATEST)
 
@@ -228,19 +228,6 @@ _DRONES: Final = (
         "Set the home to the place of the station `home_station_id`: see GET /v1/networks.",
     ),
     Rule(
-        "what was learned about a drone is within its bounds",
-        select(learned_values.c.drone_id).where(
-            or_(
-                ~learned_values.c.still_air_factor.between(*STILL_AIR_BOUNDS),
-                ~learned_values.c.state_of_health.between(*HEALTH_BOUNDS),
-                ~learned_values.c.charge_rate_factor.between(*CHARGE_RATE_BOUNDS),
-                learned_values.c.flights + learned_values.c.recharges < 1,
-                learned_values.c.learned_ms < learned_values.c.since_ms,
-            )
-        ),
-        "Delete the row of `learned_values`: plans use the drone's model until it has flown again.",
-    ),
-    Rule(
         "credentials were renewed at a possible moment",
         select(renewals.c.drone_id).where(
             or_(
@@ -271,6 +258,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *storage_rules(metadata),
     _FORMS,
     *_DRONES,
+    *BATTERY_RULES,
     *_HINTS,
     *_CELLS,
 )

@@ -28,6 +28,7 @@ from skyway.cli.request_options import (
     PackageOption,
     PickupArgument,
     PriorityOption,
+    PromiseOption,
     RequestOptions,
 )
 from skyway.runtime.clock import AnchoredClock
@@ -58,6 +59,7 @@ def request_command(
     file: FileOption = None,
     objective: ObjectiveOption = "fastest",
     priority: PriorityOption = "STANDARD",
+    promise: PromiseOption = "P90",
     earliest_pickup: EarliestPickupOption = None,
     latest_pickup: LatestPickupOption = None,
     not_before: NotBeforeOption = None,
@@ -73,6 +75,7 @@ def request_command(
         file=file,
         objective=objective,
         priority=priority,
+        promise=promise,
         earliest_pickup=earliest_pickup,
         latest_pickup=latest_pickup,
         not_before=not_before or (),

@@ -10,11 +10,13 @@ from urllib.parse import quote
 
 import typer
 
-from skyway.cli.data_folder import DataOption, data_folder
+from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import call_gateway
+from skyway.cli.weather_file import NETCDF_SUFFIXES, read_netcdf
 from skyway.errors import SkywayError
 from skyway.network.bundled import texas_corridor
 from skyway.network.components import component_sizes
+from skyway.network.geojson import read_network
 from skyway.network.geojson_text import network_text, read_network_text
 from skyway.network.network import Network
 from skyway.network.synthetic import synthetic_city
@@ -152,6 +154,63 @@ def show_status(network_id: _NetworkIdOption = BUNDLED_NETWORK_ID, data: DataOpt
         typer.echo(line)
 
 
+@network_app.command()
+def weather(
+    file: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[FILE]",
+            help="A forecast as JSON, or a NetCDF file (docs/weather.md); - is standard input. "
+            "Without it the forecast in force is shown.",
+        ),
+    ] = None,
+    source: Annotated[
+        str | None, typer.Option(help="NetCDF: the source, if it has another name in the file.")
+    ] = None,
+    remove: Annotated[
+        bool, typer.Option("--remove", help="Remove the forecast: plan in still air again.")
+    ] = False,
+    network_id: _NetworkIdOption = BUNDLED_NETWORK_ID,
+    data: DataOption = None,
+) -> None:
+    """Give a network of the running Skyway a forecast, show the one in force, or remove it."""
+    if remove and file is not None:
+        raise typer.BadParameter("a FILE has no meaning with --remove")
+    folder = data_folder(data)
+    body = None if file is None else _forecast(file, network_id, source=source, folder=folder)
+    answer = call_gateway(
+        "DELETE" if remove else "GET" if file is None else "PUT",
+        f"{_path(network_id)}/weather",
+        key_name=_OPERATOR_KEY,
+        folder=folder,
+        body=body,
+    )
+    typer.echo(f"{network_id}: still air" if remove else _weather_line(answer))
+
+
+def _forecast(file: str, network_id: str, *, source: str | None, folder: DataFolder) -> bytes:
+    """The forecast in a file as JSON; of a NetCDF file the part around the network's stations."""
+    if not file.lower().endswith(NETCDF_SUFFIXES):
+        if source is not None:
+            raise typer.BadParameter("has a meaning for NetCDF files alone", param_hint="--source")
+        return _text(file).encode()
+    answer = call_gateway("GET", _path(network_id), key_name=_OPERATOR_KEY, folder=folder)
+    try:
+        stations = [each.position for each in read_network(answer).stations.values()]
+        return json.dumps(read_netcdf(file, stations=stations, source=source)).encode()
+    except SkywayError as error:
+        _unreadable(f"{file}: {error}")
+
+
+def _weather_line(forecast: Mapping[str, Any]) -> str:
+    spans = f"valid {forecast['valid_from_at']} to {forecast['valid_until_at']}"
+    return (
+        f"{forecast['network_id']}: {forecast['phase']}, from {forecast['source']}, issued "
+        f"{forecast['issued_at']} ({forecast['age_s'] / 3600:.1f} h ago), {spans}, fades until "
+        f"{forecast['fades_until_at']}"
+    )
+
+
 def _status_lines(status: Mapping[str, Any]) -> Iterator[str]:
     yield f"{status['network_id']}: {status['status']}"
     for each in status["restrictions"]:
@@ -183,9 +242,16 @@ def _read(file: str) -> Network:
     if file == BUNDLED:
         return texas_corridor()
     try:
-        text = sys.stdin.read() if file == "-" else Path(file).read_text(encoding="utf-8")
-        return read_network_text(text)
-    except (OSError, ValueError, SkywayError) as error:
+        return read_network_text(_text(file))
+    except (ValueError, SkywayError) as error:
+        _unreadable(f"{file}: {error}")
+
+
+def _text(file: str) -> str:
+    """The text in this file; the command ends when it cannot be read."""
+    try:
+        return sys.stdin.read() if file == "-" else Path(file).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
         _unreadable(f"{file}: {error}")
 
 

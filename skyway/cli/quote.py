@@ -22,6 +22,7 @@ from skyway.cli.request_options import (
     PackageOption,
     PickupArgument,
     PriorityOption,
+    PromiseOption,
     RequestOptions,
 )
 
@@ -32,6 +33,7 @@ def quote_command(
     file: FileOption = None,
     objective: ObjectiveOption = "fastest",
     priority: PriorityOption = "STANDARD",
+    promise: PromiseOption = "P90",
     earliest_pickup: EarliestPickupOption = None,
     latest_pickup: LatestPickupOption = None,
     not_before: NotBeforeOption = None,
@@ -58,6 +60,7 @@ def quote_command(
         file=file,
         objective=objective,
         priority=priority,
+        promise=promise,
         earliest_pickup=earliest_pickup,
         latest_pickup=latest_pickup,
         not_before=not_before or (),
@@ -113,10 +116,15 @@ def _offers(answer: dict[str, Any], names: dict[str, str]) -> Iterator[str]:
             f"{number}. {price_in_words(offer['price'])}, "
             f"{names.get(provider_id, provider_id)} ({provider_id})"
         )
+        if offer.get("pooled_price") is not None:
+            yield f"   pooled   {price_in_words(offer['pooled_price'])} if the trip is shared"
         yield f"   pickup   {_moment(offer['pickup_at'])}"
         for package in offer["packages"]:
             package_id = package["package_id"]
-            yield f"   arrival  {_moment(package['eta_at'])}  {package_id} at {places[package_id]}"
+            p90_at = package.get("eta_p90_at")
+            by = f", nine of ten by {_moment(p90_at)}" if p90_at else ""
+            place = places[package_id]
+            yield f"   arrival  {_moment(package['eta_at'])}  {package_id} at {place}{by}"
         kept = "its drones and pads are held until then" if offer["is_held"] else "nothing is held"
         yield f"   expires  {_moment(offer['expires_at'])} wall time; {kept}"
         yield f"   accept   skyway accept {quote_id} {offer['offer_id']}"

@@ -43,6 +43,14 @@ PriorityOption = Annotated[
     typer.Option(help="PRIORITY is planned first, at a price factor of the provider."),
 ]
 
+#: `skyway.delivery.request.PromiseLevel`, which would make the start of every command slow.
+_PromiseName = Literal["P90", "P50"]
+
+PromiseOption = Annotated[
+    _PromiseName,
+    typer.Option(help="Promise when nine of ten packages have come, or half of them."),
+]
+
 _WINDOWS = "Windows, in fleet time: 2026-03-02T14:00:00Z, or +2h30m from now"
 
 EarliestPickupOption = Annotated[
@@ -95,6 +103,7 @@ class RequestOptions:
     file: Path | None
     objective: str
     priority: str
+    promise: str
     earliest_pickup: str | None
     latest_pickup: str | None
     not_before: Sequence[str]
@@ -128,7 +137,11 @@ class RequestOptions:
         request: dict[str, Any] = {
             "pickup": {"station_id": self.pickup},
             "packages": [_package(number, text) for number, text in enumerate(self.packages, 1)],
-            "qos": {"objective": self.objective, "priority": self.priority},
+            "qos": {
+                "objective": self.objective,
+                "priority": self.priority,
+                "promise": self.promise,
+            },
         }
         read_moment = moment_reader(folder, key_name=CUSTOMER_KEY)
         for option, texts in self._windows.items():

@@ -28,6 +28,13 @@ _PromisedAt = Annotated[
     FleetMoment | None,
     Field(description="The first expected moment that the customer was given, fleet time."),
 ]
+_DueAt = Annotated[
+    FleetMoment | None,
+    Field(
+        description="The promise from which lateness counts: the P90 of the booking, or "
+        "`promised_at` if P50 was asked or nothing was forecast. Fleet time."
+    ),
+]
 _DeliveredAt = Annotated[
     FleetMoment | None,
     Field(description="When it was handed over, fleet time; null if it was not."),
@@ -83,6 +90,7 @@ class ExpectedPackage(WireModel):
         FleetMoment | None,
         Field(description="When it has come in nine of ten cases; null before that is known."),
     ] = None
+    due_at: _DueAt = None
 
 
 class PlannedData(WireModel):
@@ -118,6 +126,14 @@ class LoadedData(_FlownBy):
 
     station_id: Annotated[StationId | None, Field(description="Where it was loaded.")]
     package_ids: Annotated[tuple[PackageId, ...], Field(description="The packages on board.")]
+    is_pooled: Annotated[
+        bool,
+        Field(description="Whether the drone has loaded packages of other deliveries too."),
+    ] = False
+    price: Annotated[
+        Price | None,
+        Field(description="What the mission costs from now on; a pooled trip costs less."),
+    ] = None
     evidence: _Evidence
 
 
@@ -131,7 +147,8 @@ class LatePackage(WireModel):
     package_id: PackageId
     eta_at: _Eta
     promised_at: _PromisedAt
-    late_s: Annotated[float | None, Field(description="Seconds after the promised moment.")]
+    due_at: _DueAt = None
+    late_s: Annotated[float | None, Field(description="Seconds after `due_at`.")]
     deadline_at: Annotated[
         FleetMoment | None, Field(description="The deadline of the request; null without one.")
     ]
@@ -153,8 +170,9 @@ class ReplannedPackage(WireModel):
     state: _PackageState
     eta_at: _Eta
     promised_at: _PromisedAt
+    due_at: _DueAt = None
     later_s: Annotated[
-        float | None, Field(description="Seconds after the promised moment; below 0 if earlier.")
+        float | None, Field(description="Seconds after `promised_at`; below 0 if earlier.")
     ]
 
 
@@ -189,6 +207,7 @@ class CompletedPackage(WireModel):
 
     package_id: PackageId
     promised_at: _PromisedAt
+    due_at: _DueAt = None
     delivered_at: _DeliveredAt
 
 

@@ -25,6 +25,7 @@ _NO_REASON: Final[dict[str, None]] = {"code": None, "detail": None}
 _CANCELLED: Final = {"code": "CANCELLED", "detail": "the book is out of print"}
 _LOW: Final = {"code": "BATTERY_LOW", "detail": "the battery is below the plan by 0.06"}
 _PROMISED: Final = utc_text(after(29))
+_P90: Final = utc_text(after(32))
 _LATER: Final = utc_text(after(35))
 
 
@@ -100,7 +101,8 @@ def _planned() -> Mapping[str, Any]:
         "pickup_at": utc_text(after(5)),
         "delivery_time_s": 1440.0,
         "packages": [
-            {"package_id": name, "eta_at": _PROMISED, "eta_p90_at": _LATER} for name in ("p1", "p2")
+            {"package_id": name, "eta_at": _PROMISED, "eta_p90_at": _P90, "due_at": _P90}
+            for name in ("p1", "p2")
         ],
         "waiting_package_ids": [],
     }
@@ -111,6 +113,8 @@ def _loaded() -> Mapping[str, Any]:
         **_FLOWN_BY,
         "station_id": SAN_MARCOS,
         "package_ids": ["p1", "p2"],
+        "is_pooled": False,
+        "price": {"amount": 1340, "currency": "USD"},
         "evidence": _ON_BOARD,
     }
 
@@ -119,8 +123,9 @@ def _late() -> Mapping[str, Any]:
     return {
         "package_id": "p1",
         "promised_at": _PROMISED,
+        "due_at": _P90,
         "eta_at": _LATER,
-        "late_s": 360.0,
+        "late_s": 180.0,
         "deadline_at": None,
     }
 
@@ -131,6 +136,7 @@ def _replanned() -> Mapping[str, Any]:
         "state": "ON_BOARD",
         "eta_at": _LATER,
         "promised_at": _PROMISED,
+        "due_at": _P90,
         "later_s": 360.0,
     }
     return {**_FLOWN_BY, **_LOW, "revision": 2, "given_up": None, "packages": [package]}
@@ -171,7 +177,12 @@ def _completed() -> Mapping[str, Any]:
         "planned": {"completed_at": _PROMISED, "delivery_time_s": 1440.0},
         "actual": {"completed_at": _LATER, "delivery_time_s": 1800.0},
         "packages": [
-            {"package_id": name, "promised_at": _PROMISED, "delivered_at": _LATER}
+            {
+                "package_id": name,
+                "promised_at": _PROMISED,
+                "due_at": _P90,
+                "delivered_at": _LATER,
+            }
             for name in ("p1", "p2")
         ],
     }

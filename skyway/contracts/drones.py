@@ -14,6 +14,7 @@ from skyway.bounds import SmallObject, Words
 from skyway.contracts.drone_report import AlarmLevel
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.signature import PublicKey
+from skyway.drone.model import DroneModel
 from skyway.ids import DroneId, DroneModelId, NetworkId, ProviderId
 from skyway.json_model import WireModel
 
@@ -111,9 +112,14 @@ class OutOfServiceQuery(WireModel):
 
 
 class OutOfServiceAnswer(WireModel):
-    """Drones in MAINTENANCE, of a SUSPENDED provider, or not registered any more."""
+    """Drones in MAINTENANCE, of a SUSPENDED provider, or not registered any more.
+
+    The drones in `due_drone_ids` are due for maintenance: each flies the missions that it has, and
+    gets no others.
+    """
 
     drone_ids: tuple[DroneId, ...]
+    due_drone_ids: tuple[DroneId, ...] = ()
 
 
 #: Where composition asks how many drones a network has.
@@ -129,6 +135,8 @@ class DronesOfModel(WireModel):
 
     model_id: DroneModelId
     max_payload_kg: float
+    #: None from a registry of an earlier version.
+    model: DroneModel | None = None
     registered: int
     online: int
     idle: int

@@ -57,6 +57,24 @@ class FlyStep(_FlightStep):
     to_position: Annotated[Position, Field(description="Where the segment ends, in degrees.")]
     length_m: Annotated[float, Field(gt=0, description="Length of the segment in metres.")]
     lands: Annotated[bool, Field(description="Whether the plan lands at its end.")]
+    time_factor: Annotated[
+        float,
+        Field(
+            gt=0,
+            exclude_if=lambda value: value == 1.0,
+            description="What the weather multiplies the time of the flight by, as planned; left "
+            "out if it is 1.",
+        ),
+    ] = 1.0
+    energy_factor: Annotated[
+        float,
+        Field(
+            gt=0,
+            exclude_if=lambda value: value == 1.0,
+            description="What the weather multiplies the energy of the flight by, beside the time; "
+            "left out if it is 1.",
+        ),
+    ] = 1.0
 
 
 class WaitStep(_FlightStep):

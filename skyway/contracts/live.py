@@ -182,6 +182,10 @@ class LiveMission(WireModel):
     delivery_id: DeliveryId
     provider_id: ProviderId
     drone_id: DroneId
+    flown_as: Annotated[
+        MissionId | None,
+        Field(description="The mission that carries its packages; null if it is this one."),
+    ] = None
     state: MissionState
     revision: int
     packages: tuple[PackageEta, ...]

@@ -7,6 +7,7 @@ from pydantic import Field
 from skyway.contracts.candidate import Candidate, ProviderReason
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.shortlist import Shortlist
+from skyway.contracts.weather import WeatherNote
 from skyway.delivery.offer import Price, Tariff
 from skyway.delivery.plan import Plan, Recharge
 from skyway.delivery.request import DeliveryRequest
@@ -110,12 +111,23 @@ class DeliveryMission(WireModel):
     margins: Annotated[
         Margins, Field(description="What the plan was booked with on top of what it needs.")
     ] = Margins()
+    weather: Annotated[
+        WeatherNote | None,
+        Field(description="The forecast of the present plan; null if it is planned in still air."),
+    ] = None
     #: AWAITED while the drone stands at the pickup until a loader confirms.
     loading: Annotated[
         Literal["AUTOMATIC", "CONFIRMED", "AWAITED"],
         Field(description="AWAITED while the drone stands at the pickup until a loader confirms."),
     ] = "AUTOMATIC"
     is_held: Annotated[bool, Field(description="Whether an operator holds the drone.")] = False
+    is_pooled: Annotated[
+        bool,
+        Field(
+            description="Whether the drone has loaded packages of other deliveries too; then "
+            "`price` is the pooled price."
+        ),
+    ] = False
     #: Why the plan does not deliver what is on board, but leaves it where the drone can land.
     given_up: Annotated[
         str | None, Field(description="Why the plan delivers nothing; null if it delivers.")
@@ -173,6 +185,15 @@ class OfferLimits(WireModel):
         Field(
             description="The provider's tariff when the offer was made: the offer is booked by it, "
             "even if the tariff has changed since. Null for offers of an earlier version."
+        ),
+    ] = None
+    late_share: Annotated[
+        float | None,
+        Field(
+            ge=0,
+            description="The lateness that nine of ten packages do not exceed, as a share of the "
+            "planned time: the P90 of the offer was made with it, and that of the booking is. Null "
+            "if it was not known.",
         ),
     ] = None
 

@@ -12,6 +12,7 @@ from skyway.contracts.candidate import Candidate, ProviderReason
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.mission import Margins, OfferHold, OfferLimits, PackageEta
 from skyway.contracts.shortlist import Shortlist
+from skyway.contracts.weather import WeatherNote
 from skyway.delivery.offer import Price
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId, DroneModelId, HoldId, ProviderId, StationId, SubjectId
@@ -65,6 +66,13 @@ class OfferTerms(WireModel):
     drone_id: DroneId
     drone_model_id: DroneModelId
     price: Annotated[Price, Field(description="What the delivery costs.")]
+    pooled_price: Annotated[
+        Price | None,
+        Field(
+            description="What it costs instead if its drone loads packages of other deliveries "
+            "too; null if the request does not allow that, or the price would be the same."
+        ),
+    ] = None
     pickup_at: Annotated[
         FleetMoment, Field(description="When the first drone begins to load at the pickup.")
     ]
@@ -86,6 +94,10 @@ class OfferTerms(WireModel):
         ),
     ] = ()
     margins: Annotated[Margins, Field(description="What the plan has on top of what it needs.")]
+    weather: Annotated[
+        WeatherNote | None,
+        Field(description="The forecast of the plans; null if they are made for still air."),
+    ] = None
     score: Annotated[float, Field(description="What offers are ranked by; lower is better.")]
     no_shows: Annotated[
         int,

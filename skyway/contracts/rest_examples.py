@@ -9,6 +9,7 @@ from typing import Any, Final
 #: An example by the name of its property, wherever it fits the property's type. Any: any JSON.
 BY_NAME: Final[Mapping[str, Any]] = {
     # Names and ids.
+    "battery_id": "bat_01kq3w8x5v9m2n4p6r7s8t9v0w",
     "alarm_id": "alm_01kq3w8x5v9m2n4p6r7s8t9v0w",
     "attempt_id": "att_01kq3w8x5v9m2n4p6r7s8t9v0w",
     "closure_id": "clo_01kq3w8x5v9m2n4p6r7s8t9v0w",
@@ -142,6 +143,8 @@ BY_NAME: Final[Mapping[str, Any]] = {
     "booked_start_at": "2026-03-02T08:05:00Z",
     "begins_at": "2026-03-02T08:05:00Z",
     "promised_at": "2026-03-02T08:29:00Z",
+    "due_at": "2026-03-02T08:34:00Z",
+    "promise": "P90",
     "promised_p90_at": "2026-03-02T08:34:00Z",
     "eta_p90_at": "2026-03-02T08:34:00Z",
     "eta_at": "2026-03-02T08:29:00Z",

@@ -61,6 +61,17 @@ class Tariff(JsonModel):
             description="A PRIORITY delivery costs its price times this factor, 1 to 10.",
         ),
     ] = 1.5
+    pooled_factor: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=1,
+            allow_inf_nan=False,
+            strict=True,
+            description="A delivery that shares its trip with another one costs its price times "
+            "this factor, 0 to 1.",
+        ),
+    ] = 1.0
 
     def factor_of(self, priority: Priority) -> float:
         """What the price of a request of this class is multiplied by."""
@@ -74,6 +85,10 @@ class Price(JsonModel):
         MinorUnits, Field(description="Amount in minor units of the currency, such as cents.")
     ]
     currency: Currency
+
+    def pooled(self, tariff: Tariff) -> "Price":
+        """The price of a delivery that shares its trip; it is never higher."""
+        return self.model_copy(update={"amount": round(self.amount * tariff.pooled_factor)})
 
 
 def price_of(

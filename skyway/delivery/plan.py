@@ -48,6 +48,22 @@ class Fly(JsonModel):
     load_kg: Annotated[float, Field(description="The mass on board in kilograms.")]
     energy_j: Annotated[float, Field(description="Energy of the flight in joules.")]
     soc_end: Charge
+    time_factor: Annotated[
+        float,
+        Field(
+            exclude_if=lambda value: value == 1.0,
+            description="What the weather multiplies the time of the flight by, without its "
+            "landing; left out if it is 1.",
+        ),
+    ] = 1.0
+    energy_factor: Annotated[
+        float,
+        Field(
+            exclude_if=lambda value: value == 1.0,
+            description="What the weather multiplies the energy of the flight by, beside the time; "
+            "left out if it is 1.",
+        ),
+    ] = 1.0
 
 
 class Wait(JsonModel):

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -21,6 +21,9 @@ MAX_TRIP_DESTINATIONS = 12
 MAX_PACKAGE_MASS_KG = 1_000.0
 
 Objective = Literal["fastest", "cheapest", "greenest"]
+
+#: Which arrival time is promised: the moment by which nine of ten packages come, or half of them.
+PromiseLevel = Literal["P90", "P50"]
 
 #: The classes of requests.
 Priority = Literal["PRIORITY", "STANDARD"]
@@ -146,16 +149,34 @@ class QoS(JsonModel):
     )
     priority: Annotated[
         Priority,
-        Field(
-            description="PRIORITY is planned before STANDARD; its price is multiplied by the "
-            "`priority_factor` of the provider's tariff."
-        ),
+        Field(description="PRIORITY is planned first, at the tariff's `priority_factor`."),
     ] = "STANDARD"
+    promise: Annotated[
+        PromiseLevel,
+        Field(
+            description="Which arrival time is promised: P90, by which nine of ten packages come, "
+            "or P50, the time of the plan. Before a P90 can be forecast, the plan's time is."
+        ),
+    ] = "P90"
+    pooling: Annotated[
+        bool,
+        Field(
+            strict=True,
+            description="Whether the drone may carry packages of other deliveries too; then the "
+            "`pooled_factor` of the tariff counts. Not with windows or a deadline.",
+        ),
+    ] = False
+    pooling_wait_s: Annotated[
+        float,
+        Field(ge=0, le=3600, description="Seconds that the start may wait for others to join."),
+    ] = 0.0
 
     @model_validator(mode="after")
-    def _one_way_to_rank(self) -> Self:
+    def _agrees_with_itself(self) -> Self:
         if self.objective is not None and self.weights is not None:
             raise ValueError("objective and weights exclude each other: give one of them")
+        if self.pooling_wait_s > 0 and not self.pooling:
+            raise ValueError("pooling_wait_s needs pooling: true")
         return self
 
     @property
@@ -258,6 +279,19 @@ class DeliveryRequest(JsonModel):
         limits = [self.qos.deadline_at, self.latest_pickup_at]
         limits += [each.latest_at for each in self.packages]
         return min((each for each in limits if each is not None), default=None)
+
+    @property
+    def may_share_trip(self) -> bool:
+        """Whether the packages may fly together with those of other deliveries."""
+        return self.qos.pooling and not self.has_windows and self.qos.deadline_at is None
+
+    def begun_after_wait(self, asked_at: datetime) -> "DeliveryRequest":
+        """The request that begins when it has waited for deliveries that share its trip."""
+        if not self.may_share_trip or self.qos.pooling_wait_s == 0:
+            return self
+        waited_at = asked_at + timedelta(seconds=self.qos.pooling_wait_s)
+        update = {"earliest_pickup_at": max(waited_at, self.earliest_pickup_at or waited_at)}
+        return self.model_copy(update=update)
 
     @property
     def payload_kg(self) -> float:

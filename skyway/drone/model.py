@@ -91,6 +91,17 @@ class DroneModel(JsonModel):
             description="Energy that a landing and the next take-off take, in joules.",
         ),
     ] = 0.0
+    max_wind_mps: Annotated[
+        float | None,
+        Field(
+            ge=0.1,
+            le=100,
+            strict=True,
+            exclude_if=lambda value: value is None,
+            description="The strongest wind or gust in which it flies, in metres per second; "
+            "without it any wind in which it moves forward.",
+        ),
+    ] = None
     # The least number is checked below: pydantic would count only points that are valid.
     charge_curve: Annotated[
         tuple[ChargePoint, ...],

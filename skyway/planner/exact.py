@@ -30,7 +30,7 @@ from skyway.units import TIME_TOLERANCE_S
 _HASTE = (5.0, 3.0, 2.0, 1.7, 1.5, 1.3)
 
 #: These searches begin when the limit's labels divided by this number are made.
-ROOM_BEFORE_HASTE = 8
+ROOM_BEFORE_HASTE = 32
 
 #: The most labels of a search before a plan is found, and of a search for a better plan.
 _LABELS_FOR_ANY_PLAN = 1 << 16
@@ -122,7 +122,7 @@ def _found_in_haste(
             most_labels = min(_LABELS_FOR_ANY_PLAN, effort.room * 3 // 4)
         else:
             hasty.improve_on(best.delivered_s)
-            most_labels = min(_LABELS_FOR_A_BETTER_PLAN, effort.room * 3 // 4)
+            most_labels = min(_LABELS_FOR_A_BETTER_PLAN, effort.room * 15 // 16)
         ending = hasty.run(effort, most_labels=most_labels)
         found = _itinerary_of(situation, hasty)
         if found is not None and (best is None or found.delivered_s < best.delivered_s):

@@ -31,15 +31,15 @@ _PUT_BACK = 8
 class Room:
     """The sizes of the arrays before the first enlargement.
 
-    A local request needs some ten rows of each. Beginning with megabytes would cost more time than
-    most searches, because the system has to find and clear the memory's pages.
+    A request for one package fills less than a tenth, one for eight packages nearly all. The pages
+    of memory that a search does not use cost nothing, but each enlargement copies all rows.
     """
 
-    places: int = 1 << 9
-    arcs: int = 1 << 10
-    windows: int = 1 << 10
-    states: int = 1 << 9
-    labels: int = 1 << 10
+    places: int = 1 << 10
+    arcs: int = 1 << 13
+    windows: int = 1 << 12
+    states: int = 1 << 11
+    labels: int = 1 << 12
 
 
 #: Sizes that local requests hardly ever fill.

@@ -38,6 +38,8 @@ class FlightLog:
                 load_kg=load_kg,
                 energy_j=energy_j,
                 soc_end=soc,
+                time_factor=air.time_factor,
+                energy_factor=air.energy_factor,
             )
         )
         self.here, self.now_s, self.soc = segment.to_id, end_s, soc

@@ -25,6 +25,9 @@ from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, TIME_TOLERANCE_S
 if TYPE_CHECKING:
     from skyway.planner.pad_book import PadBook
 
+#: Stated factors of the weather differ from the weather by rounding only.
+_FACTOR_TOLERANCE = 1e-9
+
 
 @dataclass(frozen=True, slots=True)
 class Violation:
@@ -182,13 +185,13 @@ class Replay:
         stop_s, stop_j = (self._model.stop_s, self._model.stop_j) if lands else (0.0, 0.0)
         met = self._air.of_flight(step)
         flights = [
-            (still_s * air.longer, still_j * air.longer * air.harder)
+            (still_s * air.longer, still_j * air.longer * air.harder, air)
             for air in air_at_start(step, met)
         ]
         if not flights:
             self._note("closed", "the weather closes the segment when the flight begins")
             return
-        flight_s, energy_j = min(
+        flight_s, energy_j, air = min(
             flights,
             key=lambda flight: (
                 abs(step.end_s - step.start_s - stop_s - flight[0]) * still_j
@@ -196,6 +199,12 @@ class Replay:
             ),
         )
         self._check_duration(step, flight_s + stop_s)
+        if not (
+            abs(step.time_factor - air.longer) <= _FACTOR_TOLERANCE
+            and abs(step.energy_factor - air.harder) <= _FACTOR_TOLERANCE
+        ):
+            stated = f"{step.time_factor} and {step.energy_factor}"
+            self._note("air", f"factors {stated} stated, {air.longer} and {air.harder} met")
         self._check_charge_used(step, energy_j + stop_j)
         arrival_s = step.start_s + flight_s
         closed = self._sky.closed_segment(step, until_s=arrival_s)

@@ -94,6 +94,14 @@ class Weather:
             np.ascontiguousarray(energy_factor[:, order]),
         )
 
+    def shifted(self, by_s: float) -> "Weather":
+        """The same weather for a clock that shows so many seconds more."""
+        moved = replace(self, edges_s=self.edges_s + by_s)
+        # What is least of some periods is the same by every clock.
+        moved.__dict__["_least_time"] = self._least_time
+        moved.__dict__["_least_energy"] = self._least_energy
+        return moved
+
     def document(self) -> WeatherDocument:
         """The same as a document."""
         columns, last_s = self.network.columns, float(self.edges_s[-1])
@@ -115,6 +123,11 @@ class Weather:
                 for number in range(len(ends_s))
             ),
         )
+
+    @cached_property
+    def closes_some(self) -> bool:
+        """Whether a segment is closed in some period."""
+        return bool(np.isinf(self.time_factor).any())
 
     def least_time_factor(self, *, until_s: float) -> Floats:
         """``(n,)``, the least of each segment for flights that begin from 0 to this moment."""
@@ -166,6 +179,16 @@ class Weather:
         return Air(
             float(self.time_factor[number, column]), float(self.energy_factor[number, column])
         )
+
+    def air_between(self, from_id: str, to_id: str, *, at_s: float) -> Air:
+        """The air of the segment between these stations for a flight that begins at this moment."""
+        return self.air(int(_rows(self.network, [(from_id, to_id)])[0]), self.period_at(at_s))
+
+    def closes(self, from_id: str, to_id: str, *, start_s: float, end_s: float) -> bool:
+        """Whether the segment between these stations is closed at some moment of this time."""
+        segment = int(_rows(self.network, [(from_id, to_id)])[0])
+        met = range(self.period_at(start_s), self.period_at(end_s) + 1)
+        return any(self.air(segment, period).time_factor == math.inf for period in met)
 
     def has_air(
         self, segment: int, air: Air, *, start_s: float, end_s: float, within_s: float

@@ -6,14 +6,14 @@ sqrt(v^2 - c^2) + a (the wind triangle).
 """
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from skyway.drone.model import DroneModel
 from skyway.network.network import Network
-from skyway.planner.kernels.memory import Floats
+from skyway.planner.kernels.memory import Floats, Longs
 from skyway.planner.weather import Weather
 from skyway.planner.weather_document import LARGEST_FACTOR, LEAST_FACTOR
 
@@ -23,6 +23,10 @@ _STEP: Final = 0.01
 
 #: Metres; places nearer than this to the middle of a segment count as if they were so far.
 _NEAREST_M: Final = 100.0
+
+#: The places that count for one point, the nearest ones, and the distances worked out together.
+_MOST_PLACES: Final = 8
+_TOGETHER: Final = 1_000_000
 
 _M_PER_DEG: Final = 111_195.0
 
@@ -42,7 +46,10 @@ class WindField:
     energy_factor
         ``(p, k)``: what the energy of flights rises by beside the wind, for example in cold.
     error_mps
-        ``(p,)``: by how much the wind may be wrong; it is counted as wind against the drone.
+        ``(p, k)``: by how much the wind may be wrong; it is counted as wind against the drone.
+    grid
+        How many latitudes and longitudes, if the places are a grid: one latitude after the other,
+        both rising. Else None.
     """
 
     longitude_deg: Floats
@@ -53,6 +60,81 @@ class WindField:
     gust_mps: Floats
     energy_factor: Floats
     error_mps: Floats
+    grid: tuple[int, int] | None = None
+
+
+class Shares(NamedTuple):
+    """The places that count for each point, and the share of each: ``(j, n)`` both."""
+
+    place: Longs
+    share: Floats
+
+    def of(self, values: Floats) -> Floats:
+        """``(p, n)``: the values at the points, from those at the places, ``(p, k)``."""
+        rows = zip(self.place, self.share, strict=True)
+        at_points: Floats = sum(
+            (values[:, place] * share for place, share in rows),
+            start=np.zeros((len(values), self.place.shape[1])),
+        )
+        return at_points
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SegmentWind:
+    """The wind on all segments of a network, the same for all drone models: ``(p, n)`` each.
+
+    `along_mps` is the wind with the drone, less its error; `across_mps` is that from the side.
+    """
+
+    network: Network
+    edges_s: Floats
+    along_mps: Floats
+    across_mps: Floats
+    gust_mps: Floats
+    energy_factor: Floats
+
+    @classmethod
+    def of(cls, network: Network, wind: WindField) -> "SegmentWind":
+        """The wind at the middle of each segment."""
+        columns = network.columns
+        stretch = math.cos(math.radians(float(columns.latitude_deg.mean())))
+        x_m = _M_PER_DEG * stretch * columns.longitude_deg
+        y_m = _M_PER_DEG * columns.latitude_deg
+        from_row, to_row = columns.from_row, columns.to_row
+        east, north = x_m[to_row] - x_m[from_row], y_m[to_row] - y_m[from_row]
+        length_m = np.maximum(np.hypot(east, north), 1e-9)
+        east, north = east / length_m, north / length_m
+        shares = shares_of(
+            wind,
+            longitude_deg=(columns.longitude_deg[from_row] + columns.longitude_deg[to_row]) / 2,
+            latitude_deg=(columns.latitude_deg[from_row] + columns.latitude_deg[to_row]) / 2,
+        )
+        to_east, to_north = shares.of(wind.east_mps), shares.of(wind.north_mps)
+        return cls(
+            network,
+            np.ascontiguousarray(wind.edges_s, np.float64),
+            to_east * east + to_north * north - shares.of(wind.error_mps),
+            np.abs(to_east * north - to_north * east),
+            shares.of(wind.gust_mps),
+            np.minimum(_rounded(shares.of(wind.energy_factor)), LARGEST_FACTOR),
+        )
+
+    def weather(self, model: DroneModel, *, limit_mps: float) -> Weather:
+        """The weather for drones of this model; see `weather_of_wind`."""
+        time_factor = _time_factor(model.speed_empty_mps, self.along_mps, self.across_mps)
+        if model.speed_full_mps != model.speed_empty_mps:
+            full = _time_factor(model.speed_full_mps, self.along_mps, self.across_mps)
+            time_factor = np.maximum(time_factor, full)
+        # A sum of shares may exceed a limit by rounding alone.
+        is_too_strong = self.gust_mps > limit_mps + 1e-9
+        is_too_strong |= time_factor > LARGEST_FACTOR
+        return Weather(
+            self.network,
+            np.arange(self.along_mps.shape[1]),
+            self.edges_s,
+            np.where(is_too_strong, math.inf, _rounded(time_factor)),
+            self.energy_factor,
+        )
 
 
 def weather_of_wind(
@@ -63,35 +145,16 @@ def weather_of_wind(
     The speed of a drone depends on its load. The factor is that of the load with which the wind
     costs most. Segments on which a flight would take more than ten times as long are closed.
     """
-    columns = network.columns
-    stretch = math.cos(math.radians(float(columns.latitude_deg.mean())))
-    x_m = _M_PER_DEG * stretch * columns.longitude_deg
-    y_m = _M_PER_DEG * columns.latitude_deg
-    from_row, to_row = columns.from_row, columns.to_row
-    east, north = x_m[to_row] - x_m[from_row], y_m[to_row] - y_m[from_row]
-    length_m = np.maximum(np.hypot(east, north), 1e-9)
-    east, north = east / length_m, north / length_m
-    shares = _shares(
-        (x_m[from_row] + x_m[to_row]) / 2,
-        (y_m[from_row] + y_m[to_row]) / 2,
-        places=(_M_PER_DEG * stretch * wind.longitude_deg, _M_PER_DEG * wind.latitude_deg),
-    )
-    # By period and segment.
-    to_east, to_north = wind.east_mps @ shares, wind.north_mps @ shares
-    along_mps = to_east * east + to_north * north - wind.error_mps[:, None]
-    across_mps = np.abs(to_east * north - to_north * east)
-    time_factor = np.maximum(
-        _time_factor(model.speed_empty_mps, along_mps, across_mps),
-        _time_factor(model.speed_full_mps, along_mps, across_mps),
-    )
-    is_too_strong = (wind.gust_mps @ shares > limit_mps) | (time_factor > LARGEST_FACTOR)
-    return Weather(
-        network,
-        np.arange(len(length_m)),
-        np.ascontiguousarray(wind.edges_s, np.float64),
-        np.where(is_too_strong, math.inf, _rounded(time_factor)),
-        np.minimum(_rounded(wind.energy_factor @ shares), LARGEST_FACTOR),
-    )
+    return SegmentWind.of(network, wind).weather(model, limit_mps=limit_mps)
+
+
+def without_savings(weather: Weather) -> Weather:
+    """The same weather, in which no wind saves energy; a tail wind only saves time.
+
+    Plans that count on the energy of a tail wind would strand a drone when the wind drops.
+    """
+    at_least = _rounded(1.0 / weather.time_factor)
+    return replace(weather, energy_factor=np.maximum(weather.energy_factor, at_least))
 
 
 def _time_factor(speed_mps: float, along_mps: Floats, across_mps: Floats) -> Floats:
@@ -111,9 +174,61 @@ def _rounded(factor: Floats) -> Floats:
     return rounded
 
 
-def _shares(x_m: Floats, y_m: Floats, *, places: tuple[Floats, Floats]) -> Floats:
-    """``(k, n)``: the share of each place in the wind at each point, by its squared distance."""
-    apart_m = np.hypot(places[0][:, None] - x_m, places[1][:, None] - y_m)
-    weight = 1.0 / np.maximum(apart_m, _NEAREST_M) ** 2
-    shares: Floats = weight / weight.sum(axis=0)
-    return shares
+def shares_of(wind: WindField, *, longitude_deg: Floats, latitude_deg: Floats) -> Shares:
+    """The shares of the field's places in the weather of these points.
+
+    On a grid the four places around a point count, by how near they are in both directions. Beyond
+    the grid its border counts. Without a grid the nearest places count, by their squared distance.
+    """
+    if wind.grid is not None:
+        return _on_grid(wind, wind.grid, longitude_deg, latitude_deg)
+    nearest, far_m = nearest_places(wind, longitude_deg=longitude_deg, latitude_deg=latitude_deg)
+    weight = 1.0 / np.maximum(far_m, _NEAREST_M) ** 2
+    return Shares(nearest, weight / weight.sum(axis=0))
+
+
+def nearest_places(
+    wind: WindField, *, longitude_deg: Floats, latitude_deg: Floats
+) -> tuple[Longs, Floats]:
+    """``(j, n)`` both: the nearest places to each point, in no order, and how far they are."""
+    count, points = len(wind.longitude_deg), len(longitude_deg)
+    kept = min(count, _MOST_PLACES)
+    nearest, far_m = np.empty((kept, points), np.int64), np.empty((kept, points))
+    step = max(1, _TOGETHER // count)
+    for start in range(0, points, step):
+        these = slice(start, start + step)
+        east_deg = wind.longitude_deg[:, None] - longitude_deg[these]
+        stretch = np.cos(np.radians(latitude_deg[these]))
+        apart_m = _M_PER_DEG * np.hypot(
+            east_deg * stretch, wind.latitude_deg[:, None] - latitude_deg[these]
+        )
+        nearest[:, these] = np.argpartition(apart_m, kept - 1, axis=0)[:kept]
+        far_m[:, these] = np.take_along_axis(apart_m, nearest[:, these], axis=0)
+    return nearest, far_m
+
+
+def _on_grid(
+    wind: WindField, grid: tuple[int, int], longitude_deg: Floats, latitude_deg: Floats
+) -> Shares:
+    columns = grid[1]
+    south, to_north = _between(wind.latitude_deg[::columns], latitude_deg)
+    west, to_east = _between(wind.longitude_deg[:columns], longitude_deg)
+    north, east = np.minimum(south + 1, grid[0] - 1), np.minimum(west + 1, columns - 1)
+    corners = ((south, west), (south, east), (north, west), (north, east))
+    shares = (
+        (1 - to_north) * (1 - to_east),
+        (1 - to_north) * to_east,
+        to_north * (1 - to_east),
+        to_north * to_east,
+    )
+    return Shares(np.array([row * columns + column for row, column in corners]), np.array(shares))
+
+
+def _between(axis_deg: Floats, at_deg: Floats) -> tuple[Longs, Floats]:
+    """The number of the last value of an axis up to each point, and the share of the next one."""
+    number = np.clip(np.searchsorted(axis_deg, at_deg, side="right") - 1, 0, len(axis_deg) - 1)
+    if len(axis_deg) == 1:
+        return number, np.zeros(len(at_deg))
+    number = np.minimum(number, len(axis_deg) - 2)
+    share = (at_deg - axis_deg[number]) / (axis_deg[number + 1] - axis_deg[number])
+    return number, np.clip(share, 0.0, 1.0)

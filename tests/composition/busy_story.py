@@ -12,12 +12,13 @@ from skyway_composition.closures.closure import Area, Closure
 from skyway_drone_agent.simulated.disturbances import Disturbances
 
 from skyway.contracts.mission_reports import MissionReport
-from skyway.delivery.request import DeliveryRequest
+from skyway.delivery.request import DeliveryRequest, QoS
 from skyway.ids import StationId
 from tests.composition.busy_world import BusyWorld
 from tests.composition.dispatched_world import dispatch_fairly
 from tests.composition.dry_runs import preview
 from tests.composition.flown_drone import FlownDrone
+from tests.composition.left_packages import left_to_book
 
 #: A zone without stations; the segment from a to b leads through it.
 _ZONE: Final = [[0.04, -0.01], [0.06, -0.01], [0.06, 0.01], [0.04, 0.01], [0.04, -0.01]]
@@ -108,6 +109,11 @@ class Story:
             }
         )
         loading = "CONFIRMED" if chance.random() < 0.3 else "AUTOMATIC"
+        if chance.random() < 0.5:
+            wait_s = chance.choice([0.0, 600.0, 1_800.0])
+            qos = QoS(objective="cheapest", pooling=True, pooling_wait_s=wait_s)
+            request = request.model_copy(update={"qos": qos})
+            request = request.begun_after_wait(self.world.clock.now())
         note(f"  {await self.world.book(delivery_id, request, loading=loading)} {delivery_id}")
 
     async def book_again(self, chance: Random) -> None:
@@ -115,7 +121,7 @@ class Story:
         if not self.world.requests:
             return
         delivery_id = chance.choice(sorted(self.world.requests))
-        request = await self.world.left_to_book(delivery_id)
+        request = await left_to_book(self.world, delivery_id)
         if request is not None:
             note(f"  {await self.world.book(delivery_id, request, loading='AUTOMATIC')}")
             await self.world.keep_calendars()

@@ -11,6 +11,7 @@ from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
 from skyway_composition.links.listening import Listening
 from skyway_composition.missions.booking.book import Bookings
+from skyway_composition.missions.calendar.dispatching.find_host import HostFinder
 from skyway_composition.missions.calendar.keep_calendars import Calendars
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer, MissionImpact
 from skyway_composition.missions.following.handle_batch import ReportHandler
@@ -19,7 +20,6 @@ from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Command, Commands
 from skyway_composition.missions.mission.custody_store import (
     delivered,
-    has_never_left,
     held_packages,
 )
 from skyway_composition.missions.mission.record import MissionRecord
@@ -62,7 +62,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from tests.broken_rules import broken_rules
 from tests.composition.busy_network import MODEL, NETWORK_ID, PLACES, add_network
-from tests.composition.drone_journals import ended_missions, handed_over, shared_pads
+from tests.composition.drone_journals import ended_missions, handed_over, owners_of, shared_pads
 from tests.composition.flown_drone import FlownDrone
 from tests.composition.lone_replica import lone_replica
 
@@ -128,7 +128,16 @@ class BusyWorld:
         """Restart composition as after kill -9: new objects on the same database."""
         db, clock, mint, stuck = self.db, self.clock, self.mint, Wake()
         networks, parts = PreparedNetworks(db), (db, clock, mint, stuck)
-        self.bookings = Bookings(db, networks, self.solver, clock, mint, Wake(), pause=self._pause)
+        self.bookings = Bookings(
+            db,
+            networks,
+            self.solver,
+            clock,
+            mint,
+            Wake(),
+            pause=self._pause,
+            shared=HostFinder(db, networks, self.solver, clock, mint, tolerance_s=60.0),
+        )
         foresight = Foresight(db, networks, self.solver, clock)
         impact = MissionImpact(clock, mint, stuck, foresight)
         self.closings = Closings(db, networks, impact, clock, mint)
@@ -274,7 +283,7 @@ class BusyWorld:
                     # Where a drone with missions begins the next one, its calendar says.
                     "station_id": each.logbook.station_id or each.drone.home_station_id,
                     "home_station_id": each.drone.home_station_id,
-                    "tariff": Tariff(base=100, per_km=10),
+                    "tariff": Tariff(base=100, per_km=10, pooled_factor=0.7),
                     "loading": loading,
                     "learned": each.learned,
                 }
@@ -331,22 +340,6 @@ class BusyWorld:
                 await drone.fetch(home, PLACES[home])
         await self.converse()
 
-    async def left_to_book(self, delivery_id: str) -> DeliveryRequest | None:
-        """The packages of a delivery that are at the pickup and in no mission that is not over."""
-        live = await self.planned()
-        request = self.requests[delivery_id]
-        async with self.db.read() as connection:
-            held = await held_packages(connection, DeliveryId(delivery_id))
-        under_way = {each.package_id for one in live for each in one.request.packages}
-        left = tuple(
-            each
-            for each in request.packages
-            if each.package_id not in under_way
-            and (delivery_id, each.package_id) not in self.released
-            and has_never_left(held.get(each.package_id))
-        )
-        return request.model_copy(update={"packages": left}) if left else None
-
     async def close(self, kind: ClosureKind, **members: Any) -> Closure:
         now = self.now_ms
         closure = Closure(ClosureId(""), kind, NETWORK_ID, from_ms=now, made_ms=now, **members)
@@ -373,10 +366,17 @@ class BusyWorld:
 
     # What must hold
 
+    async def handed_over(self) -> list[tuple[str, str]]:
+        """Each hand-over in the drones' journals, as delivery and package."""
+        async with self.db.read() as connection:
+            records = await page(connection, MissionFilter(), before=None, limit=10_000)
+        owners = owners_of(records)
+        return [(str(of), str(each)) for of, each in handed_over(self.drones, owners=owners)]
+
     async def check(self) -> None:
         """Check that no invariant is broken, in the database or in the drones' journals."""
         assert await broken_rules(self.db, RULES, wall_at=self.clock.wall_now()) == []
-        times = Counter(handed_over(self.drones))
+        times = Counter(await self.handed_over())
         assert [each for each, count in times.items() if count > 1] == []
         assert [each for each in times if each in self.released] == []
         ids = await self._missions()
@@ -428,7 +428,7 @@ class BusyWorld:
                     await held_packages(connection, DeliveryId(delivery_id))
                 )
             }
-        assert received <= set(handed_over(self.drones))
+        assert received <= set(await self.handed_over())
         for story in by_mission.values():
             assert [each.seq for each in story] == list(range(1, len(story) + 1))
             ends = [each.kind for each in story if each.kind in ("ENDED", "REFUSED")]

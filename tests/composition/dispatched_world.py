@@ -38,16 +38,19 @@ class OwnSearch(SearchProcess):
 
 
 class RegistryInService:
-    """A registry whose drones are in service, except the withdrawn ones."""
+    """A registry whose drones are in service, except the withdrawn ones; some may be due."""
 
-    def __init__(self, withdrawn: frozenset[str] = frozenset()) -> None:
-        self.withdrawn = withdrawn
+    def __init__(
+        self, withdrawn: frozenset[str] = frozenset(), due: frozenset[str] = frozenset()
+    ) -> None:
+        self.withdrawn, self.due = withdrawn, due
 
     async def call(
         self, _method: str, _path: str, *, body: OutOfServiceQuery, **_: Any
     ) -> OutOfServiceAnswer:
         return OutOfServiceAnswer(
-            drone_ids=tuple(each for each in body.drone_ids if each in self.withdrawn)
+            drone_ids=tuple(each for each in body.drone_ids if each in self.withdrawn),
+            due_drone_ids=tuple(each for each in body.drone_ids if each in self.due),
         )
 
 
@@ -56,6 +59,7 @@ def dispatcher_of(
     *,
     tolerance_s: float = 60.0,
     withdrawn: frozenset[str] = frozenset(),
+    due: frozenset[str] = frozenset(),
     search: SearchProcess | None = None,
 ) -> Dispatcher:
     """A dispatcher on the world's database."""
@@ -64,7 +68,7 @@ def dispatcher_of(
         PreparedNetworks(world.db),
         world.solver,
         OwnSearch() if search is None else search,
-        RegistryInService(withdrawn),  # type: ignore[arg-type]
+        RegistryInService(withdrawn, due),  # type: ignore[arg-type]
         world.clock,
         DispatchTerms(every_s=10.0, budget_s=0.05, tolerance_s=tolerance_s),
     )

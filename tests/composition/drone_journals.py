@@ -1,9 +1,15 @@
 """What the drones of a busy world have done, by their own journals."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.share_views import owner_of
+
 from tests.composition.flown_drone import FlownDrone
+
+#: A package on a drone: the mission, and the id under which the package flies.
+Flying = tuple[str | None, str]
 
 
 def ended_missions(drones: Sequence[FlownDrone]) -> set[str]:
@@ -16,15 +22,33 @@ def ended_missions(drones: Sequence[FlownDrone]) -> set[str]:
     }
 
 
-def handed_over(drones: Sequence[FlownDrone]) -> Iterator[tuple[str, str]]:
-    """Each hand-over of a package, as delivery and package."""
+def handed_over(
+    drones: Sequence[FlownDrone], *, owners: Mapping[Flying, tuple[str, str]] | None = None
+) -> Iterator[tuple[str, str]]:
+    """Each hand-over of a package, as delivery and package.
+
+    `owners` says which package of which delivery it is, where the drone's id does not.
+    """
     for drone in drones:
         for event in drone.journal.happened:
             is_delivery = (event.event, event.step_kind) == ("STEP_ENDED", "DELIVER")
             if is_delivery and event.code is None:
                 for package_id in event.package_ids:
                     # The id of a package begins with the id of its delivery.
-                    yield package_id.split("_")[0], package_id
+                    alone = package_id.split("_")[0], package_id
+                    yield (owners or {}).get((event.mission_id, package_id), alone)
+
+
+def owners_of(records: Iterable[MissionRecord]) -> dict[Flying, tuple[str, str]]:
+    """The delivery of each package of these missions, and the id that its customer gave it."""
+    return {
+        (record.mission_id, each): owner_of(record, each)
+        for record in records
+        for each in (
+            *(one.package_id for one in record.request.packages),
+            *(flying for share in record.shares for flying in share.packages),
+        )
+    }
 
 
 def shared_pads(

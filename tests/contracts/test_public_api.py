@@ -88,6 +88,7 @@ def test_every_write_says_what_its_body_is() -> None:
         "POST /v1/deliveries/{delivery_id}/tracking-link",
         "POST /v1/keys/rotations",
         "POST /v1/providers/{provider_id}/drones/{drone_id}/enrolment-tokens",
+        "POST /v1/providers/{provider_id}/drones/{drone_id}/maintenance",
         "POST /v1/quarantine/{quarantine_id}/replay",
         "POST /v1/session-links",
         "POST /v1/small-world",

@@ -1,9 +1,12 @@
-"""A fleet on a windy day: missions are replanned, and a drone below its reserve raises an alarm."""
+"""A fleet on a windy day: missions are replanned, unless a forecast has said the wind before."""
 
+import json
+from datetime import datetime, timedelta
 from typing import Any
 
 import pytest
 
+from skyway.drone.models import PAPER_SCENARIO
 from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
 
 pytestmark = [
@@ -64,6 +67,58 @@ def test_in_strong_wind_missions_are_replanned_and_low_batteries_raise_alarms(
     system.eventually(
         lambda: low <= warned_drones(system, providers), "a warning of each", instead=lambda: least
     )
+
+
+def test_a_delivery_in_a_forecast_wind_is_flown_as_planned(system: Any) -> None:
+    published = system.operate("PUT", "/v1/networks/foretold", ladders("foretold"))
+    model = QUICK_CHARGE | {"model_id": "careful", "reserve_soc": _RESERVE_SOC}
+    system.operate("PUT", "/v1/drone-models/careful", model)
+    head_wind = system.folder.path / "foretold-wind.toml"
+    head_wind.write_text(_HEAD_WIND)
+    system.start_fleet(["foretold-s1"], model_id="careful", options=("--scenario", str(head_wind)))
+    still = quoted(system, "foretold-s1", "foretold-s2")
+
+    file = system.folder.path / "forecast.json"
+    file.write_text(json.dumps(forecast_of_head_wind(published["published_at"])))
+    sent = system.command("network", "weather", str(file), "--network-id", "foretold")
+    windy = quoted(system, "foretold-s1", "foretold-s2")
+    ended = system.until_ended(
+        system.request_delivery(["foretold-s2", "foretold-s4"], pickup="foretold-s1")
+    )
+
+    assert sent.stdout.startswith("foretold: VALID, from a test"), sent
+    assert (still["weather"], windy["weather"]["source"]) == (None, "a test")
+    hand_overs_s = 60.0
+    flown_s = [each["delivery_time_s"] - hand_overs_s for each in (still, windy)]
+    speeds_mps = PAPER_SCENARIO.speed_empty_mps, PAPER_SCENARIO.speed_full_mps
+    longer = max(speed / (speed - 8.0) for speed in speeds_mps)
+    assert flown_s[1] / flown_s[0] == pytest.approx(longer, abs=0.02)
+    assert ended["state"] == "COMPLETED", ended
+    (mission,) = ended["missions"]
+    assert (mission["revision"], mission["weather"]["source"]) == (1, "a test"), mission
+
+
+def quoted(system: Any, pickup: str, destination: str) -> dict[str, Any]:
+    """The best offer for one package."""
+    package = {"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": destination}}
+    body = {"pickup": {"station_id": pickup}, "packages": [package]}
+    key = system.keys["SKYWAY_CUSTOMER_KEY"]
+    answer = system.call("POST", "/v1/quotes", key=key, body=body)
+    offer: dict[str, Any] = answer.json()["offers"][0]
+    return offer
+
+
+def forecast_of_head_wind(now: str) -> dict[str, Any]:
+    """8 m/s from the east for two days around this moment, as the drones will meet them."""
+    times = [datetime.fromisoformat(now) + timedelta(days=day) for day in (-1, 1)]
+    grid = {
+        "time": [each.isoformat() for each in times],
+        "latitude": [29.0, 30.0],
+        "longitude": [-98.5, -97.0],
+        "wind_speed_mps": [[[8.0] * 2] * 2] * 2,
+        "wind_from_deg": [[[90.0] * 2] * 2] * 2,
+    }
+    return {"source": "a test", "issued_at": now, "grid": grid}
 
 
 def start_windy_fleet(system: Any, *, homes: list[str]) -> None:

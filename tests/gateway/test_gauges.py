@@ -27,6 +27,8 @@ async def test_nothing_is_counted_as_zero(gateway_on_both: Gateway) -> None:
     assert found["skyway_outbox_depth"] == {"mqtt": 0, "composition": 0}
     assert set(found["skyway_deliveries"].values()) == {0}
     assert found["skyway_live_viewers"] == {"": 0}
+    assert found["skyway_promised_packages"] == {"": 0}
+    assert found["skyway_promised_packages_in_time"] == {"": 0}
     assert "skyway_live_age_seconds" not in found
 
 

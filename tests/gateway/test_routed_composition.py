@@ -96,7 +96,8 @@ async def test_a_closed_cell_gets_no_new_requests_and_waiting_ones_are_booked_la
     await gateway.book_next()
     state = (await gateway.get(waiting))["state"]
     await set_cell(gateway, generation=3)
-    await gateway.parts.booker.book_or_retry(*await _due(gateway))
+    (due,) = await _due(gateway)
+    await gateway.parts.booker.book_or_retry(due)
 
     assert (refused.status_code, refused.headers["retry-after"]) == (503, "1")
     assert "the cell corridor is unavailable: it is closed" in refused.json()["detail"]

@@ -108,6 +108,11 @@ DAMAGES = [
         "a package has a P90 only with a promise",
     ),
     (
+        "due when nothing was promised",
+        "UPDATE packages SET due_ms = promised_ms + 1 WHERE state = 'CREATED'",
+        "a package is due at the moment that was promised",
+    ),
+    (
         "event lost",
         f"UPDATE events SET sequence = 99 WHERE sequence = 2 AND delivery_id IN ({COMPLETED})",
         "a delivery's events have no gap",

@@ -145,6 +145,12 @@ _NETWORKS: Final = (
         composition="UPDATE networks SET conditions = 0",
     ),
     Corruption(
+        "a forecast written by hand",
+        "a forecast can be read, and its content has its hash",
+        composition="INSERT INTO forecasts (network_id, sha256, received_ms, content)"
+        " SELECT network_id, sha256, 1, CAST('{}' AS BLOB) FROM networks",
+    ),
+    Corruption(
         "a closure lifted before it was made",
         "a closure is lifted after it was made",
         composition="UPDATE closures SET lifted_ms = made_ms - 1;"

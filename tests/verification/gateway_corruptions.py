@@ -229,6 +229,12 @@ _PACKAGES: Final = (
         " WHERE delivery_id = :completed",
     ),
     Corruption(
+        "a package that is due when nothing was promised",
+        "a package is due at the moment that was promised",
+        gateway="UPDATE packages SET due_ms = promised_ms + 1"
+        " WHERE delivery_id = :flying AND package_id = 'p2'",
+    ),
+    Corruption(
         "a P90 before the promise",
         "a package has a P90 only with a promise, and not before it",
         gateway="UPDATE packages SET promised_p90_ms = promised_ms - 1"

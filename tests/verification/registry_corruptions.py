@@ -286,9 +286,72 @@ _LEARNED: Final = (
     Corruption(
         "a drone that uses nine times the energy of its model",
         "what was learned about a drone is within its bounds",
-        registry="INSERT OR REPLACE INTO learned_values"
+        registry="INSERT OR REPLACE INTO learned_values (drone_id, flights, recharges,"
+        " still_air_factor, state_of_health, charge_rate_factor, is_maintenance_due,"
+        " learned_session, learned_seq, learned_ms, since_ms)"
         " VALUES (:flying_drone, 1, 0, 9.0, 1.0, 1.0, 0, 0, 0, 0, 0)",
     ),
 )
 
-REGISTRY_CORRUPTIONS: Final = (*_REGISTRY, *_CELLS, *_RENEWALS, *_LEARNED, *_ACROSS)
+_INSTALLED: Final = "a battery is in at most one drone, of its own provider and model"
+_DUE: Final = "a drone is due for maintenance if it is over a limit of its rule"
+
+
+def _battery(health: float = 1.0, model_id: str = "model_id", used_soc: float = 0.0) -> str:
+    """SQL that installs a battery in the drone that flies; the model may be another column."""
+    return (
+        "INSERT INTO batteries SELECT 'bat_1', provider_id,"
+        f" {model_id}, 'S1', 1e6, {health}, 0, {used_soc}, drone_id, 5000, 0, 0"
+        " FROM drones WHERE drone_id = :flying_drone"
+    )
+
+
+_BATTERIES: Final = (
+    Corruption(
+        "a battery in a drone of another model",
+        _INSTALLED,
+        registry=_battery(model_id="'m300'"),
+    ),
+    Corruption(
+        "a battery that was in another drone at the same time",
+        _INSTALLED,
+        registry=f"{_battery()};"
+        " INSERT INTO past_installations VALUES ('bat_1', 1000, 6000, :silent_drone, 0)",
+    ),
+    Corruption(
+        "a battery that was in two drones at the same time",
+        "a battery was in one drone after the other",
+        registry=f"{_battery()};"
+        " INSERT INTO past_installations VALUES ('bat_1', 1000, 3000, :silent_drone, 0);"
+        " INSERT INTO past_installations VALUES ('bat_1', 2000, 4000, :flying_drone, 0)",
+    ),
+    Corruption(
+        "a battery that gave less than nothing",
+        "what is known about a battery is possible",
+        registry=_battery(used_soc=-1.0),
+    ),
+    Corruption(
+        "a drone that was maintained after more flights than it has flown",
+        "what a drone has flown is possible",
+        registry="UPDATE drones SET maintained_flown_s = 1e9 WHERE drone_id = :silent_drone",
+    ),
+    Corruption(
+        "a maintenance rule without a limit",
+        "a maintenance rule has a limit",
+        registry="INSERT INTO maintenance_rules SELECT provider_id, model_id, NULL, NULL"
+        " FROM drones WHERE drone_id = :silent_drone",
+    ),
+    Corruption(
+        "a drone that is due without a rule",
+        _DUE,
+        registry="UPDATE drones SET maintenance_due_ms = 1 WHERE drone_id = :silent_drone",
+    ),
+    Corruption(
+        "a drone over a limit that nobody calls to maintenance",
+        _DUE,
+        registry="INSERT INTO maintenance_rules SELECT provider_id, model_id, 1e-9, NULL"
+        " FROM drones WHERE drone_id = :flying_drone",
+    ),
+)
+
+REGISTRY_CORRUPTIONS: Final = (*_REGISTRY, *_CELLS, *_RENEWALS, *_LEARNED, *_BATTERIES, *_ACROSS)

@@ -23,6 +23,10 @@ _PLACES: Final = {
 }
 
 
+_FASTEST: Final = {"objective": "fastest"}
+_SHARED: Final = {"objective": "cheapest", "pooling": True}
+
+
 class _Receiver(BaseHTTPRequestHandler):
     """A customer's server that accepts every notification."""
 
@@ -39,8 +43,9 @@ def run_and_stop(system: LocalSystem) -> Ids:
     """Fly deliveries, and stop the system while one is in the air; the ids.
 
     One delivery is completed, one has delivered its first package and flies on with the second, one
-    waits for the answer of a drone that stands still, two are queued behind it, one waits for a
-    drone that never connects, and one is cancelled. An offer of an idle drone is held.
+    waits for the answer of a drone that stands still, two are queued behind it, and a third one
+    shares the trip of the first of these. One waits for a drone that never connects, and one is
+    cancelled. An offer of an idle drone is held.
     """
     server = ThreadingHTTPServer(("127.0.0.1", 0), _Receiver)
     thread = Thread(target=server.serve_forever)
@@ -62,7 +67,8 @@ def _run(system: LocalSystem, hook: str) -> Ids:
     webhook = system.call("POST", "/v1/webhooks", key=key, body={"url": hook}).json()
     deaf = system.call("POST", "/v1/webhooks", key=key, body={"url": "http://127.0.0.1:9/"}).json()
     flyer = system.start_fleet(["line-s1"], name="Flying Air")
-    silent = system.start_fleet(["line-s4"], name="Silent Air")
+    tariff = {"currency": "USD", "base": 100, "per_km": 10, "pooled_factor": 0.5}
+    silent = system.start_fleet(["line-s4"], name="Silent Air", tariff=tariff)
     idle = system.start_fleet(["line-s4"], name="Idle Air")
     absent = _register_absent_drone(system)
     system.operate("POST", "/v1/stations/line-s5/closures", {"reason": "roof works"})
@@ -80,8 +86,11 @@ def _run(system: LocalSystem, hook: str) -> Ids:
     assert held["offers"][0]["is_held"], held
     booked = _request(system, key, "line-s4", "line-s3", by=silent)
     system.until_state(booked, "PLANNED")
-    queued = _request(system, key, "line-s3", "line-near", by=silent)
+    queued = _request(system, key, "line-s3", "line-near", by=silent, qos=_SHARED)
     system.until_state(queued, "PLANNED")
+    # So light that the first one's drone need not charge longer for it.
+    guest = _request(system, key, "line-s3", "line-near", by=silent, qos=_SHARED, mass_kg=0.001)
+    system.until_state(guest, "PLANNED")
     queued_behind = _request(system, key, "line-near", "line-s1", by=silent)
     system.until_state(queued_behind, "PLANNED")
     waiting = _request(system, key, "line-s3", "line-s2", by=absent)
@@ -157,15 +166,24 @@ def _body(pickup: str, *destinations: str, by: Mapping[str, Any]) -> dict[str, A
             {"package_id": f"p{number}", "mass_kg": 0.5, "destination": {"station_id": place}}
             for number, place in enumerate(destinations, start=1)
         ],
-        "qos": {"objective": "fastest", "providers": {"pinned": by["provider_id"]}},
+        "qos": {**_FASTEST, "providers": {"pinned": by["provider_id"]}},
     }
 
 
 def _request(
-    system: LocalSystem, key: str, pickup: str, *destinations: str, by: Mapping[str, Any]
+    system: LocalSystem,
+    key: str,
+    pickup: str,
+    *destinations: str,
+    by: Mapping[str, Any],
+    qos: Mapping[str, Any] = _FASTEST,
+    mass_kg: float = 0.5,
 ) -> str:
     body = _body(pickup, *destinations, by=by)
-    headers = {"Idempotency-Key": f"from {pickup} to {destinations}"}
+    body["qos"] |= qos
+    for package in body["packages"]:
+        package["mass_kg"] = mass_kg
+    headers = {"Idempotency-Key": f"from {pickup} to {destinations}, {mass_kg} kg"}
     answer = system.call("POST", "/v1/deliveries", key=key, body=body, **headers)
     assert answer.status_code == 202, answer.text
     return str(answer.json()["delivery_id"])

@@ -13,6 +13,7 @@ from tests.verification.damaged_copies import RULES, Corruption, StoppedSystem
 from tests.verification.gateway_corruptions import GATEWAY_CORRUPTIONS
 from tests.verification.mission_corruptions import MISSION_CORRUPTIONS
 from tests.verification.registry_corruptions import REGISTRY_CORRUPTIONS
+from tests.verification.shared_corruptions import SHARED_CORRUPTIONS
 from tests.verification.stopped_system import RATE
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(RATE)]
@@ -22,6 +23,7 @@ CORRUPTIONS = (
     *ACCESS_CORRUPTIONS,
     *MISSION_CORRUPTIONS,
     *CALENDAR_CORRUPTIONS,
+    *SHARED_CORRUPTIONS,
     *COMPOSITION_CORRUPTIONS,
     *REGISTRY_CORRUPTIONS,
 )

@@ -120,8 +120,8 @@ function packageLines(one) {
   if (one.state in ends) return [paragraph(ends[one.state], "bad")];
   const lines = [];
   if (one.eta_at) {
-    const isLate = one.promised_at && Date.parse(one.eta_at) - Date.parse(one.promised_at) > 60_000;
-    const late = isLate ? `, promised ${clockTime(one.promised_at)}` : "";
+    const isLate = one.due_at && Date.parse(one.eta_at) - Date.parse(one.due_at) > 60_000;
+    const late = isLate ? `, promised by ${clockTime(one.due_at)}` : "";
     lines.push(paragraph(`Expected ${clockTime(one.eta_at)}${late}`, isLate ? "late" : ""));
   }
   lines.push(paragraph(

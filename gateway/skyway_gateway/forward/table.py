@@ -18,6 +18,7 @@ _OPERATOR: Final[tuple[CallerRole, ...]] = ("operator",)
 
 #: Bytes and wall seconds for what is large or heavy (docs/reference/rest.md).
 _NETWORK_BYTES: Final = 256 * 1024 * 1024
+_FORECAST_BYTES: Final = 16 * 1024 * 1024
 _FLEET_BYTES: Final = 8 * 1024 * 1024
 _HEAVY_S: Final = 180.0
 #: Bytes of a station with its segments in a network's GeoJSON; a city's have 900.
@@ -54,6 +55,25 @@ def _world_rows(path: str) -> tuple[Forwarded, ...]:
         Forwarded("GET", path, "composition", _ANY),
         Forwarded("DELETE", f"{path}/{{closure_id}}", "composition", _OPERATOR),
     )
+
+
+def _batteries_and_maintenance(provider: str) -> tuple[Forwarded, ...]:
+    """What a provider notes about its batteries, and about the maintenance of its drones."""
+    battery, rule = f"{provider}/batteries/{{battery_id}}", f"{provider}/maintenance-rules"
+    drone = f"{provider}/drones/{{drone_id}}"
+    calls: tuple[tuple[Method, str], ...] = (
+        ("POST", f"{provider}/batteries"),
+        ("GET", f"{provider}/batteries"),
+        ("GET", battery),
+        ("DELETE", battery),
+        ("PUT", f"{drone}/battery"),
+        ("DELETE", f"{drone}/battery"),
+        ("POST", f"{drone}/maintenance"),
+        ("GET", rule),
+        ("PUT", f"{rule}/{{model_id}}"),
+        ("DELETE", f"{rule}/{{model_id}}"),
+    )
+    return tuple(Forwarded(method, path, "registry", _FLEETS) for method, path in calls)
 
 
 CELLS_PATH: Final = "/v1/cells"
@@ -103,6 +123,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         "registry",
         _FLEETS,
     ),
+    *_batteries_and_maintenance("/v1/providers/{provider_id}"),
     Forwarded("POST", "/v1/enrolments", "registry", (), limit_bytes=_KEYLESS_BYTES),
     Forwarded("POST", "/v1/enrolments/rotations", "registry", _DRONE),
     Forwarded("GET", CELLS_PATH, "registry", _OPERATOR),
@@ -128,6 +149,16 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     ),
     Forwarded("GET", "/v1/networks/{network_id}/versions", "composition", _ANY),
     Forwarded("GET", "/v1/networks/{network_id}/status", "composition", _ANY, is_report=True),
+    Forwarded("GET", "/v1/networks/{network_id}/weather", "composition", _ANY),
+    Forwarded(
+        "PUT",
+        "/v1/networks/{network_id}/weather",
+        "composition",
+        _OPERATOR,
+        limit_bytes=_FORECAST_BYTES,
+        timeout_s=_HEAVY_S,
+    ),
+    Forwarded("DELETE", "/v1/networks/{network_id}/weather", "composition", _OPERATOR),
     Forwarded("GET", "/v1/networks/{network_id}/stations", "composition", _ANY_OR_DRONE),
     Forwarded("GET", "/v1/networks/{network_id}/segments", "composition", _ANY),
     Forwarded("GET", "/v1/networks/{network_id}/zones", "composition", _ANY),

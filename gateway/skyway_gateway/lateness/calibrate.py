@@ -5,17 +5,30 @@ is its lateness as a share of its planned time. Of n scores, the one of rank cei
 is exceeded by at most a share of 1 - level of later packages, if these are like the n packages. The
 weather of a new day is not like yesterday's. So the level adapts: it rises with each package that
 comes later than was forecast, and falls with the others (Gibbs and Candes 2021).
+
+A provider with few packages borrows from the other providers of its network, with weights (Barber,
+Candes, Ramdas and Tibshirani 2023). For a new provider all others together weigh as much as
+`BORROWED` packages, and less the more packages of its own it has. Each of the others weighs the
+same. So the forecast shrinks to the network, where the largest provider counts no more than others.
 """
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from typing import Final
+
+from skyway.delivery.request import PromiseLevel
 
 #: The share of packages that should come by their P90.
 COVERED: Final = 0.9
 #: With fewer packages nothing is forecast. Our own choice.
 FEWEST: Final = 40
+#: All other providers of the network together count like so many packages for a new provider, which
+#: gives it a forecast; half as much after so many packages of its own. Our own choice, as is the
+#: next number.
+BORROWED: Final = FEWEST
+#: The last packages of each other provider that count.
+_OF_OTHERS: Final = 60
 #: How far the level moves with one package, and its limits. Our own choice.
 _STEP: Final = 0.02
 _LEVELS: Final = (0.75, 0.97)
@@ -40,24 +53,64 @@ class Arrival:
     was_covered: bool | None
 
 
-def late_share(arrivals: Sequence[Arrival]) -> float | None:
+def late_share(own: Sequence[Arrival], others: Sequence[Sequence[Arrival]] = ()) -> float | None:
     """The lateness that nine of ten packages do not exceed, as a share of the planned time.
 
-    `arrivals` are in the order in which they came. At least 0; None for fewer than `FEWEST`.
+    `own` are the packages of a provider, and `others` those of each other provider of its network,
+    in the order in which they came. At least 0; None if all together weigh less than `FEWEST`.
     """
-    if len(arrivals) < FEWEST:
+    groups = [each[-_OF_OTHERS:] for each in others if each]
+    borrowed = min(BORROWED**2 / (BORROWED + len(own)), sum(map(len, groups)))
+    weight = len(own) + borrowed
+    if weight < FEWEST - _ROUNDING:
         return None
-    scores = sorted(each.late_s / max(each.planned_s, _SHORTEST_S) for each in arrivals)
-    count = len(scores)
-    # From n packages no higher level can be forecast than n / (n + 1).
-    level = min(_level(arrivals), count / (count + 1))
-    rank = math.ceil((count + 1) * level - _ROUNDING)
-    return min(max(0.0, scores[rank - 1]), _LARGEST_SHARE)
+    level = len(own) * _level(own)
+    level += borrowed * sum(map(_level, groups)) / max(1, len(groups))
+    # From packages that weigh n no higher level can be forecast than n / (n + 1).
+    needed = (weight + 1) * min(level / weight, weight / (weight + 1)) - _ROUNDING
+    scores = [(_score(each), 1.0) for each in own]
+    scores.extend(_shared_evenly(groups, weight=borrowed))
+    return min(max(0.0, _weighted(scores, needed)), _LARGEST_SHARE)
 
 
 def later_by_s(planned_s: float, share: float) -> float:
     """How much later a package with this planned time may come, seconds."""
     return share * max(planned_s, _SHORTEST_S)
+
+
+def p90_of(eta_at: datetime, *, start_at: datetime, share: float | None) -> datetime | None:
+    """The P90 of a package that is planned to come at `eta_at`; None if no share is known."""
+    if share is None:
+        return None
+    planned_s = (eta_at - start_at).total_seconds()
+    return eta_at + timedelta(seconds=later_by_s(planned_s, share))
+
+
+def due_of(eta_at: datetime, p90_at: datetime | None, promise: PromiseLevel) -> datetime:
+    """The promise from which lateness counts: the P90 if it was asked and is known."""
+    return p90_at if p90_at is not None and promise == "P90" else eta_at
+
+
+def _score(arrival: Arrival) -> float:
+    return arrival.late_s / max(arrival.planned_s, _SHORTEST_S)
+
+
+def _shared_evenly(
+    groups: Sequence[Sequence[Arrival]], *, weight: float
+) -> Iterator[tuple[float, float]]:
+    """The scores of the packages, each with its weight: each group weighs the same."""
+    for group in groups:
+        yield from ((_score(each), weight / len(groups) / len(group)) for each in group)
+
+
+def _weighted(scores: Sequence[tuple[float, float]], needed: float) -> float:
+    """The least score such that the scores up to it weigh as much as `needed`."""
+    *smaller, (largest, _) = sorted(scores)
+    for score, weight in smaller:
+        needed -= weight
+        if needed <= 0:
+            return score
+    return largest
 
 
 def _level(arrivals: Sequence[Arrival]) -> float:

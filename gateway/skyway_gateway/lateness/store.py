@@ -1,15 +1,21 @@
 """All SQL of the lateness of packages that were delivered."""
 
 from collections.abc import Sequence
-from typing import Final
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Any, Final, Literal
 
-from sqlalchemy import BigInteger, Integer, bindparam, select
+from sqlalchemy import BigInteger, Integer, Select, and_, bindparam, case, func, select, true
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.ids import NetworkId, ProviderId
 from skyway.runtime.sql.connection import AnyRow
 from skyway_gateway.delivery_tables import deliveries, missions, packages
 
-_DELIVERED: Final = (
+#: The last packages of a provider in a network that count. Our own choice.
+MOST_OF_PROVIDER: Final = 300
+
+_LAST: Final = (
     select(
         packages.c.delivery_id,
         packages.c.package_id,
@@ -29,12 +35,89 @@ _DELIVERED: Final = (
     )
     .order_by(packages.c.delivered_ms.desc(), packages.c.delivery_id, packages.c.package_id)
     .limit(bindparam("most", type_=Integer))
+    .subquery("last")
+)
+_place: Final = func.row_number().over(
+    partition_by=(_LAST.c.network_id, _LAST.c.provider_id),
+    order_by=(_LAST.c.delivered_ms.desc(), _LAST.c.delivery_id, _LAST.c.package_id),
+)
+_RANKED: Final = select(_LAST, _place.label("place")).subquery("ranked")
+_DELIVERED: Final = (
+    select(_RANKED)
+    .where(_RANKED.c.place <= MOST_OF_PROVIDER)
+    .order_by(_RANKED.c.delivered_ms, _RANKED.c.delivery_id, _RANKED.c.package_id)
 )
 
 
 async def delivered_since(
     connection: AsyncConnection, since_ms: int, *, most: int
 ) -> Sequence[AnyRow]:
-    """The last packages that were delivered at `since_ms` of fleet time or later, oldest first."""
+    """The last packages that were delivered at `since_ms` of fleet time or later, oldest first.
+
+    Of the `most` last packages, those that are among the last of their provider in their network.
+    """
     found = await connection.execute(_DELIVERED, {"since_ms": since_ms, "most": most})
-    return found.all()[::-1]
+    return found.all()
+
+
+#: The spans, up to now, of which the share of packages that came by their P90 is shown.
+PromiseSpan = Literal["day", "week"]
+_SPANS: Final[dict[PromiseSpan, timedelta]] = {"day": timedelta(days=1), "week": timedelta(days=7)}
+
+#: The most pairs of network and provider that are shown, those with the most packages.
+_MOST_PAIRS: Final = 500
+
+
+@dataclass(frozen=True, slots=True)
+class KeptPromises:
+    """How many packages with a P90 a provider has delivered in a network, and how many by it."""
+
+    network_id: NetworkId | None
+    provider_id: ProviderId
+    packages: dict[PromiseSpan, int]
+    in_time: dict[PromiseSpan, int]
+
+
+def _kept() -> Select[*tuple[Any, ...]]:  # columns of every type
+    delivered, p90 = packages.c.delivered_ms, packages.c.promised_p90_ms
+    pair = (deliveries.c.network_id, missions.c.provider_id)
+    is_of_day = delivered >= bindparam("day_ms", type_=BigInteger)
+    is_in_time = delivered <= p90
+    counted = {
+        "day": is_of_day,
+        "week": true(),
+        "day_in_time": and_(is_of_day, is_in_time),
+        "week_in_time": is_in_time,
+    }
+    return (
+        select(
+            *pair,
+            *(func.sum(case((each, 1), else_=0)).label(name) for name, each in counted.items()),
+        )
+        .join_from(packages, missions, missions.c.mission_id == packages.c.mission_id)
+        .join(deliveries, deliveries.c.delivery_id == packages.c.delivery_id)
+        .where(delivered >= bindparam("week_ms", type_=BigInteger), p90.is_not(None))
+        .group_by(*pair)
+        .order_by(func.count().desc(), *pair)
+        .limit(_MOST_PAIRS)
+    )
+
+
+_KEPT: Final = _kept()
+
+
+async def kept_promises(connection: AsyncConnection, *, now_ms: int) -> Sequence[KeptPromises]:
+    """The packages that came in the last day and week of fleet time, by network and provider."""
+    since = {
+        f"{name}_ms": now_ms - round(span.total_seconds() * 1000) for name, span in _SPANS.items()
+    }
+    # Sums of integers are decimals on PostgreSQL.
+    return [
+        KeptPromises(
+            row.network_id,
+            row.provider_id,
+            packages={"day": int(row.day), "week": int(row.week)},
+            in_time={"day": int(row.day_in_time), "week": int(row.week_in_time)},
+        )
+        for row in await connection.execute(_KEPT, since)
+    ]

@@ -96,6 +96,7 @@ def delivery_item(delivery: Delivery) -> tuple[Key, Item]:
                 "state": package.state,
                 "destination": package.destination,
                 "promised_at": package.promised_at,
+                "due_at": package.due_at,
                 "eta_at": package.eta_at,
                 "delivered_at": package.delivered_at,
                 "code": package.code,

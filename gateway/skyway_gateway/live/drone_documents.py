@@ -47,9 +47,12 @@ def customers_drone(drone: Item, mission: JsonObject, key: Key) -> Item | None:
     `mission` is the mission as operators see it, `key` the key of the customer's own item of it.
     """
     document = drone.document
-    if not mission["is_carrying"] or document.get("mission_id") != key.item_id:
+    flown_as = mission.get("flown_as", key.item_id)
+    if not mission["is_carrying"] or document.get("mission_id") != flown_as:
         return None
     shown = {name: document[name] for name in _FOR_CUSTOMERS if name in document}
+    # A guest's customer knows the mission by the guest's own id.
+    shown["mission_id"] = key.item_id
     readers = Readers(customer_id=key.audience, linked_delivery_id=mission["delivery_id"])
     return Item(shown, readers, drone.bounds)
 

@@ -65,7 +65,7 @@ class OfferKeeper:
             # A call that is repeated after this process died finds what was held for it.
             hold_id=HoldId(f"hld_{quote.quote_id}_{number}"),
             customer_id=SubjectId(caller.subject_id),
-            request=quote.request,
+            request=quote.request.begun_after_wait(self.clock.now()),
             shortlist=found.shortlist.with_tariff(offer.provider_id, offer.tariff),
             offer=offer.limits(
                 OfferHold(hold_id=hold_id, number=number) if is_held and hold_id else None

@@ -2,13 +2,15 @@
 
 import contextlib
 from dataclasses import dataclass
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Annotated, Final
 
 from pydantic import Field
 
+from skyway.announced_networks import CachedNetworks
 from skyway.contracts.candidate import CandidateQuery
-from skyway.contracts.quote import HoldTerms, QuoteAnswer, QuoteQuery
+from skyway.contracts.quote import HoldTerms, OfferTerms, QuoteAnswer, QuoteQuery
+from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import InvalidInput, SkywayError
 from skyway.geo import Position
@@ -22,9 +24,11 @@ from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.clients import Composition, Registry
+from skyway_gateway.lateness.calibrate import due_of, p90_of
+from skyway_gateway.lateness.forecast import LatenessForecast
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.check_request import NO_PROVIDER, RequestChecks
-from skyway_gateway.quotes.store import OFFER_LIFE_S, Offer, Quote
+from skyway_gateway.quotes.store import OFFER_LIFE_S, Offer, OfferedPackage, Quote
 
 
 class QuoteRequest(DeliveryRequest):
@@ -79,6 +83,8 @@ class QuoteMaker:
     horizon: timedelta
     limits: HoldLimits
     planning: FairQueue
+    networks: CachedNetworks
+    forecast: LatenessForecast
 
     async def make(
         self,
@@ -156,7 +162,8 @@ class QuoteMaker:
         found = await self.registry.candidates(_candidate_query(request, checked.pickup_position))
         answer = QuoteAnswer(offers=(), infeasible=())
         if not found.shortlist.is_empty:
-            query = QuoteQuery(request=request, shortlist=found.shortlist, hold=hold)
+            waiting = request.begun_after_wait(self.clock.now())
+            query = QuoteQuery(request=waiting, shortlist=found.shortlist, hold=hold)
             async with self.planning.turn(str(caller)):
                 answer = await self.composition.quote(query)
         infeasible = (*answer.infeasible, *found.infeasible)
@@ -171,9 +178,9 @@ class QuoteMaker:
             made_at=self.clock.now(),
             expires_at=expires_at,
             offers=tuple(
-                Offer(
-                    **dict(terms),
-                    offer_id=OfferId(self.mint("off")),
+                self._offer(
+                    terms,
+                    request,
                     expires_at=expires_at,
                     tariff=found.shortlist.terms_of[terms.provider_id].tariff,
                 )
@@ -183,6 +190,27 @@ class QuoteMaker:
         )
         is_held = hold is not None and answer.held_until_at is not None
         return _Made(quote, hold.hold_id if hold is not None and is_held else None)
+
+    def _offer(
+        self, terms: OfferTerms, request: DeliveryRequest, *, expires_at: datetime, tariff: Tariff
+    ) -> Offer:
+        """The offer with the arrival times that are promised."""
+        network_id = self.networks.network_of(request.pickup.station_id)
+        share = self.forecast.late_share(network_id, terms.provider_id)
+        last_at = max(each.eta_at for each in terms.packages)
+        start_at = last_at - timedelta(seconds=terms.delivery_time_s)
+        packages = []
+        for each in terms.packages:
+            p90_at = p90_of(each.eta_at, start_at=start_at, share=share)
+            due_at = due_of(each.eta_at, p90_at, request.qos.promise)
+            packages.append(OfferedPackage(**dict(each), eta_p90_at=p90_at, due_at=due_at))
+        return Offer(
+            **(dict(terms) | {"packages": tuple(packages)}),
+            offer_id=OfferId(self.mint("off")),
+            expires_at=expires_at,
+            tariff=tariff,
+            late_share=share,
+        )
 
     def _hold_terms(self, caller: Caller, requested: QuoteRequest) -> HoldTerms | None:
         if not requested.hold:

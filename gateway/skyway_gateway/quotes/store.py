@@ -14,7 +14,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.message import FleetMoment, WallMoment
-from skyway.contracts.mission import OfferHold, OfferLimits
+from skyway.contracts.mission import OfferHold, OfferLimits, PackageEta
 from skyway.contracts.quote import OfferTerms
 from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.offer import Tariff
@@ -36,6 +36,22 @@ OFFER_LIFE_S: Final = 120.0
 _DELETED_TOGETHER: Final = 1000
 
 
+class OfferedPackage(PackageEta):
+    """When a package of an offer is expected, and what would be promised now."""
+
+    eta_p90_at: Annotated[
+        FleetMoment | None,
+        Field(description="When it has come in nine of ten cases; null before that is known."),
+    ] = None
+    due_at: Annotated[
+        FleetMoment | None,
+        Field(
+            description="What is promised: `eta_p90_at`, or `eta_at` if `qos.promise` is P50 or "
+            "nothing is forecast."
+        ),
+    ] = None
+
+
 class Offer(OfferTerms):
     """What one provider offers; its price and time hold if it is accepted before `expires_at`.
 
@@ -44,11 +60,21 @@ class Offer(OfferTerms):
 
     offer_id: Annotated[OfferId, Field(description="The id of the offer, to accept it with.")]
     expires_at: WallMoment
+    packages: Annotated[
+        tuple[OfferedPackage, ...], Field(description="When each package is expected.")
+    ]
     tariff: Annotated[
         Tariff | None,
         Field(
             description="The provider's tariff when the offer was made, by which an accepted offer "
             "is booked; null for offers of an earlier version."
+        ),
+    ] = None
+    late_share: Annotated[
+        float | None,
+        Field(
+            description="The lateness that nine of ten packages do not exceed, as a share of their "
+            "planned time, which is at least 300 s; the booking keeps it. Null if it is not known."
         ),
     ] = None
 
@@ -60,6 +86,7 @@ class Offer(OfferTerms):
             within_s=self.delivery_time_s,
             hold=hold,
             tariff=self.tariff,
+            late_share=self.late_share,
         )
 
 

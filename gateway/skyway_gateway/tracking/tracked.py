@@ -47,6 +47,8 @@ class TrackedPackage(JsonModel):
     #: Nine of ten packages come by then. Until that is known: the latest time without a new plan.
     eta_until_at: FleetMoment | None
     promised_at: FleetMoment | None
+    #: The promise from which lateness counts.
+    due_at: FleetMoment | None
     delivered_at: FleetMoment | None
     proof_station_id: StationId | None
     #: Where the drone stood, and what it measured, when it handed the package over.
@@ -153,6 +155,7 @@ def _package(
         eta_at=package.eta_at,
         eta_until_at=package.eta_p90_at or tolerated_at,
         promised_at=package.promised_at,
+        due_at=package.due_at,
         delivered_at=package.delivered_at,
         proof_station_id=None if proof is None else proof.station_id,
         proof_position=None if proof is None else proof.position,

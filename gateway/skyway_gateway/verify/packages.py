@@ -202,4 +202,19 @@ PACKAGES: Final = (
         ),
         "Set `promised_p90_ms` to null: it is a forecast, and the delivery does without it.",
     ),
+    Rule(
+        "a package is due at the moment that was promised",
+        select(_name).where(
+            packages.c.due_ms.is_not(None),
+            or_(
+                packages.c.promised_ms.is_(None),
+                and_(
+                    packages.c.due_ms != packages.c.promised_ms,
+                    packages.c.due_ms
+                    != func.coalesce(packages.c.promised_p90_ms, packages.c.promised_ms),
+                ),
+            ),
+        ),
+        "Set `due_ms` to null: then lateness counts from `promised_ms`.",
+    ),
 )

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Protocol
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
+from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import (
     ClosureId,
@@ -22,6 +23,7 @@ from skyway.ids import (
 from skyway.json_model import JsonModel
 from skyway.network.network import Zone
 from skyway.planner.airspace import SegmentEnds
+from skyway.planner.weather import Weather
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import ms_to_moment
 
@@ -175,8 +177,16 @@ class Reach:
     what: str | None = None
 
 
+class WeatherOfModels(Protocol):
+    """The weather of a network for each drone model."""
+
+    def of_model(self, model: DroneModel) -> Weather:
+        """The weather for drones of this model, by seconds of fleet time since 1970."""
+        ...
+
+
 class Impact(Protocol):
-    """What a closure does to the missions that are under way."""
+    """What a closure, or weather, does to the missions that are under way."""
 
     async def preview(self, db: Database, reach: Reach) -> tuple[AffectedMission, ...]:
         """The missions that the closure would affect, the earliest first."""
@@ -192,4 +202,19 @@ class Impact(Protocol):
 
     async def retry(self, tx: Tx, reach: Reach) -> None:
         """Plan again for missions that found no plan, since this closure was lifted."""
+        ...
+
+    async def retry_all(self, tx: Tx, network_id: NetworkId) -> None:
+        """Plan again for the missions of a network that found no plan."""
+        ...
+
+    async def models_in_flight(self, db: Database, network_id: NetworkId) -> tuple[DroneModel, ...]:
+        """The models of the drones that have missions in a network."""
+        ...
+
+    async def apply_weather(self, tx: Tx, network_id: NetworkId, weather: WeatherOfModels) -> int:
+        """Mark the missions for replanning that would fly in a wind above their drones' limit.
+
+        Returns how many they are.
+        """
         ...

@@ -1,5 +1,6 @@
-"""All closures of a network, now and later, in the form that planning needs."""
+"""All closures of a network, now and later, and its weather, in the form that planning needs."""
 
+import asyncio
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,15 +16,18 @@ from skyway.runtime.sql.database import Database
 from skyway.units import ms_to_moment
 from skyway_composition.closures import store
 from skyway_composition.closures.closure import Closure
+from skyway_composition.closures.network_weather import NetworkWeather
+from skyway_composition.closures.weather_store import ForecastKey, forecast_key, forecast_row
 
 
 # Without slots, because what zones reach is computed on first use and cached.
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """The closures of a network that are in force or will be."""
+    """The closures of a network that are in force or will be, and its weather, if it has any."""
 
     network: Network
     closures: tuple[Closure, ...]
+    weather: NetworkWeather | None = None
 
     @cached_property
     def has_ground_stops(self) -> bool:
@@ -125,6 +129,7 @@ class CachedConditions:
         self._network_id = network_id
         self._number = -1
         self._conditions = Conditions(network, ())
+        self._forecast_key: ForecastKey | None = None
 
     async def read(self, db: Database, *, after_ms: int) -> tuple[int, Conditions]:
         """The current number of the conditions, and the closures that end after a moment."""
@@ -142,6 +147,18 @@ class CachedConditions:
             return self._conditions
         async with db.read() as connection:
             closures = await store.in_force(connection, self._network_id, after_ms=after_ms)
-        conditions = Conditions(self._conditions.network, closures)
-        self._number, self._conditions = number, conditions
+            key = await forecast_key(connection, self._network_id)
+        weather = self._conditions.weather
+        if key != self._forecast_key:
+            weather = None if key is None else await self._read_weather(db)
+        conditions = Conditions(self._conditions.network, closures, weather)
+        self._number, self._conditions, self._forecast_key = number, conditions, key
         return conditions
+
+    async def _read_weather(self, db: Database) -> NetworkWeather | None:
+        async with db.read() as connection:
+            row = await forecast_row(connection, self._network_id)
+        if row is None:
+            return None
+        # A large forecast is read in some tenths of a second.
+        return await asyncio.to_thread(NetworkWeather.read, row, self._conditions.network)

@@ -11,23 +11,33 @@ from skyway.contracts.live import (
     LiveStation,
     LiveStep,
 )
+from skyway.contracts.mission import Mission
 from skyway.ids import PackageId
 from skyway.units import ms_to_moment
 from skyway_composition.alarm_store import Alarm
 from skyway_composition.closures.closure import Closure
 from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.share_views import missions_seen, own_steps
 from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.networks.station_store import StationRow
 from skyway_composition.pads.occupancy import Occupancy, PadOccupancy
 
 
-def live_mission(record: MissionRecord, steps: Sequence[StepRecord]) -> LiveMission:
+def live_missions(record: MissionRecord, steps: Sequence[StepRecord]) -> Iterator[LiveMission]:
+    """A mission as each of its deliveries sees it: with its own packages and hand-overs only."""
+    for mission in missions_seen(record):
+        yield _live_mission(record, mission, own_steps(record, mission.delivery_id, steps))
+
+
+def _live_mission(
+    record: MissionRecord, mission: Mission, steps: Sequence[StepRecord]
+) -> LiveMission:
     """A mission with its steps as they were flown, or as they are planned."""
-    mission = record.mission
     on_board = _on_board(steps)
     return LiveMission.model_construct(
         mission_id=mission.mission_id,
         delivery_id=mission.delivery_id,
+        flown_as=record.mission_id if mission.mission_id != record.mission_id else None,
         provider_id=mission.provider_id,
         drone_id=mission.drone_id,
         state=mission.state,

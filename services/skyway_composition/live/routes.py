@@ -21,7 +21,7 @@ from skyway_composition import alarm_store
 from skyway_composition.alarm_store import AlarmFilter
 from skyway_composition.closures.store import not_over
 from skyway_composition.live.live_store import missions_with_steps, open_alarms, open_missions
-from skyway_composition.live.present import live_alarm, live_closure, live_mission, live_station
+from skyway_composition.live.present import live_alarm, live_closure, live_missions, live_station
 from skyway_composition.networks.station_store import stations_named
 from skyway_composition.pads.occupancy import outages_by_pad, uses_by_pad
 from skyway_composition.pads.occupied_store import held_now, occupied_stations
@@ -75,8 +75,14 @@ def live_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Servic
         caller.must_be_service("gateway")
         async with db.read() as connection:
             found = await missions_with_steps(connection, query.mission_ids)
+        asked = set(query.mission_ids)
         answer = LiveMissions.model_construct(
-            missions=tuple(live_mission(record, steps) for record, steps in found)
+            missions=tuple(
+                each
+                for record, steps in found
+                for each in live_missions(record, steps)
+                if each.mission_id in asked
+            )
         )
         return Response(answer.model_dump_json(exclude_none=True), media_type="application/json")
 

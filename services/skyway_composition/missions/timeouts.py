@@ -27,6 +27,7 @@ from skyway_composition.missions.mission.doubt import put_in_doubt
 from skyway_composition.missions.mission.end import abort, refuse
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import steps_of
+from skyway_composition.missions.mission.store import models_of_missions
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.check_plan import REPORT_DELAY, check_plan
 from skyway_composition.missions.timeout_store import (
@@ -36,7 +37,8 @@ from skyway_composition.missions.timeout_store import (
     perhaps_overdue,
 )
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.world import ClosedAhead, World
+from skyway_composition.planning.closed_ahead import ClosedAhead
+from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
 
@@ -179,7 +181,14 @@ class LateMissions:
     async def _closed(self, network_id: NetworkId) -> ClosedAhead:
         now_ms = moment_to_ms(self.clock.now())
         skyway = await self.networks.current(network_id)
-        return ClosedAhead.of(await World.of(skyway, self.db, after_ms=now_ms), now_ms=now_ms)
+        world = await World.of(skyway, self.db, after_ms=now_ms)
+        if world.weather_note(now_ms) is not None:
+            # Read here, so that nothing is computed while a mission is locked.
+            async with self.db.read() as connection:
+                models = await models_of_missions(connection, network_id)
+            for model in {*models.values()}:
+                await world.weather(model, now_ms)
+        return ClosedAhead.of(world, now_ms=now_ms)
 
     async def _judge(self, drone_id: DroneId, closed: ClosedAhead) -> None:
         async with self.db.write() as tx:

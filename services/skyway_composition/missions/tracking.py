@@ -21,22 +21,21 @@ from skyway.json_model import JsonModel
 from skyway.runtime.sql.database import Database
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import link_to
-from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission import share_views, store
 from skyway_composition.missions.mission.custody_store import held_packages, on_board
 from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
 from skyway_composition.missions.mission.step_store import StepRecord, flown_totals, steps_of
 from skyway_composition.missions.mission.store import MissionFilter
 from skyway_composition.networks.station_store import stations_named
 
-#: More missions than a delivery can have (attempts times trips).
-_MOST_MISSIONS = 1_000
+_MOST_MISSIONS = 1_000  # more than a delivery can have: attempts times trips
 
 
 @dataclass(frozen=True, slots=True)
 class _Flown:
     """A mission, its steps for the delivery, and the drone's state while it flies them."""
 
-    record: MissionRecord
+    mission: Mission
     steps: Sequence[StepRecord]
     state: DroneState | None
 
@@ -59,16 +58,19 @@ async def track_of(db: Database, delivery_id: DeliveryId) -> Track:
         flown = [
             _flown(
                 record,
-                await steps_of(connection, record.mission_id),
+                share_views.own_steps(
+                    record, delivery_id, await steps_of(connection, record.mission_id)
+                ),
                 await link_to(connection, record.drone_id),
                 carried,
+                seen_as=share_views.mission_for(record, delivery_id),
             )
             for record in reversed(records)
             if record.mission.state != "REFUSED"
         ]
         named = {_station_of(each.step) for one in flown for each in one.steps}
         stations = await stations_named(connection, named)
-    now = {station_id: row.position for station_id, row in stations.items()}
+    now = {each: row.position for each, row in stations.items()}
     return Track(missions=tuple(_tracked(each, now) for each in flown))
 
 
@@ -77,12 +79,17 @@ def _flown(
     steps: Sequence[StepRecord],
     link: DroneLink | None,
     carried: AbstractSet[PackageId],
+    *,
+    seen_as: Mission,
 ) -> _Flown:
-    """The mission for its delivery, which ends with the last hand-over."""
-    has_load = any(each.package_id in carried for each in record.request.packages)
+    """The mission for its delivery: up to the delivery's own last hand-over."""
+    requested = [each.package_id for each in record.request.packages]
+    own_ids = share_views.own_ids(record, seen_as.delivery_id, requested)
+    has_load = not carried.isdisjoint(own_ids)
+    steps = share_views.own_steps(record, seen_as.delivery_id, steps)
     own = _of_delivery(record, steps, has_load=has_load)
     goes_on = has_load or any(each.status == "PLANNED" for each in own)
-    return _Flown(record, own, _state_on(record, link) if goes_on else None)
+    return _Flown(seen_as, own, _state_on(record, link) if goes_on else None)
 
 
 def _state_on(record: MissionRecord, link: DroneLink | None) -> DroneState | None:
@@ -96,7 +103,7 @@ def _state_on(record: MissionRecord, link: DroneLink | None) -> DroneState | Non
 def _tracked(flown: _Flown, now: Mapping[StationId, Position]) -> TrackedMission:
     # Positions as sent to the drone; for other stations, their present positions.
     positions = {**now, **dict(_ends(flown.steps))}
-    mission, state = flown.record.mission, flown.state
+    mission, state = flown.mission, flown.state
     seen = _seen(state, flown.steps)
     return TrackedMission(
         mission_id=mission.mission_id,
@@ -267,7 +274,7 @@ def progress_of(
 ) -> MissionProgress:
     """A mission with its steps, the totals of its ended steps, and its drone's last messages."""
     return MissionProgress(
-        mission=record.mission,
+        mission=share_views.shown_mission(record),
         steps=tuple(
             StepProgress(
                 step=each.step, revision=each.revision, status=each.status, event=each.event

@@ -21,6 +21,7 @@ from skyway.runtime.sql.database import Database
 from skyway_composition.links.store import link_to, states_of
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.share_views import shown_mission
 from skyway_composition.missions.mission.step_store import (
     ended_events,
     next_steps_of,
@@ -70,6 +71,13 @@ class ListedMission(Mission):
     soc: Annotated[
         Soc | None, Field(description="Its state of charge there, 0 to 1; null without a position.")
     ]
+    guests: Annotated[
+        tuple[DeliveryId, ...],
+        Field(
+            description="Other deliveries whose packages fly with it; their packages are listed "
+            "under the ids under which they fly."
+        ),
+    ] = ()
 
 
 def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
@@ -117,13 +125,14 @@ def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     async def get_mission(
         mission_id: MissionId, caller: Annotated[Caller, Depends(gate)]
     ) -> MissionProgress:
-        """Show a mission with its progress."""
+        """Show a mission with its progress; for a guest's mission, the one that carries it."""
         async with db.read() as connection:
-            record = await store.get(connection, mission_id, provider_id=_own(caller))
+            host_id = await store.host_of(connection, mission_id) or mission_id
+            record = await store.get(connection, host_id, provider_id=_own(caller))
             if record is None or _own_drone(caller) not in (None, record.drone_id):
                 raise NotFound("mission", mission_id)
-            steps = await steps_of(connection, mission_id)
-            events = await ended_events(connection, mission_id)
+            steps = await steps_of(connection, host_id)
+            events = await ended_events(connection, host_id)
             link = await link_to(connection, record.drone_id)
         return progress_of(record, steps, events=events, link=link)
 
@@ -138,12 +147,15 @@ def _all_listed(
 ) -> list[ListedMission]:
     """The missions with these steps, and with the states of their drones."""
     return [
-        _listed(record.mission, steps.get(record.mission_id), states.get(record.drone_id))
+        _listed(record, steps.get(record.mission_id), states.get(record.drone_id))
         for record in records
     ]
 
 
-def _listed(mission: Mission, step: FlightStep | None, state: DroneState | None) -> ListedMission:
+def _listed(
+    record: MissionRecord, step: FlightStep | None, state: DroneState | None
+) -> ListedMission:
+    mission = shown_mission(record)
     is_open = mission.state in OPEN_MISSION_STATES
     is_here = is_open and state is not None and state.mission_id == mission.mission_id
     seen = state if is_here else None
@@ -153,6 +165,7 @@ def _listed(mission: Mission, step: FlightStep | None, state: DroneState | None)
         position=None if seen is None else seen.position,
         position_at=None if seen is None else seen.at,
         soc=None if seen is None else seen.soc,
+        guests=tuple(each.delivery_id for each in record.shares[1:]),
     )
 
 

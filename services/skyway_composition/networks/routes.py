@@ -25,16 +25,9 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.closure import Impact
-from skyway_composition.closures.store import in_force
 from skyway_composition.networks import store
 from skyway_composition.networks.prepared import PreparedNetworks, current_row
 from skyway_composition.networks.publish import etag, publish, read_content
-from skyway_composition.networks.service_status import (
-    CountDrones,
-    NetworkStatus,
-    status_of,
-    without_counts,
-)
 from skyway_composition.networks.settings import NetworkDocument
 from skyway_composition.networks.store import VersionRow
 
@@ -269,30 +262,3 @@ def _offset(query: PageQuery) -> int:
     """The index after the last item of the page before, in an ordered list."""
     after = query.after(int)
     return max(0, int(after[0]) + 1) if after else 0
-
-
-def service_status_routes(
-    *, db: Database, gate: ServiceGate, clock: FleetClock, count_drones: CountDrones
-) -> ServiceRouter:
-    """GET /v1/networks/{network_id}/status."""
-    router = ServiceRouter(tags=("networks",))
-
-    @router.get("/v1/networks/{network_id}/status")
-    async def get_network_status(
-        network_id: NetworkId, caller: Annotated[Caller, Depends(gate)]
-    ) -> NetworkStatus:
-        """Show whether the network accepts deliveries now, and what restricts it.
-
-        Only operators see how many drones there are.
-        """
-        _must_be_reader(caller)
-        await current_row(db, network_id)
-        drones = await count_drones(network_id)
-        now_ms = moment_to_ms(clock.now())
-        async with db.read() as connection:
-            closures = await in_force(connection, network_id, after_ms=now_ms)
-        present = [each for each in closures if each.is_in_force(now_ms)]
-        status = status_of(network_id, present, drones, now_ms=now_ms)
-        return status if caller.role == "operator" else without_counts(status)
-
-    return router

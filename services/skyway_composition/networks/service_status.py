@@ -4,8 +4,9 @@
 registry counts.
 """
 
-from collections.abc import Awaitable, Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from datetime import datetime
+from types import MappingProxyType
 from typing import Annotated, Final, Literal
 
 from pydantic import Field
@@ -16,6 +17,7 @@ from skyway.json_model import JsonModel
 from skyway.runtime.http.client import ServiceClient
 from skyway.units import ms_to_moment
 from skyway_composition.closures.closure import Area, Closure
+from skyway_composition.closures.network_weather import ClosedNow, NetworkWeather, closed_now
 
 #: The most closures that one answer lists. Our own choice.
 _MOST_LISTED: Final = 100
@@ -28,6 +30,7 @@ RestrictionCode = Literal[
     "PAD_OUT_OF_ORDER",
     "SEGMENT_CLOSED",
     "ZONE_CLOSED",
+    "TOO_MUCH_WIND",
     "NO_DRONES",
     "NO_IDLE_DRONES",
 ]
@@ -48,7 +51,7 @@ class Restriction(JsonModel):
         ),
     ]
     closure_id: Annotated[
-        ClosureId | None, Field(description="The closure; null for a lack of drones.")
+        ClosureId | None, Field(description="The closure; null for weather and a lack of drones.")
     ] = None
     station_id: Annotated[
         StationId | None, Field(description="The station, or the start of the segment.")
@@ -129,20 +132,46 @@ def count_drones_at(registry: ServiceClient) -> CountDrones:
     return count
 
 
+async def closed_to_models(
+    weather: NetworkWeather | None, drones: NetworkDrones, *, now_ms: int
+) -> dict[DroneModelId, ClosedNow]:
+    """What the weather closes now, by the models of the drones that are online."""
+    found: dict[DroneModelId, ClosedNow] = {}
+    for each in drones.models:
+        if weather is None or each.model is None or not each.online:
+            continue
+        if await weather.of_plan(each.model, now_ms) is None:
+            continue
+        closed = closed_now(weather.of_model(each.model), now_ms)
+        if closed is not None:
+            found[each.model_id] = closed
+    return found
+
+
 def status_of(
-    network_id: NetworkId, closures: Sequence[Closure], drones: NetworkDrones, *, now_ms: int
+    network_id: NetworkId,
+    closures: Sequence[Closure],
+    drones: NetworkDrones,
+    *,
+    now_ms: int,
+    windy: Mapping[DroneModelId, ClosedNow] = MappingProxyType({}),
 ) -> NetworkStatus:
-    """The status of a network with these closures, all in force now, and these drones."""
+    """The status of a network with these closures, all in force now, and these drones.
+
+    `windy` is what the weather closes now to drones of some models.
+    """
     stops = [each for each in closures if each.kind == "GROUND_STOP"]
     others = [each for each in closures if each.kind != "GROUND_STOP"]
     is_stopped = any(_stops_all(each) for each in stops)
     stopped_models = {each.drone_model_id for each in stops if _stops_model(each)}
+    stopped_models |= {model_id for model_id, closed in windy.items() if closed.is_all}
     models = [
         _model(each, is_stopped=is_stopped or each.model_id in stopped_models)
         for each in drones.models
     ]
     lacks = list(_lacking(models, is_everyone_counted=not drones.unplaced))
-    found = [*map(_restriction, stops), *lacks, *map(_restriction, others)]
+    winds = [_of_wind(model_id, closed) for model_id, closed in windy.items()]
+    found = [*map(_restriction, stops), *lacks, *winds, *map(_restriction, others)]
     lacks_all = any(each.code == "NO_DRONES" and each.model_id is None for each in lacks)
     can_any = any(each.status != "PAUSED" for each in models) or drones.unplaced > 0
     is_paused = is_stopped or lacks_all or not can_any
@@ -154,6 +183,17 @@ def status_of(
         restrictions=tuple(found[:_MOST_LISTED]),
         more_restrictions=max(0, len(found) - _MOST_LISTED),
         models=tuple(models),
+    )
+
+
+def _of_wind(model_id: DroneModelId, closed: ClosedNow) -> Restriction:
+    """The restriction of a drone model by the weather."""
+    count = f"{closed.closed} of {closed.segments} segments"
+    return Restriction(
+        code="TOO_MUCH_WIND",
+        detail=f"{count} have more wind than drones of model {model_id} fly in",
+        model_id=model_id,
+        until=ms_to_moment(closed.until_ms),
     )
 
 

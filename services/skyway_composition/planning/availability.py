@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Final, Self
 
 from skyway.contracts.shortlist import Shortlist
+from skyway.delivery.request import QoS
 from skyway.ids import DroneId, MissionId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.scheduling.stays import Slot, Stay, slot_after
@@ -20,6 +21,10 @@ _HAND_OVER_S: Final = (30.0, 1.5)
 #: A mission is sent to its idle drone this long before it begins, fleet seconds and wall seconds.
 #: Until then the drone can fly another mission first. Our own choice.
 _SEND_AHEAD_S: Final = (600.0, 5.0)
+
+#: A mission that waits for deliveries that share its trip is sent this long before it begins: until
+#: then others can join. Fleet seconds and wall seconds, our own choice.
+_SEND_WAITING_AHEAD_S: Final = (120.0, 5.0)
 
 #: A mission is booked at most this far ahead behind others, fleet milliseconds: one day.
 _HORIZON_MS: Final = 24 * 3600 * 1000
@@ -163,9 +168,10 @@ def start_ms(clock: FleetClock, *, earliest_at: datetime | None, margin_factor: 
     return moment_to_ms(start_at) + 1
 
 
-def send_ahead_ms(clock: FleetClock) -> int:
+def send_ahead_ms(clock: FleetClock, qos: QoS | None = None) -> int:
     """How long before its start a mission is sent to an idle drone, fleet milliseconds."""
-    fleet_s, wall_s = _SEND_AHEAD_S
+    waits = qos is not None and qos.pooling_wait_s > 0
+    fleet_s, wall_s = _SEND_WAITING_AHEAD_S if waits else _SEND_AHEAD_S
     return round(fleet_margin(clock, fleet_s=fleet_s, wall_s=wall_s).total_seconds() * 1000)
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -13,7 +14,7 @@ from skyway.delivery.request import DeliveryRequest, Priority
 from skyway.drone.charging import fastest_s_per_soc
 from skyway.drone.flight import flight_power_w
 from skyway.drone.model import DroneModel
-from skyway.ids import StationId
+from skyway.ids import DroneModelId, StationId
 from skyway.network.columns import Adjacency, Floats
 from skyway.network.network import Network
 from skyway.planner.kernels.ways import lengths_from
@@ -68,16 +69,18 @@ class LowerBounds:
         shortlist: Shortlist,
         *,
         waits_s: Floats,
+        time_factors: Mapping[DroneModelId, float] = MappingProxyType({}),
     ) -> Self:
         """The lower bounds for a request; all its places and the candidates are in the network.
 
-        `waits_s` is how long each candidate begins after the first; ``(n,)``.
+        `waits_s` is how long each candidate begins after the first; ``(n,)``. `time_factors` is
+        the least that the weather multiplies the flights of a model by; 1 for all other models.
         """
         network, pickup = skyway.network, request.pickup.station_id
         stops = [each for each in request.destinations if each != pickup]
         tour_m = least_tour_m(network, pickup, stops)
         approach_m = least_m_to(network, pickup, shortlist.station_ids)
-        pace = _paces(shortlist, request, skyway.settings, tour_m=tour_m)
+        pace = _paces(shortlist, request, skyway.settings, tour_m=tour_m, time_factors=time_factors)
 
         energy_j = approach_m * pace.approach_j_per_m + pace.tour_j
         usable_j = np.maximum(0.0, np.array(shortlist.socs) - pace.reserve_soc) * pace.battery_j
@@ -98,20 +101,36 @@ class LowerBounds:
 
 
 def _paces(
-    shortlist: Shortlist, request: DeliveryRequest, settings: NetworkSettings, *, tour_m: float
+    shortlist: Shortlist,
+    request: DeliveryRequest,
+    settings: NetworkSettings,
+    *,
+    tour_m: float,
+    time_factors: Mapping[DroneModelId, float],
 ) -> _Paces:
     """The paces of the candidates on a tour of this length, with the energy margin."""
     by_kind = {
-        kind: _pace(with_margin(model, settings.energy_margin), request, settings, tour_m=tour_m)
+        kind: _pace(
+            with_margin(model, settings.energy_margin),
+            request,
+            settings,
+            tour_m=tour_m,
+            time_factor=time_factors.get(model.model_id, 1.0),
+        )
         for kind, model in shortlist.planned_model_of.items()
     }
     return _Paces(*_looked_up(by_kind, shortlist.kinds))
 
 
 def _pace(
-    model: DroneModel, request: DeliveryRequest, settings: NetworkSettings, *, tour_m: float
+    model: DroneModel,
+    request: DeliveryRequest,
+    settings: NetworkSettings,
+    *,
+    tour_m: float,
+    time_factor: float,
 ) -> Sequence[float]:
-    """A model's row of `_Paces`."""
+    """A model's row of `_Paces`; no weather saves energy, so it shortens times alone."""
     fastest_mps = max(model.speed_empty_mps, model.speed_full_mps)
     # Each flight between deliveries carries at least this mass.
     lightest_kg = min(package.mass_kg for package in request.packages)
@@ -119,9 +138,9 @@ def _pace(
     stops = len(destinations)
     landings = stops - (request.pickup.station_id in destinations)
     return (
-        1 / model.speed_empty_mps,
+        time_factor / model.speed_empty_mps,
         flight_power_w(model, 0.0) / model.speed_empty_mps,
-        tour_m / fastest_mps,
+        time_factor * tour_m / fastest_mps,
         tour_m * flight_power_w(model, lightest_kg) / fastest_mps,
         fastest_s_per_soc(model) / model.battery_j,
         settings.loading_s + stops * settings.dropoff_s + landings * model.stop_s,

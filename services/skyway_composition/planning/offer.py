@@ -14,8 +14,8 @@ from skyway.ids import ProviderId, StationId
 from skyway.network.network import Network
 from skyway.scheduling.trip import Trip
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.availability import Opening
+from skyway_composition.planning.world import World
 
 #: Milliseconds by which an offer's delivery time may be exceeded, because JSON rounds the time.
 _OFFER_SLACK_MS = 1_000
@@ -105,9 +105,7 @@ class Offers:
     reasons: tuple[ProviderReason, ...]
 
 
-def terms_of(
-    offer: Offer, *, best: BestValues, weights: Weights, settings: NetworkSettings
-) -> OfferTerms:
+def terms_of(offer: Offer, *, best: BestValues, weights: Weights, world: World) -> OfferTerms:
     """An offer as customers see it, scored relative to the best values of all offers."""
     values, first = offer.values, offer.parts[0]
     plans = [part.trip.plan for part in offer.parts]
@@ -116,6 +114,7 @@ def terms_of(
         drone_id=values.drone_id,
         drone_model_id=first.candidate.model.model_id,
         price=offer.price,
+        pooled_price=_pooled_price(offer),
         pickup_at=min(_pickup_at(part.trip) for part in offer.parts),
         delivery_time_s=values.time_s,
         packages=tuple(eta for part in offer.parts for eta in _etas(part.trip)),
@@ -126,10 +125,20 @@ def terms_of(
         waiting_s=sum(plan.waiting_s or 0.0 for plan in plans),
         trips=len(offer.parts),
         ways=tuple(_way(plan) for plan in plans),
-        margins=settings.margins,
+        margins=world.skyway.settings.margins,
+        weather=world.weather_note(offer.begins_ms),
         score=best.score(values, weights),
         no_shows=values.no_shows,
     )
+
+
+def _pooled_price(offer: Offer) -> Price | None:
+    """What the offer costs if all its trips are shared; None if the price would be the same."""
+    if not all(part.request.may_share_trip for part in offer.parts):
+        return None
+    pooled = [part.price.pooled(part.candidate.tariff).amount for part in offer.parts]
+    price = offer.price.model_copy(update={"amount": sum(pooled)})
+    return price if price.amount < offer.price.amount else None
 
 
 def distance_flown_m(network: Network, plan: Plan) -> float:

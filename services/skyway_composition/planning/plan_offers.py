@@ -144,7 +144,13 @@ async def _single_offers(
 ) -> list[Offer]:
     """Compose for the candidates that may win, the most promising first."""
     waits_s = finder.waits_s(shortlist.drone_ids)
-    least = LowerBounds.of(finder.world.skyway, request, shortlist, waits_s=waits_s)
+    least = LowerBounds.of(
+        finder.world.skyway,
+        request,
+        shortlist,
+        waits_s=waits_s,
+        time_factors=finder.world.least_time_factors(shortlist.model_of),
+    )
     contest = Contest(shortlist, least, request.qos.ranking, openings=finder.openings)
     contest.leave_out(_breaking(shortlist, least, finder, limits=limits, refusals=refusals))
     offers: list[Offer] = []
@@ -283,10 +289,8 @@ def answer_of(query: QuoteQuery, world: World, offers: Offers, *, held: int = 0)
     if not offers.ranked:
         return QuoteAnswer(offers=(), infeasible=offers.reasons)
     best = BestValues.of(offer.values for offer in offers.ranked)
-    settings, weights = world.skyway.settings, query.request.qos.ranking
-    terms = [
-        terms_of(each, best=best, weights=weights, settings=settings) for each in offers.ranked
-    ]
+    weights = query.request.qos.ranking
+    terms = [terms_of(each, best=best, weights=weights, world=world) for each in offers.ranked]
     return QuoteAnswer(
         offers=tuple(
             each.model_copy(update={"is_held": number < held}) for number, each in enumerate(terms)

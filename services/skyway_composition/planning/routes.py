@@ -230,7 +230,8 @@ def composition_routes(
                 NetworkReference.of(network),
                 size_bytes=len(await request.body()),
             )
-            return await compose_in(solver, world, problem)
+            # The weather of a problem is what the problem says; without it the air is still.
+            return await compose_in(solver, world.in_still_air(), problem)
         return await solver.compose(await reading.run(read_problem, document))
 
     return router

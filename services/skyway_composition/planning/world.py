@@ -1,29 +1,26 @@
 """The world in which plans are made: a network version, its reservations and its closures.
 
-`compose_in` reads only the reservations that a plan needs. `ClosedAhead` says whether a landing or
-a segment is closed at a given time.
+`compose_in` reads only the reservations that a plan needs.
 """
 
-from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
-from math import inf
 from typing import Final, Self
 
 import numpy as np
 
+from skyway.contracts.weather import WeatherNote
 from skyway.delivery.plan import Plan, Recharge
-from skyway.ids import HoldId, MissionId, StationId
+from skyway.drone.model import DroneModel
+from skyway.ids import DroneModelId, HoldId, MissionId, StationId
 from skyway.network.columns import Rows
 from skyway.network.network import Network
-from skyway.planner.airspace import ZoneReach
 from skyway.planner.compose import DEFAULT_STRATEGY
 from skyway.planner.problem import Problem
-from skyway.planner.problem_parts import SegmentClosure, StationClosure
+from skyway.planner.weather import Weather
 from skyway.runtime.sql.database import Database, Tx
 from skyway.scheduling.trip import BookedPad
-from skyway.units import moment_to_ms, ms_to_moment
+from skyway.units import moment_to_ms
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.conditions import Conditions
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
@@ -37,9 +34,6 @@ _FIRST_MARGIN: Final = 0.25
 
 #: How often the box around the places is widened before the whole network is read.
 _MOST_BOXES: Final = 3
-
-#: From one moment until before another, milliseconds since 1970.
-_Span = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +53,29 @@ class World:
         """Version and conditions of the network, which must be unchanged when a plan is stored."""
         skyway = self.skyway
         return Present(skyway.network_id, skyway.version, self.conditions_version)
+
+    async def weather(self, model: DroneModel, start_ms: int) -> Weather | None:
+        """The weather for a plan of this model that begins at this moment; None in still air."""
+        known = self.conditions.weather
+        return None if known is None else await known.of_plan(model, start_ms)
+
+    def least_time_factors(
+        self, models: Mapping[DroneModelId, DroneModel]
+    ) -> dict[DroneModelId, float]:
+        """By model: a factor below which the weather shortens no flight; empty in still air."""
+        known = self.conditions.weather
+        if known is None:
+            return {}
+        return {model_id: known.least_time_factor(model) for model_id, model in models.items()}
+
+    def weather_note(self, at_ms: int) -> WeatherNote | None:
+        """The forecast with which a plan is made that begins at this moment."""
+        known = self.conditions.weather
+        return None if known is None else known.note_at(at_ms)
+
+    def in_still_air(self) -> Self:
+        """The same world without weather."""
+        return replace(self, conditions=replace(self.conditions, weather=None))
 
     def without(self, owners: Collection[MissionId | HoldId]) -> Self:
         """The same world, in which the pads of these missions and holds count as free."""
@@ -121,7 +138,7 @@ class World:
         """
         number, conditions = await skyway.conditions.read(db, after_ms=after_ms)
         if supposed:
-            conditions = Conditions(conditions.network, (*conditions.closures, *supposed))
+            conditions = replace(conditions, closures=(*conditions.closures, *supposed))
         pads = _pads(
             skyway,
             db,
@@ -165,7 +182,7 @@ async def still_holds(tx: Tx, world: World) -> bool:
 
 
 async def compose_in(solver: SolverPool, world: World, problem: Problem) -> Plan:
-    """The plan of a problem with a `start_at`, among the reservations of this world.
+    """The plan of a problem with a `start_at`, in the weather and the reservations of this world.
 
     A problem with fewer reservations is easier. If its plan charges only at stations that were
     read, the plan and its proof hold for the whole problem. If it has no plan, the whole problem
@@ -174,6 +191,9 @@ async def compose_in(solver: SolverPool, world: World, problem: Problem) -> Plan
     """
     network = world.skyway.network
     start_ms = 0 if problem.start_at is None else moment_to_ms(problem.start_at)
+    weather = await world.weather(problem.drone.model, start_ms)
+    if weather is not None:
+        problem = problem.model_copy(update={"weather": weather})
     places = {problem.source, problem.start_station_id}
     places.update(package.destination for package in problem.packages)
     margin = _FIRST_MARGIN
@@ -218,75 +238,3 @@ def _rows_around(network: Network, places: Iterable[StationId], margin: float) -
 
 def _all_rows(network: Network) -> Rows:
     return np.arange(len(network.row_of), dtype=np.int32)
-
-
-class ClosedAhead:
-    """The closures and zones of a network from a moment on."""
-
-    def __init__(self, network: Network) -> None:
-        self._network = network
-        self._stations: dict[StationId, list[_Span]] = defaultdict(list)
-        self._segments: dict[tuple[StationId, StationId], list[_Span]] = defaultdict(list)
-
-    @classmethod
-    def of(cls, world: World, *, now_ms: int) -> Self:
-        """All that is closed in a world, now or later."""
-        closed = cls(world.skyway.network)
-        closed.add(world.conditions.problem_closures(now_ms), start_ms=now_ms)
-        closed.add_zones(world.skyway.airspace.reaches)
-        return closed
-
-    def add(self, closures: Iterable[StationClosure | SegmentClosure], *, start_ms: int) -> None:
-        """Add closures whose seconds count from this moment."""
-        for closure in closures:
-            end_ms = inf if closure.end_s is None else start_ms + closure.end_s * 1000
-            span = start_ms + closure.start_s * 1000, end_ms
-            if isinstance(closure, StationClosure):
-                self._stations[closure.station_id].append(span)
-            else:
-                self._segments[closure.from_id, closure.to_id].append(span)
-
-    def add_zones(self, reaches: Iterable[ZoneReach]) -> None:
-        """Add the zones of the network."""
-        for reach in reaches:
-            span = _ms(reach.zone.active_from, -inf), _ms(reach.zone.active_until, inf)
-            for station_id in reach.stations:
-                self._stations[station_id].append(span)
-            for ends in reach.segments:
-                self._segments[ends].append(span)
-
-    def closes_landing(self, station_id: StationId, at_ms: float) -> bool:
-        """Whether the station is closed at that moment, or no longer exists.
-
-        Opening hours do not count: a drone that comes late lands, and waits on the ground.
-        """
-        if station_id not in self._network.stations:
-            return True
-        spans = self._stations.get(station_id, ())
-        return any(start_ms <= at_ms < end_ms for start_ms, end_ms in spans)
-
-    def is_shut(self, station_id: StationId, at_ms: float) -> bool:
-        """Whether the station is closed by its opening hours at that moment."""
-        hours = self._network.opening_hours.get(station_id)
-        return hours is not None and not hours.is_open(ms_to_moment(int(at_ms)))
-
-    def closes_segment(
-        self, from_id: StationId, to_id: StationId, *, start_ms: float, end_ms: float
-    ) -> bool:
-        """Whether the segment is closed at some moment of that time, or no longer exists."""
-        if from_id not in self._network.stations or not any(
-            each.to_id == to_id for each in self._network.segments_from(from_id)
-        ):
-            return True
-        spans = self._segments.get((from_id, to_id), ())
-        return any(from_ms < end_ms and start_ms < until_ms for from_ms, until_ms in spans)
-
-    def is_closed_for_good(self, station_id: StationId) -> bool:
-        """Whether a station is closed without an end, or no longer exists."""
-        spans = self._stations.get(station_id, ())
-        exists = station_id in self._network.stations
-        return not exists or any(end_ms == inf for _, end_ms in spans)
-
-
-def _ms(moment: datetime | None, unknown: float) -> float:
-    return unknown if moment is None else moment_to_ms(moment)

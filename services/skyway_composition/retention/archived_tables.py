@@ -11,6 +11,7 @@ from skyway_composition.tables import (
     closures,
     custody,
     cut_steps,
+    guests,
     instructions,
     is_open,
     mission_steps,
@@ -37,6 +38,12 @@ def _ended(table: Table, ended_ms: ColumnElement[int]) -> ArchivedTable:
 ARCHIVED: Final = (
     ArchivedTable(missions, missions.c.released_ms, missions, _is_over, _OF_WORK),
     *map(_part, (mission_steps, cut_steps, custody, instructions)),
+    ArchivedTable(
+        guests,
+        missions.c.released_ms,
+        guests.join(missions, missions.c.mission_id == guests.c.host_id),
+        _is_over,
+    ),
     ArchivedTable(no_shows, no_shows.c.at_ms, no_shows, no_shows.c.at_ms.is_not(None)),
     ArchivedTable(
         better_orders, better_orders.c.day_ms, better_orders, better_orders.c.day_ms.is_not(None)

@@ -14,6 +14,7 @@ from sqlalchemy import (
     literal_column,
     or_,
     select,
+    union_all,
     update,
 )
 
@@ -26,6 +27,7 @@ from skyway_composition.tables import (
     cut_steps,
     deliveries,
     drone_links,
+    guests,
     instructions,
     is_open,
     mission_steps,
@@ -53,26 +55,40 @@ def _is_unanswered(table: Any) -> ColumnElement[bool]:  # a table and its alias 
 
 #: Missions that are not over, wait for an answer, have reports on their way, count against their
 #: provider, or are reported by their drone, which may still have the packages.
-_NEEDED: Final = select(missions.c.delivery_id).where(
-    in_list(missions.c.delivery_id, "delivery_ids"),
-    or_(
-        is_open,
-        exists().where(
-            outbox.c.channel.in_(("gateway", "registry")), outbox.c.stream == missions.c.mission_id
-        ),
-        exists().where(
-            instructions.c.mission_id == missions.c.mission_id, _is_unanswered(instructions)
-        ),
-        exists().where(
-            no_shows.c.mission_id == missions.c.mission_id,
-            no_shows.c.at_ms >= bindparam("blamed_ms", type_=BigInteger),
-        ),
-        exists().where(
-            drone_links.c.drone_id == missions.c.drone_id,
-            drone_links.c.is_occupied,
-            drone_links.c.state.contains('"mission_id":"' + missions.c.mission_id + '"'),
-        ),
+_is_needed_mission: Final = or_(
+    is_open,
+    exists().where(
+        outbox.c.channel.in_(("gateway", "registry")), outbox.c.stream == missions.c.mission_id
     ),
+    exists().where(
+        instructions.c.mission_id == missions.c.mission_id, _is_unanswered(instructions)
+    ),
+    exists().where(
+        no_shows.c.mission_id == missions.c.mission_id,
+        no_shows.c.at_ms >= bindparam("blamed_ms", type_=BigInteger),
+    ),
+    exists().where(
+        drone_links.c.drone_id == missions.c.drone_id,
+        drone_links.c.is_occupied,
+        drone_links.c.state.contains('"mission_id":"' + missions.c.mission_id + '"'),
+    ),
+)
+_NEEDED: Final = union_all(
+    select(missions.c.delivery_id).where(
+        in_list(missions.c.delivery_id, "delivery_ids"), _is_needed_mission
+    ),
+    select(guests.c.delivery_id)
+    .join(missions, missions.c.mission_id == guests.c.host_id)
+    .where(
+        in_list(guests.c.delivery_id, "delivery_ids"),
+        or_(_is_needed_mission, exists().where(outbox.c.stream == guests.c.mission_id)),
+    ),
+)
+#: Each delivery that shares its mission, with a guest of the mission.
+_SHARING: Final = (
+    select(missions.c.delivery_id, guests.c.delivery_id.label("guest_id"))
+    .join(guests, guests.c.host_id == missions.c.mission_id)
+    .where(in_list(missions.c.delivery_id, "delivery_ids"))
 )
 
 _MISSIONS: Final = select(missions.c.mission_id).where(
@@ -130,7 +146,7 @@ _OF_MISSION: Final[Sequence[Delete]] = tuple(
 )
 _OF_DELIVERY: Final[Sequence[Delete]] = tuple(
     delete(table).where(in_list(table.c.delivery_id, "delivery_ids"))
-    for table in (custody, cancellations, missions, deliveries)
+    for table in (custody, cancellations, guests, missions, deliveries)
 )
 
 
@@ -139,11 +155,17 @@ async def needed_among(
 ) -> set[DeliveryId]:
     """Lock these deliveries; those that are still needed.
 
-    A no-show since `blamed_ms`, fleet time, counts against its provider.
+    A no-show since `blamed_ms`, fleet time, counts against its provider. A shared mission is needed
+    as long as one of its guests is.
     """
     asked = {"delivery_ids": sorted(delivery_ids)}
     await tx.execute(_LOCK, asked)
-    return set((await tx.execute(_NEEDED, asked | {"blamed_ms": blamed_ms})).scalars())
+    needed = set((await tx.execute(_NEEDED, asked | {"blamed_ms": blamed_ms})).scalars())
+    sharing = [(row.delivery_id, row.guest_id) for row in await tx.execute(_SHARING, asked)]
+    gone = set(delivery_ids) - needed
+    while kept := {host for host, guest in sharing if host in gone and guest not in gone}:
+        gone -= kept
+    return set(delivery_ids) - gone
 
 
 async def delete_deliveries(tx: Tx, delivery_ids: Iterable[DeliveryId]) -> None:

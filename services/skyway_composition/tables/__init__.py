@@ -11,6 +11,7 @@ from skyway_composition.tables.missions import (
     cut_steps,
     deliveries,
     first_planned_end_ms,
+    guests,
     is_live,
     is_open,
     is_queued,
@@ -21,6 +22,7 @@ from skyway_composition.tables.missions import (
 )
 from skyway_composition.tables.networks import (
     closures,
+    forecasts,
     metadata,
     network_versions,
     networks,
@@ -41,6 +43,8 @@ __all__ = [
     "deliveries",
     "drone_links",
     "first_planned_end_ms",
+    "forecasts",
+    "guests",
     "instructions",
     "is_live",
     "is_open",

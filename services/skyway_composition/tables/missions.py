@@ -71,6 +71,10 @@ missions = Table(
     Column("traceparent", Text),
     # JSON list of PackageEta: the arrival times with which a QUEUED mission was booked.
     Column("promised", Text),
+    # JSON list of missions.mission.share.Share; null while the mission flies for one delivery only.
+    Column("shares", Text),
+    # The pickup station, if packages of other deliveries may join a QUEUED mission; else null.
+    Column("pooling_at", Text),
     *claim_columns(),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
     # I2: a drone is on at most one mission.
@@ -87,6 +91,12 @@ missions = Table(
         "start_ms",
         sqlite_where=text("state = 'QUEUED'"),
         postgresql_where=text("state = 'QUEUED'"),
+    ),
+    Index(
+        "missions_to_join",
+        "pooling_at",
+        sqlite_where=text("state = 'QUEUED' AND pooling_at IS NOT NULL"),
+        postgresql_where=text("state = 'QUEUED' AND pooling_at IS NOT NULL"),
     ),
     Index("missions_by_state", "state", "released_ms"),
     Index("missions_by_provider", "provider_id", "mission_id"),
@@ -113,6 +123,19 @@ is_open: Final = or_(is_live, is_queued)
 #: Whether the drone has accepted the mission and has not ended it.
 is_under_way: Final = missions.c.state.in_(
     [literal_column("'ACCEPTED'"), literal_column("'ACTIVE'")]
+)
+
+#: The deliveries whose packages fly with the mission of another delivery. The gateway sees each as
+#: a mission of its own; the host's row has the rest, in `shares`.
+guests = Table(
+    "guests",
+    metadata,
+    Column("mission_id", Text, primary_key=True),
+    Column("host_id", Text, ForeignKey("missions.mission_id"), nullable=False),
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), nullable=False),
+    Column("attempt", Integer, nullable=False),
+    UniqueConstraint("delivery_id", "attempt", name="guest_attempt"),
+    Index("guests_by_host", "host_id"),
 )
 
 #: The steps of a mission through all its revisions, as they were sent, and how they ended.

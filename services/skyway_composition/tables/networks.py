@@ -1,4 +1,4 @@
-"""The tables of networks and their versions, stations, reserved pads and closures."""
+"""The tables of networks, their versions, stations, reserved pads, closures and forecasts."""
 
 from sqlalchemy import (
     BigInteger,
@@ -28,7 +28,8 @@ networks = Table(
     Column("published_ms", BigInteger, nullable=False),
     # Its content is kept from this version on; older versions were deleted by their age.
     Column("oldest_version", Integer, nullable=False, server_default="1"),
-    # Changes with every closure, zone, outage and ground stop that is made or lifted (I11).
+    # Changes with every closure, zone, outage and ground stop that is made or lifted, and with
+    # every forecast (I11).
     Column("conditions", BigInteger, nullable=False, server_default="0"),
 )
 
@@ -108,6 +109,17 @@ closures = Table(
     CheckConstraint("until_ms IS NULL OR from_ms < until_ms", name="closure_lasts"),
     Index("closures_in_force", "network_id", "lifted_ms", "until_ms"),
     Index("closures_by_station", "station_id"),
+)
+
+#: The forecast with which a network plans; its conditions change with it.
+forecasts = Table(
+    "forecasts",
+    metadata,
+    Column("network_id", Text, ForeignKey("networks.network_id"), primary_key=True),
+    Column("sha256", Text, nullable=False),
+    Column("received_ms", BigInteger, nullable=False),
+    Column("content", LargeBinary, nullable=False),  # JSON of a ForecastDocument
+    Column("measured", Text),  # JSON of a MeasuredWind, null before the first
 )
 
 #: SEALED: this database was copied for the move of its cell, and refuses changes. COPIED: this

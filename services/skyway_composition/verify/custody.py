@@ -10,8 +10,16 @@ from sqlalchemy import and_, exists, func, literal_column, or_, select
 
 from skyway.contracts.mission import Cancellation
 from skyway.runtime.verification.rule import Finder, Rule, Survey
-from skyway_composition.tables import cancellations, custody, drone_links, is_open, missions
+from skyway_composition.tables import (
+    cancellations,
+    custody,
+    drone_links,
+    guests,
+    is_open,
+    missions,
+)
 from skyway_composition.verify.evidence import PackageStory, package_stories
+from skyway_composition.verify.shares import owners
 
 _link = custody.alias("link")
 _previous = custody.alias("previous")
@@ -122,10 +130,11 @@ async def _carried_by_two(survey: Survey) -> list[str]:
     }
     query = select(drone_links.c.state).where(drone_links.c.is_occupied)
     states = [json.loads(row.state or "{}") for row in await survey.rows(query)]
+    owner_of = await survey.once(owners)
     carried = Counter(
-        f"{of_delivery[state['mission_id']]}/{package_id}"
+        "/".join(owner_of.get((mission_id, package_id)) or (of_delivery[mission_id], package_id))
         for state in states
-        if state.get("mission_id") in of_delivery
+        if (mission_id := state.get("mission_id")) in of_delivery
         for package_id in state.get("package_ids", ())
     )
     return [package for package, drones in carried.items() if drones > 1]
@@ -201,7 +210,13 @@ CUSTODY: Final = (
         .join(missions, missions.c.mission_id == _link.c.mission_id)
         .where(
             or_(
-                missions.c.delivery_id != _link.c.delivery_id,
+                and_(
+                    missions.c.delivery_id != _link.c.delivery_id,
+                    ~exists().where(
+                        guests.c.host_id == missions.c.mission_id,
+                        guests.c.delivery_id == _link.c.delivery_id,
+                    ),
+                ),
                 and_(
                     _link.c.custodian_kind == "DRONE",
                     _link.c.custodian_id != missions.c.drone_id,

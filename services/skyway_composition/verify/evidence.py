@@ -14,6 +14,7 @@ from sqlalchemy import select
 
 from skyway.runtime.verification.rule import Survey
 from skyway_composition.tables import custody, instructions, mission_steps, missions
+from skyway_composition.verify.shares import owners
 
 #: The kinds of instructions that carry steps.
 _REVISIONS: Final = ("MISSION", "DIVERT", "RETURN_HOME")
@@ -108,6 +109,7 @@ async def package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageSto
     async for row in survey.each(chains):
         found[row.delivery_id, row.package_id].chain.append(row)
     delivery_of: dict[str, str] = {}
+    owner_of = await survey.once(owners)
     query = select(
         missions.c.mission_id,
         missions.c.delivery_id,
@@ -118,7 +120,10 @@ async def package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageSto
     async for row in survey.each(query):
         delivery_of[row.mission_id] = row.delivery_id
         for package_id, pickup, goals in _requested(row):
-            package = found[row.delivery_id, package_id]
+            owner = owner_of.get((row.mission_id, package_id), (row.delivery_id, package_id))
+            if owner is None:
+                continue
+            package = found[owner]
             package.pickups.add(pickup)
             package.goals |= goals
             if row.state in ("ABORTED", "CANCELLED", "REFUSED"):
@@ -126,8 +131,10 @@ async def package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageSto
     done = mission_steps.c.status == "ENDED", mission_steps.c.kind == "DELIVER"
     async for row in survey.each(select(mission_steps).where(*done)):
         for package_id, station_id in _handed_over(row):
-            key = delivery_of.get(row.mission_id, ""), package_id
-            found[key].handed_over.append((row.mission_id, station_id))
+            alone = delivery_of.get(row.mission_id, ""), package_id
+            owner = owner_of.get((row.mission_id, package_id), alone)
+            if owner is not None:
+                found[owner].handed_over.append((row.mission_id, station_id))
     return found
 
 

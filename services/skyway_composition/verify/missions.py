@@ -25,6 +25,7 @@ from skyway_composition.tables import (
     missions,
     outbox,
 )
+from skyway_composition.verify.shares import shares_of
 
 _AGAINST_BODY: Final = (
     "Compare the row with the drone's instruction (`instructions.body`) and with the gateway's copy"
@@ -251,6 +252,8 @@ async def _waiting(survey: Survey) -> Mapping[tuple[str, str], list[int]]:
 async def _with_gaps(survey: Survey) -> set[str]:
     query = select(missions.c.mission_id, missions.c.report_seq)
     last = {row.mission_id: row.report_seq for row in await survey.rows(query)}
+    for _, *of_guests in (await survey.once(shares_of)).values():
+        last |= {each.mission_id: each.report_seq for each in of_guests}
     return {
         mission_id
         for (service, mission_id), numbers in (await survey.once(_waiting)).items()

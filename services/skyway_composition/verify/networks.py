@@ -16,14 +16,18 @@ from typing import Any, Final
 
 from sqlalchemy import and_, func, literal_column, or_, select
 
+from skyway.contracts.weather import ForecastDocument, MeasuredWind
+from skyway.errors import InvalidInput
 from skyway.network.geojson_text import read_network_text
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway_composition.cell_store import HELD
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.conditions import Conditions
+from skyway_composition.closures.read_forecast import forecast_of
 from skyway_composition.closures.store import in_force
 from skyway_composition.tables import (
     closures,
+    forecasts,
     is_live,
     mission_steps,
     missions,
@@ -100,7 +104,29 @@ async def _unguarded_tables(survey: Survey) -> list[str]:
     return [table.name for table in HELD if table.name not in names]
 
 
+async def _unusable_forecasts(survey: Survey) -> list[str]:
+    """The networks whose forecast was changed, or cannot be read."""
+    return [row.network_id async for row in survey.each(select(forecasts)) if _is_unusable(row)]
+
+
+def _is_unusable(row: Any) -> bool:  # a row of forecasts
+    try:
+        forecast_of(ForecastDocument.read(row.content))
+        if row.measured is not None:
+            MeasuredWind.read(row.measured)
+    except (ValueError, InvalidInput):
+        return True
+    is_changed: bool = hashlib.sha256(row.content).hexdigest() != row.sha256
+    return is_changed
+
+
 NETWORKS: Final = (
+    Rule(
+        "a forecast can be read, and its content has its hash",
+        _unusable_forecasts,
+        "The row was changed by hand. Send the forecast again (PUT /v1/networks/{id}/weather), or "
+        "plan in still air (DELETE).",
+    ),
     Rule(
         "a sealed database refuses changes in each table",
         _unguarded_tables,

@@ -34,6 +34,7 @@ from skyway_composition.closures.closure import Area
 from skyway_composition.missions.booking.hold_store import HELD_OFFERS
 from skyway_composition.missions.mission.record import Aim, Proposal, Stuck, Trouble
 from skyway_composition.missions.mission.row import PROMISED
+from skyway_composition.missions.mission.share import SHARES
 from skyway_composition.missions.mission.step_store import read_step
 from skyway_composition.tables import (
     alarms,
@@ -60,6 +61,7 @@ from skyway_composition.verify.no_shows import NO_SHOWS
 from skyway_composition.verify.pads import HOLDS, PADS
 from skyway_composition.verify.quarantine import QUARANTINE
 from skyway_composition.verify.reach import REACH
+from skyway_composition.verify.shares import SHARED, guests_of_hosts, shares_of
 from skyway_composition.verify.steps import STEPS
 from skyway_composition.verify.windows import WINDOWS
 
@@ -73,6 +75,7 @@ _FORMS: Final = form_rule(
         missions.c.proposal: Proposal.read,
         missions.c.aims: TypeAdapter(tuple[Aim, ...]).validate_json,
         missions.c.promised: PROMISED.validate_json,
+        missions.c.shares: SHARES.validate_json,
         missions.c.stays: read_stored_stays,
         mission_steps.c.step: read_step,
         mission_steps.c.event: DroneEvent.read,
@@ -106,6 +109,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *HOLDS,
     *STEPS,
     *WINDOWS,
+    *SHARED,
     *CUSTODY,
     *REACH,
     *PADS,
@@ -135,22 +139,42 @@ async def _deliveries(survey: Survey) -> AsyncIterator[AnyFacts]:
 async def _missions_by_delivery(survey: Survey) -> Mapping[str, list[MissionFacts]]:
     waiting = await _waiting(survey, "gateway")
     found: dict[str, list[MissionFacts]] = defaultdict(list)
+    shares = await survey.once(shares_of)
     async for row in survey.each(select(missions)):
+        host, *of_guests = shares.get(row.mission_id) or (None,)
+        price = Price.model_validate(json.loads(row.body)["price"])
+        price = price if host is None else host.charged
         found[row.delivery_id].append(
-            MissionFacts(
-                mission_id=row.mission_id,
-                attempt=row.attempt,
-                trip=row.trip,
-                provider_id=row.provider_id,
-                drone_id=row.drone_id,
-                # The gateway is not notified when a mission is sent.
-                state="BOOKED" if row.state == "QUEUED" else row.state,
-                price=Price.model_validate(json.loads(row.body)["price"]),
-                report_seq=row.report_seq,
-                waiting_reports=waiting[row.mission_id],
-            )
+            _facts(row, row, price=price, report_seq=row.report_seq, waiting=waiting)
         )
+        for each in of_guests:
+            found[each.delivery_id].append(
+                _facts(row, each, price=each.charged, report_seq=each.report_seq, waiting=waiting)
+            )
     return found
+
+
+def _facts(
+    row: Any,  # a row of missions
+    of: Any,  # the same row, or the share of a guest
+    *,
+    price: Price,
+    report_seq: int,
+    waiting: Mapping[str, int],
+) -> MissionFacts:
+    """The facts of a mission, as one of its deliveries sees it."""
+    return MissionFacts(
+        mission_id=of.mission_id,
+        attempt=of.attempt,
+        trip=of.trip,
+        provider_id=row.provider_id,
+        drone_id=row.drone_id,
+        # The gateway is not notified when a mission is sent.
+        state="BOOKED" if row.state == "QUEUED" else row.state,
+        price=price,
+        report_seq=report_seq,
+        waiting_reports=waiting[of.mission_id],
+    )
 
 
 async def _waiting(survey: Survey, channel: str) -> Counter[str]:
@@ -165,15 +189,20 @@ async def _waiting(survey: Survey, channel: str) -> Counter[str]:
 async def _chains(survey: Survey) -> Mapping[str, Mapping[str, list[CustodyLink]]]:
     """By delivery and package: the chain of custody."""
     found: dict[str, dict[str, list[CustodyLink]]] = defaultdict(lambda: defaultdict(list))
+    # The gateway knows the mission of a guest by its own id.
+    guest_id = {
+        (host_id, row.delivery_id): row.mission_id
+        for host_id, rows in (await survey.once(guests_of_hosts)).items()
+        for row in rows
+    }
     async for row in survey.each(select(custody).order_by(custody.c.seq)):
-        found[row.delivery_id][row.package_id].append(_link(row))
+        mission_id = guest_id.get((row.mission_id, row.delivery_id), row.mission_id)
+        found[row.delivery_id][row.package_id].append(
+            CustodyLink(
+                kind=row.custodian_kind, custodian_id=row.custodian_id, mission_id=mission_id
+            )
+        )
     return found
-
-
-def _link(row: Any) -> CustodyLink:  # a row of custody
-    return CustodyLink(
-        kind=row.custodian_kind, custodian_id=row.custodian_id, mission_id=row.mission_id
-    )
 
 
 async def _hints(survey: Survey) -> AsyncIterator[AnyFacts]:

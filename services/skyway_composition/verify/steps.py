@@ -153,7 +153,9 @@ def _stretches(
                 load_kg = {key: kg for key, kg in load_kg.items() if key not in step["package_ids"]}
             case "FLY" if row.status == "PLANNED":
                 flown_kg = sum(load_kg.values())
-                need_j += flight_energy_j(model, length_m=step["length_m"], load_kg=flown_kg)
+                in_air = step.get("time_factor", 1.0) * step.get("energy_factor", 1.0)
+                flight_j = flight_energy_j(model, length_m=step["length_m"], load_kg=flown_kg)
+                need_j += in_air * flight_j
                 need_j += model.stop_j if step["lands"] else 0.0
             case "RECHARGE" if row.status == "PLANNED":
                 yield soc, need_j

@@ -26,6 +26,7 @@ def count_drones(fleet: Fleet, network_id: NetworkId, *, wall_now_ms: int) -> Ne
         DronesOfModel(
             model_id=model.model_id,
             max_payload_kg=model.max_payload_kg,
+            model=model,
             registered=registered,
             online=online,
             idle=idle,

@@ -72,7 +72,7 @@ class _Obstacle:
 _OBSTACLES: Final = (
     _Obstacle("BUSY", "all drones that could fly this are busy", is_temporary=True),
     _Obstacle("LOW_CHARGE", "the free drones are charged below their reserve", is_temporary=True),
-    _Obstacle("OFFLINE", "the drones are offline or in maintenance", is_temporary=True),
+    _Obstacle("OFFLINE", "the drones are offline, in maintenance or due for it", is_temporary=True),
     _Obstacle("REFUSED", "the drones have refused this delivery", is_temporary=False),
 )
 

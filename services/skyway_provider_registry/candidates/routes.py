@@ -84,10 +84,9 @@ def service_state_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[OutOfServiceQuery, Depends(internal_body(OutOfServiceQuery))],
     ) -> OutOfServiceAnswer:
-        """Which of these drones may not begin a mission."""
+        """Which of these drones may not begin a mission, and which get no further missions."""
         caller.must_be_service("composition")
         async with db.read() as connection:
-            found = await fleets.out_of_service(connection, query.drone_ids)
-        return OutOfServiceAnswer(drone_ids=tuple(found))
+            return await fleets.out_of_service(connection, query.drone_ids)
 
     return router

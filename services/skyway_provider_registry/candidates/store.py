@@ -15,13 +15,16 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvider
 from skyway_provider_registry.change_store import ONLY_ROW, ChangeMarks
 from skyway_provider_registry.presence.drone_presence import SILENCE
-from skyway_provider_registry.presence.learned_store import LEARNED_COLUMNS, learned_of
+from skyway_provider_registry.presence.learned_store import (
+    LEARNED_COLUMNS,
+    learned_of,
+    with_learned,
+)
 from skyway_provider_registry.presence.store import IS_LAST_MISSION, LAST_MISSION
 from skyway_provider_registry.providers import store as providers
 from skyway_provider_registry.tables import (
     changes,
     drones,
-    learned_values,
     mission_hints,
     presence,
 )
@@ -48,6 +51,7 @@ _columns: Final = (
     drones.c.home_latitude_deg,
     drones.c.initial_soc,
     drones.c.is_in_maintenance,
+    drones.c.maintenance_due_ms,
     drones.c.standby,
     presence.c.connection_status,
     presence.c.last_seen_wall_ms,
@@ -62,11 +66,9 @@ _columns: Final = (
     LAST_MISSION.c.free_soc,
     *LEARNED_COLUMNS,
 )
-_drones_with_presence: Final = (
+_drones_with_presence: Final = with_learned(
     drones.join(presence, presence.c.drone_id == drones.c.drone_id)
-    .outerjoin(LAST_MISSION, IS_LAST_MISSION)
-    .outerjoin(learned_values, learned_values.c.drone_id == drones.c.drone_id)
-)
+).outerjoin(LAST_MISSION, IS_LAST_MISSION)
 _EVERY_DRONE: Final = select(*_columns).select_from(_drones_with_presence)
 #: PostgreSQL expects few rows from a range with two ends. From an open range it expects a third of
 #: the table, and then it reads all mission hints.
@@ -122,7 +124,9 @@ def cached_drone(
     A drone that flies stands where it is free after all its missions, if that was reported.
     """
     has_reported = row.activity is not None
-    is_there = has_reported and row.connection_status == "ONLINE" and not row.is_in_maintenance
+    # A drone that is due for maintenance flies the missions that it has, and gets no others.
+    is_kept_back = row.is_in_maintenance or row.maintenance_due_ms is not None
+    is_there = has_reported and row.connection_status == "ONLINE" and not is_kept_back
     home = Position(row.home_longitude_deg, row.home_latitude_deg)
     position = Position(row.longitude_deg, row.latitude_deg) if has_reported else home
     station_id, soc = (row.station_id, row.soc) if has_reported else (None, row.initial_soc)
@@ -143,5 +147,9 @@ def cached_drone(
         is_busy=bool(row.is_busy and not is_free_later),
         free_ms=row.free_ms if is_free_later else 0,
         standby=row.standby,
-        learned=AS_MODELLED if row.flights is None else learned_of(row).planned,
+        learned=(
+            AS_MODELLED
+            if row.flights is None and row.battery_id is None
+            else learned_of(row).planned
+        ),
     )

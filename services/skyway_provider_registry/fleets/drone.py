@@ -15,11 +15,12 @@ from skyway.contracts.mission_reports import FreeFrom
 from skyway.contracts.signature import CloudKeys
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
-from skyway.ids import DroneId, DroneModelId, MissionId, NetworkId, ProviderId, StationId
+from skyway.ids import BatteryId, DroneId, DroneModelId, MissionId, NetworkId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway_provider_registry.enrolment.signing_key import SigningKey
 from skyway_provider_registry.presence.drone_presence import Activity, Presence, condition_of
 from skyway_provider_registry.presence.learning import LearnedDrone
+from skyway_provider_registry.presence.wear import NEVER_FLOWN, DroneMaintenance
 
 DroneStateName = Literal[
     "REGISTERED",
@@ -196,6 +197,8 @@ class Drone(JsonModel):
     ]
     health: Annotated[DroneHealth | None, Field(description="what the drone reports of itself")]
     learned: Annotated[LearnedDrone | None, Field(description="what its flights have shown")]
+    battery_id: Annotated[BatteryId | None, Field(description="its registered battery, if any")]
+    maintenance: Annotated[DroneMaintenance, Field(description="flown since the last maintenance")]
     faults: Annotated[tuple[Fault, ...], Field(description="faults that are present now")]
     failsafe: Annotated[
         ActiveFailsafe | None, Field(description="the failsafe that the drone carries out now")
@@ -217,14 +220,6 @@ class RegisteredDrone(Drone):
     mqtt: Annotated[MqttAccount, Field(description="account at the broker; it is shown only once")]
     cloud_keys: Annotated[
         CloudKeys, Field(description="keys by which the drone knows the cloud's messages")
-    ]
-
-
-class RegisteredDrones(JsonModel):
-    """The answer to the registration of a list of drones."""
-
-    items: Annotated[
-        tuple[RegisteredDrone, ...], Field(description="the new drones, in the order of the list")
     ]
 
 
@@ -251,6 +246,8 @@ class FleetDrone:
     #: Of its home; None if an older version has registered it.
     network_id: NetworkId | None = None
     learned: LearnedDrone | None = None
+    battery_id: BatteryId | None = None
+    maintenance: DroneMaintenance = NEVER_FLOWN
 
     def state(self, wall_now: datetime) -> DroneStateName:
         """Its state at this moment of wall time."""
@@ -294,6 +291,8 @@ class FleetDrone:
             "free_from": self.free_from,
             "health": condition.health,
             "learned": self.learned,
+            "battery_id": self.battery_id,
+            "maintenance": self.maintenance,
             "faults": condition.faults,
             "failsafe": condition.failsafe,
             "last_seen_at": self.presence.last_seen_at,

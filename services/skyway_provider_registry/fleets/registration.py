@@ -3,7 +3,9 @@
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Final, Protocol
+from typing import Annotated, Final, Protocol
+
+from pydantic import Field
 
 from skyway.announced_networks import check_stations
 from skyway.broker_setup.passwords import PasswordHash
@@ -13,6 +15,7 @@ from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId, DroneModelId, ProviderId, StationId
+from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
@@ -28,6 +31,14 @@ from skyway_provider_registry.fleets.issue_credentials import (
 )
 from skyway_provider_registry.presence import sighting_store as sightings
 from skyway_provider_registry.presence.drone_presence import NEVER_SEEN
+
+
+class RegisteredDrones(JsonModel):
+    """The answer to the registration of a list of drones."""
+
+    items: Annotated[
+        tuple[RegisteredDrone, ...], Field(description="the new drones, in the order of the list")
+    ]
 
 
 class StationLookup(Protocol):

@@ -10,7 +10,6 @@ from pydantic import Discriminator, Field, Tag
 
 from skyway.ids import DroneId, NetworkId, ProviderId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import Conflict
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
@@ -23,18 +22,18 @@ from skyway.units import moment_to_ms
 from skyway_provider_registry.cells import store as cell_store
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
-from skyway_provider_registry.fleets import statistics_store, store
+from skyway_provider_registry.fleets import battery_store, statistics_store, store
 from skyway_provider_registry.fleets.drone import (
     MAX_NEW_DRONES,
     Drone,
     DroneChange,
     NewDrone,
     RegisteredDrone,
-    RegisteredDrones,
 )
 from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.fleets.registration import (
     PreparedDrones,
+    RegisteredDrones,
     RegistrationFault,
     StationLookup,
     changed_columns,
@@ -46,6 +45,7 @@ from skyway_provider_registry.fleets.statistics_store import FleetStatistics, to
 from skyway_provider_registry.fleets.store import every_model
 from skyway_provider_registry.presence import learned_store
 from skyway_provider_registry.presence.drone_presence import SILENCE
+from skyway_provider_registry.presence.store import touch
 from skyway_provider_registry.providers import store as providers
 
 #: Bytes of a list of drones (docs/reference/rest.md); a drone takes about 200.
@@ -126,7 +126,7 @@ def fleet_routes(
     async def forget_learned_values(
         provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
     ) -> Response:
-        """Forget what a drone's flights have shown, after a change of its battery or motors."""
+        """Forget what flights have shown about a drone; its registered battery keeps its health."""
         caller.must_be("operator", "provider")
         async with db.write() as tx:
             await store.change(tx, caller, provider_id=provider_id, drone_id=drone_id, values={})
@@ -140,11 +140,12 @@ def fleet_routes(
         """Remove a drone that is on no mission, and its broker account."""
         caller.must_be("operator", "provider")
         async with db.write() as tx:
+            await touch(tx, drone_id)
             drone = await store.of_caller(
                 tx.connection, caller, provider_id=provider_id, drone_id=drone_id
             )
-            if (mission_id := drone.presence.mission_id) is not None:
-                raise Conflict("ON_MISSION", f"drone {drone_id} is on mission {mission_id}")
+            battery_store.refuse_on_mission(drone)
+            await battery_store.free(tx, drone_id, at=clock.now())
             await store.remove(tx, caller, provider_id=provider_id, drone_id=drone_id)
             await credential_store.remove_account(tx, drone_id)
         await password_file.refresh()

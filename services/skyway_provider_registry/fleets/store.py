@@ -6,6 +6,7 @@ from typing import Final
 from sqlalchemy import ColumnElement, delete, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.contracts.drones import OutOfServiceAnswer
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DRONE_MODELS
 from skyway.geo import Position
@@ -19,7 +20,8 @@ from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.change_store import mark_removal
 from skyway_provider_registry.fleets.drone import FleetDrone
-from skyway_provider_registry.presence.learned_store import LEARNED_COLUMNS, shown
+from skyway_provider_registry.presence.learned_store import LEARNED_COLUMNS, shown, with_learned
+from skyway_provider_registry.presence.maintenance_store import maintenance_of
 from skyway_provider_registry.presence.store import (
     IS_LAST_MISSION,
     LAST_MISSION,
@@ -29,18 +31,19 @@ from skyway_provider_registry.presence.store import (
     touch,
 )
 from skyway_provider_registry.providers.store import owned
-from skyway_provider_registry.tables import drone_models, drones, learned_values, providers
+from skyway_provider_registry.tables import drone_models, drones, providers
 
 #: Registrations in one IN list.
 _CHUNK: Final = 500
 
 _presence = PRESENCE.subquery("drone_presence")
 _free = tuple(LAST_MISSION.c[name] for name in ("free_ms", "free_station_id", "free_soc"))
-_fleet = (
-    select(drones, *(c for c in _presence.c if c.name != "drone_id"), *_free, *LEARNED_COLUMNS)
-    .join_from(drones, _presence, _presence.c.drone_id == drones.c.drone_id)
-    .outerjoin(LAST_MISSION, IS_LAST_MISSION)
-    .outerjoin(learned_values, learned_values.c.drone_id == drones.c.drone_id)
+_fleet = select(
+    drones, *(c for c in _presence.c if c.name != "drone_id"), *_free, *LEARNED_COLUMNS
+).select_from(
+    with_learned(drones.join(_presence, _presence.c.drone_id == drones.c.drone_id)).outerjoin(
+        LAST_MISSION, IS_LAST_MISSION
+    )
 )
 
 Models = Mapping[DroneModelId, DroneModel]
@@ -222,6 +225,8 @@ def _drone(row: AnyRow, models: Mapping[DroneModelId, DroneModel]) -> FleetDrone
         free_from=free_from_of(row),
         network_id=row.network_id,
         learned=shown(row),
+        battery_id=row.battery_id,
+        maintenance=maintenance_of(row),
     )
 
 
@@ -269,18 +274,21 @@ async def _has_drones(tx: Tx, model_id: DroneModelId) -> bool:
 
 async def out_of_service(
     connection: AsyncConnection, drone_ids: Collection[DroneId]
-) -> list[DroneId]:
-    """Those of these drones that are in maintenance, of a suspended provider, or not registered."""
+) -> OutOfServiceAnswer:
+    """Which of these drones get no missions: out of service, or due for maintenance."""
     is_in_service = (
         in_list(drones.c.drone_id, "drone_ids"),
         drones.c.is_in_maintenance.is_(False),
         providers.c.state == "ACTIVE",
     )
     query = (
-        select(drones.c.drone_id)
+        select(drones.c.drone_id, drones.c.maintenance_due_ms)
         .join(providers, providers.c.provider_id == drones.c.provider_id)
         .where(*is_in_service)
     )
     found = await connection.execute(query, {"drone_ids": sorted(drone_ids)})
-    in_service = set(found.scalars())
-    return [each for each in drone_ids if each not in in_service]
+    due_since_ms = {row.drone_id: row.maintenance_due_ms for row in found}
+    return OutOfServiceAnswer(
+        drone_ids=tuple(each for each in drone_ids if each not in due_since_ms),
+        due_drone_ids=tuple(each for each in drone_ids if due_since_ms.get(each) is not None),
+    )

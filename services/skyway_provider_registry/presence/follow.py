@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any, Final
 
 from skyway.contracts.drone_report import Connection, Telemetry
-from skyway.contracts.drones import DroneAlarm
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY, Topic
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock
@@ -18,11 +17,17 @@ from skyway.runtime.metrics import count
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE
 from skyway.runtime.mqtt.moments import earliest_believed, latest_believed
-from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.database import Database, Tx
 from skyway_provider_registry import renewal_store
-from skyway_provider_registry.presence.judge_states import StateJudge, StationPlace, nowhere_known
+from skyway_provider_registry.presence.judge_states import (
+    Judgement,
+    StateJudge,
+    StationPlace,
+    nowhere_known,
+)
 from skyway_provider_registry.presence.jump_store import keep_waiting, put_in_maintenance
 from skyway_provider_registry.presence.learned_store import learn
+from skyway_provider_registry.presence.maintenance_store import mark_due
 from skyway_provider_registry.presence.sighting_store import (
     PresenceMessage,
     ReceptionTime,
@@ -30,6 +35,7 @@ from skyway_provider_registry.presence.sighting_store import (
     record,
 )
 from skyway_provider_registry.presence.store import owners
+from skyway_provider_registry.presence.wear import maintenance_alarm
 
 log = logging.getLogger(__name__)
 
@@ -126,22 +132,22 @@ class Recorder:
             judgement = await self.judge.judgement_on(sightings, self.owners)
             received_at = ReceptionTime(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
             async with self.db.write() as tx:
-                await record(tx, sightings, received_at, ahead=judgement.ahead)
-                worse = await learn(tx, judgement.ended, received_at=received_at)
-                for drone_id, reason in worse.items():
-                    await keep_waiting(tx, self._maintenance_due(drone_id, reason))
+                await record(tx, sightings, received_at, ahead=judgement.ahead, wear=judgement.wear)
+                await self._call_for_maintenance(tx, judgement, received_at)
                 await put_in_maintenance(tx, judgement.alarms)
         return [(DroneId(item.ids[1]), item.message) for item in own if item.topic is TELEMETRY]
 
-    def _maintenance_due(self, drone_id: DroneId, reason: str) -> DroneAlarm:
-        return DroneAlarm(
-            provider_id=self.owners[drone_id],
-            drone_id=drone_id,
-            level="WARNING",
-            code="MAINTENANCE_DUE",
-            detail=reason,
-            at=self.clock.now(),
-        )
+    async def _call_for_maintenance(
+        self, tx: Tx, judgement: Judgement, received_at: ReceptionTime
+    ) -> None:
+        """Learn from the states, and keep an alarm for each drone that a person must look at."""
+        at = received_at.fleet_at
+        worse = await learn(tx, judgement.ended, received_at=received_at)
+        due = await mark_due(tx, judgement.wear.keys(), at=at)
+        for drone_id in sorted(worse.keys() | due.keys()):
+            reasons = "; ".join(each[drone_id] for each in (worse, due) if drone_id in each)
+            alarm = maintenance_alarm(self.owners[drone_id], drone_id, reasons, at=at)
+            await keep_waiting(tx, alarm)
 
     async def _without_earlier_credentials(
         self, batch: Sequence[Received[Any]]

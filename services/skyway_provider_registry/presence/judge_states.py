@@ -27,6 +27,7 @@ from skyway_provider_registry.presence.jump import (
 )
 from skyway_provider_registry.presence.learned_store import EndedStep
 from skyway_provider_registry.presence.sighting_store import Sighting
+from skyway_provider_registry.presence.wear import Wear, wear_between
 
 #: How much longer one state may be on its way than the next, fleet and wall seconds. Our own
 #: choice: the broker gives up a client that is silent for 15 s.
@@ -48,12 +49,13 @@ def nowhere_known(_station_id: StationId) -> Position | None:
 class Judgement:
     """The drones that jumped, each with an alarm; of the others how much they are ahead.
 
-    `ended` are those that have ended a flight or a recharge.
+    `ended` are those that have ended a flight or a recharge; `wear` is what they have flown.
     """
 
     alarms: list[DroneAlarm] = field(default_factory=list)
     ahead: dict[DroneId, Ahead] = field(default_factory=dict)
     ended: dict[DroneId, EndedStep] = field(default_factory=dict)
+    wear: dict[DroneId, Wear] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +86,9 @@ class StateJudge:
                 judgement.alarms.append(_alarm(owners[drone_id], drone_id, reason, message, now))
             elif sighting.state is not None:
                 judgement.ahead[drone_id] = ahead_at(last, sighting.state, received_at=now)
+                worn = wear_between(last, sighting.state, received_at=now)
+                if worn != Wear():
+                    judgement.wear[drone_id] = worn
                 step = _ended_step(last, sighting.state)
                 if step is not None:
                     judgement.ended[drone_id] = step

@@ -53,6 +53,8 @@ class LastSeen:
     model: DroneModel
     activity: str
     mission_id: MissionId | None = None
+    #: Whether the drone has another battery since then, with a charge of its own.
+    has_other_battery: bool = False
 
     @property
     def fastest_mps(self) -> float:
@@ -74,10 +76,11 @@ def ahead_at(before: LastSeen, after: DroneState | Telemetry, *, received_at: da
     """How much the drone is ahead with this message, its earlier lead included."""
     passed_s = before.passed_s(received_at)
     flown_m = distance_m(before.position, after.position)
-    return Ahead(
+    ahead = Ahead(
         max(0.0, before.ahead.length_m + flown_m - before.fastest_mps * passed_s),
         max(0.0, before.ahead.soc + after.soc - before.soc - before.charging_per_s * passed_s),
     )
+    return Ahead(ahead.length_m) if before.has_other_battery else ahead
 
 
 def why_jumped(

@@ -27,6 +27,7 @@ _LAST_SEEN: Final = (
         presence.c.state_seq,
         presence.c.sample_session,
         presence.c.sample_seq,
+        presence.c.state_at_ms,
         presence.c.state_seen_ms,
         presence.c.last_seen_ms,
         presence.c.longitude_deg,
@@ -37,6 +38,7 @@ _LAST_SEEN: Final = (
         presence.c.ahead_m,
         presence.c.ahead_soc,
         drones.c.model_id,
+        drones.c.battery_changed_ms,
     )
     .join(drones, drones.c.drone_id == presence.c.drone_id)
     .where(
@@ -86,6 +88,10 @@ def _last_seen(row: Row[*tuple[Any, ...]], models: Mapping[DroneModelId, DroneMo
         model=models[row.model_id],
         activity=row.activity,
         mission_id=row.mission_id,
+        # The state may have been on its way when the battery was changed.
+        has_other_battery=(
+            row.battery_changed_ms is not None and row.state_at_ms <= row.battery_changed_ms
+        ),
     )
 
 

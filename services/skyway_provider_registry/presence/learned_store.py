@@ -1,17 +1,22 @@
-"""All SQL of learned values: what the flights of each drone have shown about it."""
+"""All SQL of learned values: what the flights of each drone have shown about it.
+
+The health is that of its battery. It is stored with the battery, if the provider has registered it.
+"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import Final
 
-from sqlalchemy import BigInteger, Text, and_, bindparam, delete, exists, or_, select
+from sqlalchemy import BigInteger, Join, Text, and_, bindparam, delete, exists, or_, select, update
+from sqlalchemy.sql.selectable import FromClause
 
 from skyway.contracts.drone_report import DroneState
 from skyway.ids import DroneId, MissionId
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_provider_registry.battery_tables import batteries
 from skyway_provider_registry.presence.learning import (
     Learned,
     LearnedDrone,
@@ -19,7 +24,7 @@ from skyway_provider_registry.presence.learning import (
     why_maintenance,
 )
 from skyway_provider_registry.presence.sighting_store import ReceptionTime
-from skyway_provider_registry.tables import learned_values, mission_hints
+from skyway_provider_registry.tables import drones, learned_values, mission_hints
 
 #: The least fleet time between two observations of a drone that count, by the registry's clock.
 #: A flight to the next station takes longer, but a drone could report a landing each second
@@ -29,22 +34,47 @@ _APART: Final = timedelta(seconds=60)
 #: The last landing of a mission may come after composition's report of its end: so much later.
 _ENDED_BEFORE: Final = timedelta(seconds=30)
 
-#: The columns that say what was learned; a query over drones joins them.
-LEARNED_COLUMNS: Final = tuple(
-    learned_values.c[name]
-    for name in (
-        "flights",
-        "recharges",
-        "still_air_factor",
-        "state_of_health",
-        "charge_rate_factor",
-        "is_maintenance_due",
-        "since_ms",
-    )
+#: The health of a battery that is not registered, before the first flight with it.
+_UNKNOWN_BATTERY: Final = {"state_of_health": 1.0, "health_observations": 0}
+
+#: The columns that say what was learned; for a query over `with_learned`.
+LEARNED_COLUMNS: Final = (
+    *(
+        learned_values.c[name]
+        for name in (
+            "flights",
+            "recharges",
+            "still_air_factor",
+            "state_of_health",
+            "charge_rate_factor",
+            "health_observations",
+            "is_maintenance_due",
+            "since_ms",
+        )
+    ),
+    batteries.c.battery_id,
+    batteries.c.state_of_health.label("battery_health"),
+    batteries.c.health_observations.label("battery_observations"),
+    batteries.c.installed_ms.label("battery_installed_ms"),
 )
 
-_LEARNED: Final = select(learned_values).where(
-    learned_values.c.drone_id == bindparam("about", type_=Text)
+
+def with_learned(fleet: FromClause) -> Join:
+    """Drones, with what was learned about each and about its battery."""
+    return fleet.outerjoin(
+        learned_values, learned_values.c.drone_id == drones.c.drone_id
+    ).outerjoin(batteries, batteries.c.drone_id == drones.c.drone_id)
+
+
+_LEARNED: Final = (
+    select(
+        *LEARNED_COLUMNS,
+        learned_values.c.learned_session,
+        learned_values.c.learned_seq,
+        learned_values.c.learned_ms,
+    )
+    .select_from(with_learned(drones))
+    .where(drones.c.drone_id == bindparam("about", type_=Text))
 )
 _has_just_ended = and_(
     mission_hints.c.mission_state == "COMPLETED",
@@ -85,65 +115,105 @@ async def learn(
     for drone_id, step in sorted(ended.items()):
         state, about = step.state, {"about": drone_id}
         row = (await tx.execute(_LEARNED, about)).one_or_none()
-        if row and (row.learned_session, row.learned_seq) >= (state.session, state.seq):
+        if row is None or _is_too_early(row, state, received_at):
             continue
-        if row and ms_to_moment(row.learned_ms) + _APART > received_at.fleet_at:
-            continue
-        before = Learned() if row is None else learned_of(row)
+        before = learned_of(row)
         after = learned_from(before, before=step.before, state=state)
         mission = {"mission": step.mission_id, "ended_wall_ms": ended_wall_ms}
         under_way = await tx.execute(_IS_UNDER_WAY, about | mission)
         if after == before or not under_way.scalar_one():
             continue
-        values = {
-            "flights": after.flights,
-            "recharges": after.recharges,
-            "still_air_factor": after.still_air_factor,
-            "state_of_health": after.state_of_health,
-            "charge_rate_factor": after.charge_rate_factor,
-            "is_maintenance_due": after.is_maintenance_due,
-            "learned_session": state.session,
-            "learned_seq": state.seq,
-            "learned_ms": now_ms,
-        }
-        new = tx.insert(learned_values).values(drone_id=drone_id, since_ms=now_ms, **values)
-        await tx.execute(new.on_conflict_do_update(index_elements=["drone_id"], set_=values))
+        await _store(tx, drone_id, row, after, state=state, now_ms=now_ms)
         reason = why_maintenance(before, after)
         if reason is not None:
             worse[drone_id] = reason
     return worse
 
 
+def _is_too_early(row: AnyRow, state: DroneState, received_at: ReceptionTime) -> bool:
+    """Whether this state was learned from, or follows too soon after the last such state."""
+    if row.flights is None:
+        return False
+    is_old = (row.learned_session, row.learned_seq) >= (state.session, state.seq)
+    return is_old or ms_to_moment(row.learned_ms) + _APART > received_at.fleet_at
+
+
+async def _store(
+    tx: Tx, drone_id: DroneId, row: AnyRow, after: Learned, *, state: DroneState, now_ms: int
+) -> None:
+    """Store what is known after a state; `row` is from before it."""
+    health = {
+        "state_of_health": after.state_of_health,
+        "health_observations": after.health_observations,
+    }
+    values = {
+        "flights": after.flights,
+        "recharges": after.recharges,
+        "still_air_factor": after.still_air_factor,
+        "charge_rate_factor": after.charge_rate_factor,
+        "is_maintenance_due": after.is_maintenance_due,
+        "learned_session": state.session,
+        "learned_seq": state.seq,
+        "learned_ms": now_ms,
+    }
+    if row.battery_id is None:
+        values |= health
+    else:
+        this = batteries.c.battery_id == row.battery_id
+        await tx.execute(update(batteries).where(this).values(health))
+    first = _UNKNOWN_BATTERY | values
+    new = tx.insert(learned_values).values(drone_id=drone_id, since_ms=now_ms, **first)
+    await tx.execute(new.on_conflict_do_update(index_elements=["drone_id"], set_=values))
+
+
+async def forget_health(tx: Tx, drone_id: DroneId) -> None:
+    """Forget the health that was learned with a battery that is not registered."""
+    this = learned_values.c.drone_id == drone_id
+    await tx.execute(update(learned_values).where(this).values(_UNKNOWN_BATTERY))
+
+
 async def forget(tx: Tx, drone_id: DroneId) -> None:
-    """Forget what was learned about a drone: it counts as its model says."""
+    """Forget what was learned about a drone: it counts as its model says.
+
+    A registered battery keeps what was learned about it.
+    """
     await tx.execute(delete(learned_values).where(learned_values.c.drone_id == drone_id))
 
 
 def learned_of(row: AnyRow) -> Learned:
     """The values in a row with `LEARNED_COLUMNS`; the model's if nothing was learned."""
-    if row.flights is None:
-        return Learned()
-    return Learned(
-        flights=row.flights,
-        recharges=row.recharges,
-        still_air_factor=row.still_air_factor,
-        state_of_health=row.state_of_health,
-        charge_rate_factor=row.charge_rate_factor,
-        is_maintenance_due=row.is_maintenance_due,
+    learned = Learned()
+    if row.flights is not None:
+        learned = Learned(
+            flights=row.flights,
+            recharges=row.recharges,
+            still_air_factor=row.still_air_factor,
+            state_of_health=row.state_of_health,
+            charge_rate_factor=row.charge_rate_factor,
+            is_maintenance_due=row.is_maintenance_due,
+            health_observations=row.health_observations,
+        )
+    if row.battery_id is None:
+        return learned
+    return replace(
+        learned,
+        state_of_health=row.battery_health,
+        health_observations=row.battery_observations,
     )
 
 
 def shown(row: AnyRow) -> LearnedDrone | None:
     """The values in a row with `LEARNED_COLUMNS` as they are shown; None if nothing was learned."""
-    if row.flights is None:
+    if row.flights is None and row.battery_id is None:
         return None
     learned = learned_of(row)
+    since_ms = row.battery_installed_ms if row.flights is None else row.since_ms
     return LearnedDrone(
         still_air_factor=round(learned.still_air_factor, 3),
         state_of_health=round(learned.state_of_health, 3),
         charge_rate_factor=round(learned.charge_rate_factor, 3),
         flights=learned.flights,
         recharges=learned.recharges,
-        since_at=ms_to_moment(row.since_ms),
+        since_at=ms_to_moment(since_ms),
         planned=learned.planned,
     )

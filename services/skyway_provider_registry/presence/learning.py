@@ -61,6 +61,8 @@ class Learned:
     state_of_health: float = 1.0
     charge_rate_factor: float = 1.0
     is_maintenance_due: bool = False
+    #: How many flights and recharges the health rests on: those with the battery that it has.
+    health_observations: int = 0
 
     def after_flight(self, health: DroneHealth) -> Self:
         """The values after a flight that the drone reports about; the same if it measured none."""
@@ -103,14 +105,14 @@ class Learned:
         return AS_MODELLED if values == AS_MODELLED else values
 
     def _with_battery(self, health: DroneHealth) -> Self:
-        observed = self.flights + self.recharges + 1
+        observed = self.health_observations + 1
         mean = _mean(
             self.state_of_health,
             health.state_of_health,
             weight=_RECHARGES_OF_MODEL + observed,
             bounds=HEALTH_BOUNDS,
         )
-        return replace(self, state_of_health=mean)
+        return replace(self, state_of_health=mean, health_observations=observed)
 
     def _with_need(self) -> Self:
         """The same values; a need for maintenance begins beyond a limit, and ends well within."""
@@ -179,7 +181,12 @@ class LearnedDrone(JsonModel):
     ]
     flights: Annotated[int, Field(description="flights that this rests on", examples=[42])]
     recharges: Annotated[int, Field(description="recharges that this rests on", examples=[17])]
-    since_at: Annotated[Moment, Field(description="moment of the first of them, fleet time")]
+    since_at: Annotated[
+        Moment,
+        Field(
+            description="moment of the first of them, or when its battery was installed; fleet time"
+        ),
+    ]
     planned: Annotated[
         LearnedValues,
         Field(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, Final, TypeVar
 
-from sqlalchemy import BigInteger, Text, Update, bindparam, tuple_
+from sqlalchemy import BigInteger, Double, Text, Update, bindparam, tuple_
 
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
 from skyway.ids import DroneId
@@ -14,6 +14,7 @@ from skyway.units import moment_to_ms
 from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.presence.drone_presence import condition_text
 from skyway_provider_registry.presence.jump import Ahead
+from skyway_provider_registry.presence.wear import Wear
 from skyway_provider_registry.tables import learned_values, presence
 
 PresenceMessage = Connection | DroneState | Telemetry
@@ -67,6 +68,11 @@ def _later(previous: M | None, message: M) -> M:
 _ORDER_OF_CONNECTION: Final = ("connection_session", "connection_number", "connection_rank")
 _ORDER_OF_STATE: Final = ("state_session", "state_seq")
 _ORDER_OF_SAMPLE: Final = ("sample_session", "sample_seq")
+#: The counters that grow with each state.
+_WEAR: Final[dict[str, Any]] = {
+    name: presence.c[name] + bindparam(f"more_{name}", type_=Double)
+    for name in ("flown_s", "used_soc")
+}
 #: The parameter for a message's place in its topic, from the column's name.
 _NEW: Final = "new_{}".format
 
@@ -105,11 +111,13 @@ async def record(
     received_at: ReceptionTime,
     *,
     ahead: Mapping[DroneId, Ahead],
+    wear: Mapping[DroneId, Wear],
 ) -> None:
     """Store each message that is newer than the stored one, separately for each topic.
 
     The sightings are sorted by drone, so that two replicas cannot deadlock. A drone that is not in
-    `ahead` is not ahead: it was not compared with an earlier state.
+    `ahead` or `wear` was not compared with an earlier state. Wear is added with its state, so each
+    state adds it once.
     """
     change = await next_change(tx) if any(map(_affects_selection, sightings.values())) else 0
     connections, states, samples = [], [], []
@@ -123,7 +131,7 @@ async def record(
             row = {"connection_status": connection.status, "changed": change}
             connections.append(about | _order(_ORDER_OF_CONNECTION, connection) | row)
         if (state := sighting.state) is not None:
-            lead = ahead.get(drone_id, Ahead())
+            lead, worn = ahead.get(drone_id, Ahead()), wear.get(drone_id, Wear())
             states.append(
                 about
                 | _order(_ORDER_OF_STATE, state)
@@ -138,6 +146,8 @@ async def record(
                     "soc": state.soc,
                     "ahead_m": lead.length_m,
                     "ahead_soc": lead.soc,
+                    "more_flown_s": worn.flown_s,
+                    "more_used_soc": worn.used_soc,
                     "condition": condition_text(state),
                     "changed": change,
                 }
@@ -177,7 +187,9 @@ def _if_later(names: tuple[str, ...]) -> Update:
     stored = tuple_(*(presence.c[name] for name in names))
     new = {name: bindparam(_NEW(name), type_=BigInteger) for name in names}
     is_about = presence.c.drone_id == bindparam("about", type_=Text)
-    return presence.update().where(is_about, stored < tuple_(*new.values())).values(new)
+    sums = _WEAR if names == _ORDER_OF_STATE else {}
+    statement = presence.update().where(is_about, stored < tuple_(*new.values()))
+    return statement.values(new | sums)
 
 
 # Built once: building a statement takes as long as running it.

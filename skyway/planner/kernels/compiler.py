@@ -16,6 +16,9 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 _OPTIONS: Final[dict[str, Any]] = {"nogil": True, "cache": True, "error_model": "numpy"}
 
+# Wrappers are for calls from Python.
+_WITHOUT_WRAPPERS: Final[dict[str, Any]] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
 
 def _digest_of_sources() -> bytes:
     sources = (each for each in files(__package__).iterdir() if each.name.endswith(".py"))
@@ -54,12 +57,21 @@ _LOCATORS: Final = ",".join(
 
 def entrance(function: _Function) -> _Function:
     """Compile this function when it is first called, to be called from Python too."""
-    return _compiled(function, _OPTIONS)
+    return _compiled(function, {**_OPTIONS, "_nrt": True})
 
 
 def kernel(function: _Function) -> _Function:
-    """Compile this function for other kernels alone, without the wrappers for calls from Python."""
-    return _compiled(function, {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True})
+    """Compile this function for other kernels alone, without counting references to arrays.
+
+    Counting them takes half of a search's time. The kernel must not make arrays, and must not call
+    kernels that return arrays or handles: nobody would free these.
+    """
+    return _compiled(function, {**_OPTIONS, **_WITHOUT_WRAPPERS, "_nrt": False})
+
+
+def array_kernel(function: _Function) -> _Function:
+    """Compile this function for other kernels alone; it may make, receive and return arrays."""
+    return _compiled(function, {**_OPTIONS, **_WITHOUT_WRAPPERS, "_nrt": True})
 
 
 def _compiled(function: _Function, options: dict[str, Any]) -> _Function:

@@ -6,7 +6,7 @@ with neighbours on the other side come last. Then each half is cut again.
 
 import numpy as np
 
-from skyway.planner.kernels.compiler import entrance, kernel
+from skyway.planner.kernels.compiler import array_kernel, entrance, kernel
 from skyway.planner.kernels.memory import Floats, Longs, int64
 from skyway.planner.kernels.records import Skyway
 
@@ -51,13 +51,13 @@ def dissected(skyway: Skyway, x: Floats, y: Floats) -> Longs:
     return rank
 
 
-@kernel
+@array_kernel
 def _spread(values: Floats, part: Longs) -> float:
     chosen = values[part]
     return chosen.max() - chosen.min()
 
 
-@kernel
+@array_kernel
 def _at_cut(skyway: Skyway, side: Longs, part: Longs, other_side: int) -> Longs:
     """The stations of this part with a segment from or to the other side."""
     found = np.empty(part.size, np.int64)

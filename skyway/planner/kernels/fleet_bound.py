@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skyway.planner.kernels.compiler import entrance, kernel
+from skyway.planner.kernels.compiler import array_kernel, entrance, kernel
 from skyway.planner.kernels.memory import Floats, Longs, int64
 
 
@@ -111,7 +111,7 @@ def fill_future(nodes: Nodes, approach: Floats, sources: Longs, future: Future) 
             _fill_place(nodes, approach, sources, future, later[0], place, bucket)
 
 
-@kernel
+@array_kernel
 def _buckets_of(
     nodes: Nodes, approach: Floats, sources: Longs, future: Future
 ) -> tuple[Longs, Longs]:

@@ -6,7 +6,7 @@ if the step is not possible. The second length is 0 if both drones are the same.
 
 import numpy as np
 
-from skyway.planner.kernels.compiler import kernel
+from skyway.planner.kernels.compiler import array_kernel, kernel
 from skyway.planner.kernels.fleet_costs import pool_of
 from skyway.planner.kernels.fleet_records import FleetEstimates, Rows
 from skyway.planner.kernels.memory import Longs, int64
@@ -107,7 +107,7 @@ def exchange_tails(
     return at + other_length - there, there + one_length - at
 
 
-@kernel
+@array_kernel
 def regroup(
     fleet: FleetEstimates,
     rows: Rows,
@@ -156,7 +156,7 @@ def regroup(
     return (length, int64(0)) if one == other else (one_length, length)
 
 
-@kernel
+@array_kernel
 def _joined(fleet: FleetEstimates, pool: int, joiner: int) -> int:
     """The pool of these requests and one more; -1 if they may not share a trip."""
     most = fleet.members.shape[1]

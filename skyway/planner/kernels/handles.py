@@ -10,7 +10,11 @@ from typing import Any, Final, TypeVar
 
 import numba
 from numba import types
+from numba.core import cgutils
+from numba.core.imputils import impl_ret_borrowed
+from numba.core.runtime.context import NRTContext
 from numba.experimental import structref
+from numba.extending import lower_getattr_generic
 
 from skyway.planner.kernels.compiler import entrance
 from skyway.planner.kernels.memory import Memory
@@ -33,42 +37,62 @@ class _HandleType(types.StructRef):  # type: ignore[misc]  # numba has no types
         return tuple((name, types.unliteral(of_type)) for name, of_type in fields)
 
 
-@structref.register
+def _registered(handle_type: type[_HandleType]) -> type[_HandleType]:
+    """Register a type of handles whose fields can also be read where no references are counted."""
+    structref.register(handle_type)
+
+    # The same as numba's own, which refuses to work where no references are counted.
+    @lower_getattr_generic(handle_type)  # type: ignore[untyped-decorator]
+    def read(context: Any, builder: Any, of_type: Any, handle: Any, field: str) -> Any:
+        pointer = cgutils.create_struct_proxy(of_type)(context, builder, value=handle).meminfo
+        address = NRTContext(context, enabled=True).meminfo_data(builder, pointer)
+        record_type = of_type.get_data_type()
+        as_record = context.data_model_manager[record_type].get_value_type().as_pointer()
+        record = cgutils.create_struct_proxy(record_type)(
+            context, builder, ref=builder.bitcast(address, as_record)
+        )
+        of_field = of_type.field_dict[field]
+        return impl_ret_borrowed(context, builder, of_field, getattr(record, field))
+
+    return handle_type
+
+
+@_registered
 class SkywayType(_HandleType):
     """The compiled type of a skyway's handle."""
 
 
-@structref.register
+@_registered
 class ClosedType(_HandleType):
     """The compiled type of the closures' handle."""
 
 
-@structref.register
+@_registered
 class BookType(_HandleType):
     """The compiled type of a pad book's handle."""
 
 
-@structref.register
+@_registered
 class TaskType(_HandleType):
     """The compiled type of a task's handle."""
 
 
-@structref.register
+@_registered
 class MemoryType(_HandleType):
     """The compiled type of a memory's handle."""
 
 
-@structref.register
+@_registered
 class TermsType(_HandleType):
     """The compiled type of the terms' handle."""
 
 
-@structref.register
+@_registered
 class TripRowsType(_HandleType):
     """The compiled type of the handle of trips."""
 
 
-@structref.register
+@_registered
 class FoundType(_HandleType):
     """The compiled type of the handle of what is found for trips."""
 

@@ -6,7 +6,7 @@ the union of the pads' windows. A full recharge needs one pad, so the windows st
 
 import numpy as np
 
-from skyway.planner.kernels.compiler import kernel
+from skyway.planner.kernels.compiler import array_kernel, kernel
 from skyway.planner.kernels.memory import FULL, NONE, WINDOWS, Floats, Longs, int64
 from skyway.planner.kernels.records import Book, Search
 
@@ -38,7 +38,7 @@ def end_of(book: Book, row: int, first: int) -> int:
     return end
 
 
-@kernel
+@array_kernel
 def windows_of(search: Search, place: int) -> int:
     """The first of this place's free windows; -1 when the memory is full."""
     given, known, memory = search.given, search.known, search.memory
@@ -112,7 +112,7 @@ def _sort(pad: Longs, taken_ms: Longs) -> None:
         taken_ms[before + 1, 1] = end
 
 
-@kernel
+@array_kernel
 def _free(
     pads: int, pad: Longs, taken_ms: Longs, unites: bool, window_s: Floats, first: int
 ) -> int:

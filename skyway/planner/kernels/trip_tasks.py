@@ -6,7 +6,7 @@ import numpy as np
 
 from skyway.drone.flight import MASS_EXPONENT
 from skyway.planner.kernels.bounds import fill_floors, fill_orders
-from skyway.planner.kernels.compiler import kernel
+from skyway.planner.kernels.compiler import array_kernel
 from skyway.planner.kernels.handles import task_handle
 from skyway.planner.kernels.memory import Floats, Ints, Longs, int64
 from skyway.planner.kernels.records import Task, Terms, TripRows
@@ -34,7 +34,7 @@ class Drops(NamedTuple):
     may_pass: bool
 
 
-@kernel
+@array_kernel
 def drops_of(terms: Terms, trips: TripRows, trip: int) -> Drops:
     """The places of this trip, in the order in which its packages name them."""
     first, end = trips.package_offsets[trip], trips.package_offsets[trip + 1]
@@ -83,7 +83,7 @@ def drops_of(terms: Terms, trips: TripRows, trip: int) -> Drops:
     )
 
 
-@kernel
+@array_kernel
 def task_of_trip(
     terms: Terms, trips: TripRows, trip: int, drops: Drops, apart_m: Floats, is_closed: bool
 ) -> Task:
@@ -184,7 +184,7 @@ def task_of_trip(
     )
 
 
-@kernel
+@array_kernel
 def _legs(terms: Terms, model: int, mass_kg: Floats) -> tuple[Floats, Floats]:
     """Seconds and joules per metre by mask, ``(2**k + 1,)``; see `exact_bounds.legs_of`."""
     masks = 1 << mass_kg.size
@@ -202,7 +202,7 @@ def _legs(terms: Terms, model: int, mass_kg: Floats) -> tuple[Floats, Floats]:
     return s_per_m, j_per_m
 
 
-@kernel
+@array_kernel
 def _starts(
     terms: Terms, trips: TripRows, trip: int, drops: Drops, loading_s: float
 ) -> tuple[Longs, Floats, Floats]:
@@ -240,7 +240,7 @@ def _starts(
     return offsets, from_s[:used], until_s[:used]
 
 
-@kernel
+@array_kernel
 def _window_bounds(
     drops: Drops,
     offsets: Longs,

@@ -7,7 +7,7 @@ destinations. Only states, labels and the queue belong to one trip.
 import numpy as np
 
 from skyway.planner.kernels.closures import is_closed_for_good
-from skyway.planner.kernels.compiler import entrance, kernel
+from skyway.planner.kernels.compiler import array_kernel, entrance, kernel
 from skyway.planner.kernels.memory import (
     BEST,
     FULL,
@@ -109,7 +109,7 @@ def plan_trips(
     return ALL_DONE
 
 
-@kernel
+@array_kernel
 def _solve(search: Search, most_labels: int) -> int:
     """Search for the best plan; the outcome, or -1 when the memory is full."""
     memory, count = search.memory, int64(search.task.destinations.size)
@@ -219,7 +219,7 @@ def _distance_m(memory: Memory, number: int, row: int) -> float:
     return memory.distance[memory.tree_of[number], place_of(memory, int64(row))]
 
 
-@kernel
+@array_kernel
 def _apart_m(memory: Memory, trips: TripRows, trip: int, drops: Drops) -> np.ndarray:
     """Metres from each destination, and last from the source, to each destination."""
     count = int64(drops.row.size)

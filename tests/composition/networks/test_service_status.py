@@ -1,16 +1,23 @@
 """GET /v1/networks/{network_id}/status: is the service open, and what restricts it?"""
 
 import dataclasses
+from datetime import UTC, datetime
 from typing import Any
 
 import httpx
 import pytest
 from skyway_composition.app import composition_app
 from skyway_composition.closures.closure import Closure, ClosureKind
-from skyway_composition.networks.service_status import NetworkStatus, status_of
+from skyway_composition.closures.network_weather import ClosedNow
+from skyway_composition.networks.service_status import (
+    NetworkStatus,
+    closed_to_models,
+    status_of,
+)
 
 from skyway.contracts.drones import DronesOfModel, NetworkDrones
 from skyway.ids import ClosureId, DroneModelId, NetworkId
+from skyway.units import moment_to_ms
 from tests.shared_app import shared_app
 
 NOW_MS = 1_000_000
@@ -113,6 +120,30 @@ def test_a_closed_place_degrades_the_service(
     assert (found.status, found.restrictions[0].detail) == ("DEGRADED", detail)
 
 
+def test_wind_above_the_limit_of_a_model_degrades_or_pauses_its_drones() -> None:
+    some, every = (ClosedNow(closed, segments=8, until_ms=2_000_000) for closed in (3, 8))
+    counted = NetworkDrones(models=(drones("large"), drones("small")), unplaced=0)
+    found = {
+        name: status_of(ROW, (), counted, now_ms=NOW_MS, windy=windy)
+        for name, windy in (
+            ("some", {DroneModelId("small"): some}),
+            ("one model", {DroneModelId("small"): every}),
+            ("all", {DroneModelId("small"): every, DroneModelId("large"): every}),
+        )
+    }
+
+    assert {name: each.status for name, each in found.items()} == {
+        "some": "DEGRADED",
+        "one model": "DEGRADED",
+        "all": "PAUSED",
+    }
+    assert [each.status for each in found["one model"].models] == ["OPEN", "PAUSED"]
+    (restriction,) = found["some"].restrictions
+    assert restriction.code == "TOO_MUCH_WIND"
+    assert restriction.detail == "3 of 8 segments have more wind than drones of model small fly in"
+    assert restriction.until == datetime(1970, 1, 1, 0, 33, 20, tzinfo=UTC)
+
+
 def test_at_most_100_restrictions_are_listed_and_the_others_counted() -> None:
     found = status(drones(), closures=[closure("STATION", station_id="b")] * 130)
 
@@ -135,6 +166,34 @@ async def test_the_status_shows_closures_that_are_in_force_now(composition: Any)
         ("STATION_CLOSED", "b"),
     ]
     assert missing.status_code == 404
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+async def test_the_status_names_the_models_for_which_there_is_too_much_wind(
+    composition: Any, make: Any
+) -> None:
+    now = composition.clock.now().isoformat()
+    wind = {"valid_at": now, "wind_speed_mps": 7.0, "wind_from_deg": 0.0}
+    forecast = {
+        "source": "test",
+        "issued_at": now,
+        "reports": [{"station_id": each, **wind} for each in "ace"],
+    }
+    await composition("operator:op", "PUT", "/v1/networks/row/weather", forecast)
+    weak = make.candidate().model.model_copy(update={"max_wind_mps": 6.0})
+    models = [
+        drones(name).model_copy(update={"model": model})
+        for name, model in (("weak", weak), ("strong", make.candidate().model))
+    ]
+    skyway = await composition.parts.networks.current(ROW)
+    now_ms = moment_to_ms(composition.clock.now())
+    _, conditions = await skyway.conditions.read(composition.db, after_ms=now_ms)
+
+    windy = await closed_to_models(
+        conditions.weather, NetworkDrones(models=tuple(models), unplaced=0), now_ms=now_ms
+    )
+
+    assert {name: each.is_all for name, each in windy.items()} == {"weak": True}
 
 
 @pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)

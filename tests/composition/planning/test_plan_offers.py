@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.lower_bounds import LowerBounds
-from skyway_composition.planning.offer import Limits
+from skyway_composition.planning.offer import Limits, terms_of
 from skyway_composition.planning.plan_offers import plan_offers
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
 from skyway.contracts.shortlist import Shortlist
-from skyway.delivery.offer import amount_of
+from skyway.delivery.offer import BestValues, amount_of
 from skyway.delivery.plan import Plan
+from skyway.delivery.request import Weights
 from skyway.ids import DroneId, StationId
 from skyway.planner.problem import Problem
 from skyway.units import moment_to_ms
@@ -157,6 +158,30 @@ async def test_the_lowest_price_is_the_tariff_for_the_shortest_way(
         )
         for each in candidates[2:]
     ]
+
+
+@pytest.mark.parametrize(
+    ("qos", "amount"),
+    [
+        ({"pooling": True}, 300),
+        ({}, None),
+        ({"pooling": True, "deadline_at": "2026-03-02T12:00:00Z"}, None),
+    ],
+    ids=["pooling", "no pooling", "a deadline"],
+)
+async def test_an_offer_names_the_pooled_price_if_its_trip_may_be_shared(
+    composition: Any, make: Any, qos: dict[str, Any], amount: int | None
+) -> None:
+    drone = make.candidate(1, tariff={"base": 500, "pooled_factor": 0.6})
+
+    offers, _ = await offers_of(composition, make.request("e", qos=qos), drone)
+
+    offer, best = offers.ranked[0], BestValues.of([offers.ranked[0].values])
+    skyway = await composition.parts.networks.current("row")
+    world = await World.of(skyway, composition.parts.db, after_ms=0)
+    terms = terms_of(offer, best=best, weights=Weights(time=1), world=world)
+    assert terms.price.amount == 500
+    assert (terms.pooled_price and terms.pooled_price.amount) == amount
 
 
 async def test_priority_multiplies_the_lowest_price_and_the_price(

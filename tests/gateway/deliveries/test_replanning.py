@@ -6,6 +6,7 @@ from typing import Any
 
 from skyway_gateway.verify.rules import RULES
 
+from skyway.delivery.offer import Price
 from tests.broken_rules import broken_rules
 from tests.gateway.whole_gateway import Gateway, make_request
 
@@ -55,6 +56,30 @@ async def test_replanning_is_flagged_until_there_is_a_new_plan(
     [reported] = replanned["data"]["packages"]
     assert (reported["package_id"], reported["later_s"]) == ("p1", 1800)
     assert reported["promised_at"] < reported["eta_at"]
+
+
+async def test_the_price_falls_when_the_drone_has_loaded_for_others_too(
+    gateway_on_both: Gateway,
+) -> None:
+    gateway = gateway_on_both
+    delivery_id = str(await gateway.accepted())
+    await gateway.book_next()
+    before = (await gateway.get(delivery_id))["price"]
+    mission = gateway.composition.booked[delivery_id, 1]
+    pooled = Price(amount=before["amount"] // 2, currency=before["currency"])
+    loaded = mission.model_copy(update={"is_pooled": True, "price": pooled})
+    await gateway.report(delivery_id, "ACCEPTED", seq=1)
+    await gateway.report(delivery_id, "LOADING", seq=2)
+    await gateway.report(delivery_id, "LOADED", seq=3, mission=loaded)
+
+    delivery = await gateway.get(delivery_id)
+    assert delivery["price"] == pooled.model_dump()
+    assert delivery["missions"][0]["is_pooled"]
+    event = next(
+        each for each in await gateway.events(delivery_id) if each["type"] == "delivery.loaded"
+    )
+    assert (event["data"]["is_pooled"], event["data"]["price"]) == (True, pooled.model_dump())
+    assert await broken_rules(gateway.parts.db, RULES, wall_at=gateway.clock.wall_now()) == []
 
 
 async def test_a_package_that_a_new_plan_leaves_out_has_no_eta_in_its_event(

@@ -10,6 +10,7 @@ from tests.gateway.whole_gateway import Gateway
 IDS = {
     "provider_id": "prv_1",
     "drone_id": "drn_1",
+    "battery_id": "bat_1",
     "model_id": "m300",
     "network_id": "texas",
     "station_id": "san-marcos",

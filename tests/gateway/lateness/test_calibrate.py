@@ -4,7 +4,9 @@ import random
 from collections.abc import Callable, Iterator
 
 import pytest
-from skyway_gateway.lateness.calibrate import FEWEST, Arrival, late_share, later_by_s
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from skyway_gateway.lateness.calibrate import BORROWED, FEWEST, Arrival, late_share, later_by_s
 
 
 def come(
@@ -73,3 +75,50 @@ def test_about_nine_of_ten_packages_come_by_their_p90_although_the_weather_chang
 
     covered = [each.was_covered for each in arrivals if each.was_covered is not None]
     assert 0.87 <= sum(covered) / len(covered) <= 0.93
+
+
+@pytest.mark.parametrize("size", [20, 300, 5_000])
+def test_the_largest_provider_does_not_decide_what_a_new_one_gets(size: int) -> None:
+    large, small = come(size, lambda _: 0.0), come(20, lambda _: 500.0)
+
+    # Both weigh the same, so more than one of ten packages comes late.
+    assert late_share([], [large, small]) == pytest.approx(0.5)
+
+
+def test_a_provider_is_forecast_by_its_own_packages_the_more_it_has_of_them() -> None:
+    punctual, late = come(300, lambda _: 0.0), come(300, lambda _: 500.0)
+    few = come(5, lambda number: 100.0 * number)
+
+    assert late_share(few, [late]) == pytest.approx(0.5)
+    assert late_share(few, [punctual]) == pytest.approx(0.1)
+    assert late_share(punctual[:BORROWED], [late]) == pytest.approx(0.5)
+    assert late_share(punctual, [late]) == 0.0
+
+
+def test_others_with_few_packages_are_no_forecast() -> None:
+    assert late_share([], [come(10, float)] * 3) is None
+    assert late_share(come(10, float), [come(10, float)] * 3) is not None
+    assert late_share([], []) is None
+
+
+@settings(max_examples=60)
+@given(
+    own=st.lists(st.floats(-1e3, 1e4), max_size=80),
+    others=st.lists(st.lists(st.floats(-1e3, 1e4), max_size=80), max_size=4),
+)
+def test_a_forecast_is_a_lateness_that_was_seen_and_covers_enough_of_it(
+    own: list[float], others: list[list[float]]
+) -> None:
+    groups = [[Arrival(1000.0, each, None) for each in some] for some in (own, *others)]
+
+    share = late_share(groups[0], groups[1:])
+
+    if share is None:
+        assert len(own) + sum(map(len, others)) < FEWEST
+        return
+    seen = [each / 1000.0 for some in (own, *others) for each in some]
+    assert share in (0.0, 3.0) or any(share == pytest.approx(each) for each in seen)
+    # The order of the other providers does not matter.
+    assert late_share(groups[0], groups[:0:-1]) == pytest.approx(share)
+    # More of the same lateness changes nothing about a provider whose packages agree.
+    assert late_share([Arrival(1000.0, 50.0, None)] * 500) == pytest.approx(0.05)

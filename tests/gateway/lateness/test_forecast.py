@@ -1,14 +1,19 @@
-"""The gateway learns from delivered packages, and gives new deliveries a P90."""
+"""The gateway learns from delivered packages, gives new ones a P90, and is held to its promise."""
 
 from datetime import datetime, timedelta
 from typing import Any
 
+import pytest
+from skyway_gateway.deliveries.reading.promises import promises_of
 from skyway_gateway.delivery_tables import packages
+from skyway_gateway.gauges import GatewayGauges
 from skyway_gateway.lateness.calibrate import FEWEST
+from skyway_gateway.lateness.store import KeptPromises
 from sqlalchemy import update
 
 from skyway.ids import NetworkId, ProviderId, StationId
-from tests.gateway.whole_gateway import Gateway
+from skyway.units import moment_to_ms
+from tests.gateway.whole_gateway import Gateway, make_request
 
 
 async def deliver(gateway: Gateway, *, late: timedelta) -> str:
@@ -49,8 +54,156 @@ async def test_a_new_delivery_gets_a_p90_once_enough_packages_have_come(
     assert (before["promised_p90_at"], before["eta_p90_at"]) == (None, None)
     margin = moment(package, "promised_p90_at") - moment(package, "promised_at")
     assert abs(margin - timedelta(minutes=10)) < timedelta(seconds=1)
-    assert package["eta_p90_at"] == package["promised_p90_at"]
+    assert package["eta_p90_at"] == package["promised_p90_at"] == package["due_at"]
     await deliver(gateway, late=timedelta(minutes=9))
     gateway.clock.advance(timedelta(minutes=1))
     answer = await gateway.http.get("/v1/stats/deliveries", headers=gateway.operator)
     assert (answer.json()["packages_with_p90"], answer.json()["p90_share"]) == (1, 1.0)
+
+
+async def teach(gateway: Gateway) -> None:
+    """Let the gateway learn that packages come ten minutes late."""
+    gateway.is_damaged = True
+    for _ in range(FEWEST):
+        await deliver(gateway, late=timedelta(minutes=10))
+    await gateway.parts.forecast.step()
+
+
+@pytest.mark.parametrize(
+    ("asked", "late_min", "is_late"),
+    [({}, 9, False), ({"promise": "P90"}, 12, True), ({"promise": "P50"}, 9, True)],
+)
+async def test_lateness_counts_from_the_promise_that_was_asked(
+    gateway: Gateway, asked: dict[str, str], late_min: int, is_late: bool
+) -> None:
+    await teach(gateway)
+    since = gateway.clock.now() + timedelta(seconds=1)
+    gateway.clock.advance(timedelta(seconds=2))
+    delivery_id = await gateway.accepted(qos={"objective": "fastest", **asked})
+    while await gateway.book_next():
+        pass
+    [package] = (await gateway.get(delivery_id))["packages"]
+    due = "promised_at" if asked.get("promise") == "P50" else "promised_p90_at"
+    assert package["due_at"] == package[due]
+    planned = (await gateway.events(delivery_id))[-1]["data"]["packages"][0]
+    assert moment(planned, "due_at") == moment(package, "due_at")
+
+    for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
+        await gateway.report(delivery_id, kind, seq=seq)
+    eta_at = moment(package, "promised_at") + timedelta(minutes=late_min)
+    late = [{"package_id": "p1", "eta_at": eta_at}]
+    await gateway.report(delivery_id, "ACTIVITY", seq=4, etas=late)
+
+    assert (await gateway.get(delivery_id))["flags"]["delayed"] == is_late
+    last = (await gateway.events(delivery_id))[-1]
+    assert (last["type"] == "delivery.delayed") == is_late
+    if is_late:
+        late_s = (eta_at - moment(package, "due_at")).total_seconds()
+        assert last["data"]["packages"][0]["late_s"] == pytest.approx(late_s)
+    await deliver_at(gateway, delivery_id, eta_at)
+    answer = await gateway.http.get(
+        "/v1/stats/deliveries", params={"from": since.isoformat()}, headers=gateway.operator
+    )
+    assert answer.json()["on_time_share"] == (0.0 if is_late else 1.0)
+
+
+async def deliver_at(gateway: Gateway, delivery_id: str, at: datetime) -> None:
+    async with gateway.parts.db.write() as tx:
+        this = update(packages).where(packages.c.delivery_id == delivery_id)
+        await tx.execute(this.values(delivered_ms=moment_to_ms(at)))
+    gateway.clock.advance(timedelta(minutes=1))
+
+
+async def test_offers_show_what_would_be_promised(gateway: Gateway) -> None:
+    await teach(gateway)
+    shown = {}
+    for promise in ("P90", "P50"):
+        body = make_request(qos={"objective": "fastest", "promise": promise})
+        answer = await gateway.http.post("/v1/quotes", json=body, headers=gateway.customer)
+        assert answer.status_code == 201, answer.text
+        [shown[promise]] = answer.json()["offers"][0]["packages"]
+
+    assert shown["P90"]["due_at"] == shown["P90"]["eta_p90_at"]
+    assert shown["P50"]["due_at"] == shown["P50"]["eta_at"]
+    assert moment(shown["P50"], "eta_p90_at") > moment(shown["P50"], "eta_at")
+
+
+async def test_an_accepted_offer_keeps_its_margin(gateway: Gateway) -> None:
+    await teach(gateway)
+    answer = await gateway.http.post("/v1/quotes", json=make_request(), headers=gateway.customer)
+    quote = answer.json()
+    offer = quote["offers"][0]
+    for _ in range(FEWEST):
+        await deliver(gateway, late=timedelta(minutes=60))
+    await gateway.parts.forecast.step()
+
+    accepted = await gateway.post({"quote_id": quote["quote_id"], "offer_id": offer["offer_id"]})
+    while await gateway.book_next():
+        pass
+
+    [package] = (await gateway.get(accepted.json()["delivery_id"]))["packages"]
+    planned_s = max(300.0, offer["delivery_time_s"])
+    margin = moment(package, "promised_p90_at") - moment(package, "promised_at")
+    assert margin.total_seconds() <= offer["late_share"] * planned_s + 1
+    assert package["due_at"] == package["promised_p90_at"]
+
+
+async def test_an_unknown_promise_is_refused(gateway: Gateway) -> None:
+    for promise in ("P99", "p90", None, 90):
+        answer = await gateway.post(make_request(qos={"promise": promise}))
+
+        assert answer.status_code == 422, answer.text
+        assert "qos.promise" in answer.text
+
+
+async def test_kept_promises_are_shown_by_network_and_provider(gateway_on_both: Gateway) -> None:
+    gateway = gateway_on_both
+    await teach(gateway)
+    for late_min in (9, 9, 9, 30):
+        await deliver(gateway, late=timedelta(minutes=late_min))
+    old = await deliver(gateway, late=timedelta(minutes=9))
+    await deliver_at(gateway, old, gateway.clock.now() - timedelta(days=2))
+
+    answer = await gateway.http.get("/v1/stats/promises", headers=gateway.operator)
+    own = await gateway.http.get("/v1/stats/promises", headers=gateway.provider)
+    customer = await gateway.http.get("/v1/stats/promises", headers=gateway.customer)
+    gauges = {
+        (each.name, each.labels["span"]): each.value
+        for each in await GatewayGauges(gateway.parts)._promises()
+    }
+
+    network, provider = answer.json()["items"]
+    assert network["provider_id"] is None
+    assert provider["provider_id"] is not None
+    for found in (network, provider):
+        assert found["day"] == {"packages": 4, "p90_share": 0.75}
+        assert found["week"] == {"packages": 5, "p90_share": 0.8}
+    assert {each["provider_id"] for each in own.json()["items"]} <= {"prv_1"}
+    assert customer.status_code == 403
+    assert gauges["skyway_promised_packages", "day"] == 4
+    assert gauges["skyway_promised_packages_in_time", "week"] == 4
+
+
+def make_kept(network: str, provider: str, packages: int, in_time: int) -> KeptPromises:
+    return KeptPromises(
+        NetworkId(network),
+        ProviderId(provider),
+        packages={"day": 0, "week": packages},
+        in_time={"day": 0, "week": in_time},
+    )
+
+
+def test_a_network_sums_its_providers_and_a_provider_sees_itself() -> None:
+    rows = [
+        make_kept("texas", "b", 90, 90),
+        make_kept("texas", "a", 10, 0),
+        make_kept("city", "a", 5, 5),
+    ]
+
+    shown = [(each.network_id, each.provider_id) for each in promises_of(rows, provider_id=None)]
+    own = promises_of(rows, provider_id=ProviderId("a"))
+
+    assert shown == [("city", None), ("city", "a"), ("texas", None), ("texas", "a"), ("texas", "b")]
+    assert promises_of(rows, provider_id=None)[2].week.p90_share == 0.9
+    assert [(each.network_id, each.week.p90_share) for each in own] == [("city", 1.0), ("texas", 0)]
+    assert {each.day.p90_share for each in own} == {None}

@@ -214,6 +214,18 @@ async def test_a_customer_sees_no_drone_that_carries_nothing_of_it(
     assert shown(picture, "operator", "op")["drones"] == {"drn_1"}
 
 
+async def test_a_customer_sees_the_drone_that_carries_its_packages_with_another_mission(
+    gateway: Gateway, fleet: Fleet
+) -> None:
+    picture = Picture()
+    fleet.mission["flown_as"] = fleet.drone["mission_id"] = "msn_of_another"
+
+    await read(fleet, gateway, picture)
+
+    drone = picture.of_kind("drones")[Key("drones", "drn_1", "alice")].document
+    assert drone["mission_id"] == "msn_1"
+
+
 async def test_a_drone_shows_its_heading_and_its_next_landing(
     gateway: Gateway, fleet: Fleet
 ) -> None:

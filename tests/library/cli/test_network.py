@@ -225,3 +225,46 @@ def test_status_says_what_restricts_a_network(gateway: Gateway) -> None:
         "  m: OPEN, 4 drones, 3 online, 2 idle",
         "  n: PAUSED",
     ]
+
+
+FORECAST: Any = {
+    "network_id": "texas-corridor",
+    "source": "roofs",
+    "issued_at": "2026-03-01T12:00:00Z",
+    "age_s": 5400.0,
+    "phase": "VALID",
+    "valid_from_at": "2026-03-01T12:00:00Z",
+    "valid_until_at": "2026-03-01T18:00:00Z",
+    "fades_until_at": "2026-03-02T06:00:00Z",
+}
+
+
+@pytest.mark.parametrize("gateway", [(200, FORECAST)], indirect=True)
+def test_weather_sends_a_forecast_and_shows_the_one_in_force(
+    gateway: Gateway, tmp_path: Path
+) -> None:
+    file = tmp_path / "forecast.json"
+    file.write_text('{"source": "roofs"}')
+
+    sent = runner.invoke(network_app, ["weather", str(file)])
+    shown = runner.invoke(network_app, ["weather"])
+
+    path = "/v1/networks/texas-corridor/weather"
+    assert [call[:2] for call in gateway.calls] == [("PUT", path), ("GET", path)]
+    assert gateway.calls[0][3] == file.read_bytes()
+    assert sent.stdout == shown.stdout
+    assert shown.stdout.splitlines() == [
+        (
+            "texas-corridor: VALID, from roofs, issued 2026-03-01T12:00:00Z (1.5 h ago), "
+            "valid 2026-03-01T12:00:00Z to 2026-03-01T18:00:00Z, fades until 2026-03-02T06:00:00Z"
+        )
+    ]
+
+
+def test_weather_refuses_a_file_together_with_remove(tmp_path: Path) -> None:
+    result = runner.invoke(network_app, ["weather", "forecast.json", "--remove"])
+
+    assert result.exit_code == 2
+    missing = runner.invoke(network_app, ["weather", str(tmp_path / "missing.json")])
+    assert missing.exit_code == 2
+    assert "missing.json" in missing.stderr

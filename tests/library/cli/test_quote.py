@@ -19,7 +19,13 @@ OFFER = {
     "provider_id": "prv_1",
     "price": {"amount": 1250, "currency": "USD"},
     "pickup_at": "2026-03-02T10:00:00Z",
-    "packages": [{"package_id": "p1", "eta_at": "2026-03-02T11:00:00.500Z"}],
+    "packages": [
+        {
+            "package_id": "p1",
+            "eta_at": "2026-03-02T11:00:00.500Z",
+            "eta_p90_at": "2026-03-02T11:09:00Z",
+        }
+    ],
     "expires_at": "2026-03-02T09:00:00Z",
     "is_held": True,
 }
@@ -66,17 +72,33 @@ def test_an_offer_shows_price_times_provider_expiry_and_the_command_that_accepts
         "quote quo_1, fleet time 2026-03-02T08:00:00Z",
         "1. 12.50 USD, Alamo (prv_1)",
         "   pickup   2026-03-02T10:00:00Z",
-        "   arrival  2026-03-02T11:00:00Z  p1 at b",
+        "   arrival  2026-03-02T11:00:00Z  p1 at b, nine of ten by 2026-03-02T11:09:00Z",
         "   expires  2026-03-02T09:00:00Z wall time; its drones and pads are held until then",
         "   accept   skyway accept quo_1 off_1",
     ]
     assert result.stderr == "no offer: prv_2: BUSY, all drones are busy\n"
 
 
+@pytest.mark.parametrize(("options", "promise"), [([], "P90"), (["--promise", "P50"], "P50")])
+def test_the_promise_of_a_request_is_the_p90_unless_an_option_says_otherwise(
+    gateway: Gateway, options: list[str], promise: str
+) -> None:
+    assert requested(gateway, [*ASKED, *options])["qos"]["promise"] == promise
+
+
 def test_an_offer_that_is_not_held_says_so(gateway: Gateway) -> None:
     gateway.answers["POST", "/v1/quotes"] = (201, quote_with(OFFER | {"is_held": False}))
 
     assert "wall time; nothing is held" in runner.invoke(make_app(), ASKED).stdout
+
+
+def test_an_offer_shows_what_it_costs_on_a_shared_trip(gateway: Gateway) -> None:
+    pooled = OFFER | {"pooled_price": {"amount": 840, "currency": "USD"}}
+    gateway.answers["POST", "/v1/quotes"] = (201, quote_with(pooled))
+
+    shown = runner.invoke(make_app(), ASKED).stdout
+
+    assert "   pooled   8.40 USD if the trip is shared" in shown.splitlines()
 
 
 def test_a_quote_without_offers_ends_with_exit_code_1_and_says_why(gateway: Gateway) -> None:

@@ -1,9 +1,11 @@
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from skyway.delivery.offer import OfferValues, Tariff, no_show_factor, price_of, rank_offers
+from skyway.delivery.offer import OfferValues, Price, Tariff, no_show_factor, price_of, rank_offers
 from skyway.delivery.request import Priority, Weights
 from skyway.ids import DroneId, ProviderId
 
@@ -49,6 +51,13 @@ def test_priority_multiplies_the_minimum_too() -> None:
 def test_a_factor_outside_one_to_ten_is_refused(factor: object) -> None:
     with pytest.raises(ValidationError, match="priority_factor"):
         Tariff.model_validate({"priority_factor": factor})
+
+
+@given(amount=st.integers(0, 10**12), factor=st.floats(0, 1))
+def test_a_pooled_price_is_never_higher(amount: int, factor: float) -> None:
+    price = Price(amount=amount, currency="USD")
+
+    assert 0 <= price.pooled(Tariff(pooled_factor=factor)).amount <= amount
 
 
 def test_each_objective_picks_its_own_best_offer() -> None:

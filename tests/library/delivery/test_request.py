@@ -1,3 +1,4 @@
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
@@ -5,6 +6,8 @@ from pydantic import ValidationError
 
 from skyway.delivery.request import DeliveryRequest, ProviderChoice, QoS
 from skyway.ids import ProviderId
+
+ASKED_AT = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
 
 def make_request(**changes: Any) -> dict[str, Any]:
@@ -91,3 +94,28 @@ def test_the_default_objective_is_the_fastest() -> None:
     ranking = QoS().ranking
 
     assert (ranking.time, ranking.price, ranking.energy) == (1.0, 0.0, 0.0)
+
+
+def test_a_wait_for_others_needs_pooling() -> None:
+    with pytest.raises(ValidationError, match="pooling_wait_s needs pooling"):
+        QoS(pooling_wait_s=60.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "starts_at"),
+    [
+        ({}, ASKED_AT + timedelta(minutes=10)),
+        ({"earliest_pickup_at": "2026-03-01T12:05:00Z"}, ASKED_AT + timedelta(minutes=10)),
+        ({"earliest_pickup_at": "2026-03-01T14:00:00Z"}, ASKED_AT + timedelta(hours=2)),
+        ({"latest_pickup_at": "2026-03-01T15:00:00Z"}, None),
+        ({"qos": {"pooling": True}}, None),
+    ],
+    ids=["waits", "waits longer than asked", "asked for later", "has a window", "does not wait"],
+)
+def test_a_request_that_waits_for_others_begins_later(
+    changes: dict[str, Any], starts_at: datetime | None
+) -> None:
+    qos = {"pooling": True, "pooling_wait_s": 600}
+    request = DeliveryRequest.model_validate(make_request(**{"qos": qos, **changes}))
+
+    assert request.begun_after_wait(ASKED_AT).earliest_pickup_at == starts_at

@@ -1,6 +1,7 @@
 """`compose_many` finds the same results as `compose` finds for each trip alone."""
 
 import contextlib
+import gc
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba.core.runtime import _nrt_python, rtsys
 
 from skyway.delivery.plan import Recharge
 from skyway.errors import InvalidProblem
@@ -157,6 +159,27 @@ def test_trips_in_one_call_have_the_results_that_they_have_alone() -> None:
 
     assert many.end_s.tolist() == alone.end_s.tolist() * 300
     assert many.plan(299) == alone.plan(0)
+
+
+@pytest.mark.parametrize(
+    "make", [make_busy_problem, make_windowed_problem, make_problem_with_hours]
+)
+def test_a_search_frees_all_arrays_that_it_makes(make: Callable[..., Problem]) -> None:
+    problem = make(3, label_limit=None, time_limit_s=None, strategy="exact")
+    ledger = ledger_of(problem, begins_s=0.0)
+
+    def plan(count: int) -> int:
+        """How many arrays are left after so many trips and one plan of the problem."""
+        compose_many(trips_of(problem, begins_s=0.0, count=count), ledger)
+        compose(problem)
+        gc.collect()
+        allocated = rtsys.get_allocation_stats()
+        return int(allocated.mi_alloc - allocated.mi_free)
+
+    _nrt_python.memsys_enable_stats()
+    before = plan(1)
+
+    assert plan(100) == before
 
 
 @pytest.fixture

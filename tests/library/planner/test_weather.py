@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -145,8 +146,11 @@ def test_a_hierarchy_changes_no_plan_in_weather() -> None:
 @pytest.mark.parametrize(
     ("changed", "rules"),
     [
-        (weather("a>b", (0, None, [1.25])), {"duration", "energy", "charge"}),
-        (weather("a>b", (0, 900, [1.25]), (900, None, [0.5])), {"duration", "energy", "charge"}),
+        (weather("a>b", (0, None, [1.25])), {"duration", "air", "energy", "charge"}),
+        (
+            weather("a>b", (0, 900, [1.25]), (900, None, [0.5])),
+            {"duration", "air", "energy", "charge"},
+        ),
         (weather("a>b", (0, 300, [1.0]), (300, None, [None])), {"closed"}),
         (weather("a>b", (0, 10, [None])), {"closed"}),
         (None, set()),
@@ -169,7 +173,32 @@ def test_a_plan_that_uses_too_little_energy_is_refused(make_problem: Problems) -
 
     violations = verify(make_problem("a-b:9", "b", weather=cold), plan)
 
-    assert {one.rule for one in violations} == {"energy", "charge", "reserve"}
+    assert {one.rule for one in violations} == {"air", "energy", "charge", "reserve"}
+
+
+def test_a_plan_names_the_factors_of_its_flights(make_problem: Problems) -> None:
+    wind = weather("a>b", (0, None, [1.5]))
+
+    plan = compose(make_problem("a-b:3 b-c:3", "c", weather=wind))
+
+    flights = [step.model_dump() for step in plan.steps if isinstance(step, Fly)]
+    assert [each.get("time_factor") for each in flights] == [1.5, None]
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000), by_s=st.floats(-2_000, 2_000))
+def test_shifted_weather_has_the_same_factors_at_later_moments(seed: int, by_s: float) -> None:
+    weather = make_windy_problem(seed).weather
+    assert weather is not None
+
+    moved = weather.shifted(by_s)
+
+    for at_s in (-100.0, 0.0, 300.5, 1_000.0):
+        assert moved.period_at(at_s + by_s) == weather.period_at(at_s)
+    fresh = replace(moved)
+    for until_s in (0.0, 700.0, 5_000.0):
+        least = moved.least_time_factor(until_s=until_s)
+        assert least.tolist() == fresh.least_time_factor(until_s=until_s).tolist()
 
 
 @pytest.mark.parametrize("strategy", ["heuristic", "exhaustive", "exhaustive_with_walks"])

@@ -33,7 +33,7 @@ def wind(east_mps: float, *, gust_mps: float = 0.0, error_mps: float = 0.0) -> W
         north_mps=np.zeros((1, 1)),
         gust_mps=np.full((1, 1), gust_mps),
         energy_factor=np.full((1, 1), 1.05),
-        error_mps=np.full(1, error_mps),
+        error_mps=np.full((1, 1), error_mps),
     )
 
 

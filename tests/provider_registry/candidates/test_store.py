@@ -23,6 +23,10 @@ INSERT INTO presence (drone_id, connection_session, connection_number, connectio
 INSERT INTO learned_values (drone_id, flights, recharges, still_air_factor, state_of_health,
     charge_rate_factor, is_maintenance_due, learned_session, learned_seq, learned_ms, since_ms)
   SELECT 'd' || i, 1, 1, 1, 1, 1, false, 1, 1, 0, 0 FROM generate_series(1, 2000) AS i;
+INSERT INTO batteries (battery_id, provider_id, model_id, serial, capacity_j, state_of_health,
+    health_observations, used_soc, drone_id, installed_ms, installed_used_soc, created_ms)
+  SELECT 'b' || i, 'p', 'm', 's' || i, 1, 1, 0, 0, 'd' || i, 0, 0, 0
+  FROM generate_series(1, 2000) AS i;
 INSERT INTO mission_hints (mission_id, drone_id, seq, mission_state, is_live, reported_wall_ms)
   SELECT 'm' || i, 'd' || (i % 2000 + 1), 1, 'ENDED', false, 0 FROM generate_series(1, 5000) AS i;
 INSERT INTO changes ("only", latest, providers, removals) VALUES (1, 2000, 1, 0)

@@ -1,44 +1,23 @@
 """What flights show about a drone: learned slowly, once, within bounds; forgotten on request."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from datetime import timedelta
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from skyway_provider_registry.presence import jump_store
-from skyway_provider_registry.presence.follow import Recorder
 from skyway_provider_registry.presence.learning import Learned, why_maintenance
 from skyway_provider_registry.verify import RULES
 
-from skyway.contracts.drone_report import DroneHealth, DroneState
-from skyway.contracts.shortlist import Candidates
-from skyway.contracts.topics import CONNECTION, STATE
+from skyway.contracts.drone_report import DroneState
 from skyway.drone.learned_values import AS_MODELLED, LearnedValues
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
+from tests.provider_registry.flying_drone import FlyingDrone, fly_drone, make_health
 
 pytestmark = pytest.mark.databases("sqlite")
-
-
-def make_health(
-    *, use: float | None = None, health: float = 1.0, charging: float | None = None
-) -> DroneHealth:
-    return DroneHealth(
-        voltage_v=22.0,
-        current_a=1.0,
-        soc_error=0.01,
-        cell_spread_v=0.01,
-        temperature_c=20.0,
-        state_of_health=health,
-        still_air_factor=use,
-        charge_rate_factor=charging,
-        range_m=10_000.0,
-    )
 
 
 def flown(uses: Sequence[float], *, health: float = 1.0) -> Learned:
@@ -110,86 +89,11 @@ def test_maintenance_is_due_once_until_the_drone_is_clearly_better() -> None:
     assert not learned.is_maintenance_due
 
 
-@dataclass
-class FlyingDrone:
-    """A drone with a mission of composition, and what the registry learns from its states."""
-
-    api: Any
-    db: Database
-    clock: ManualClock
-    make: Callable[..., DroneState]
-    drone: dict[str, Any]
-    seq: int = 1
-    reported: int = 0
-
-    async def flies(
-        self, health: DroneHealth, *, mission_id: str = "msn_1", seconds: float = 300
-    ) -> DroneState:
-        """Take off and land; the state after the landing."""
-        states = []
-        for activity in ("FLYING", "WAITING"):
-            self.seq += 1
-            self.clock.advance(timedelta(seconds=seconds / 2))
-            states.append(
-                self.make(7, self.seq, activity=activity, mission_id=mission_id, health=health)
-            )
-            await self.sends(states[-1])
-        return states[-1]
-
-    async def sends(self, state: DroneState) -> None:
-        ids = (self.drone["provider_id"], self.drone["drone_id"])
-        await Recorder(self.db, self.clock).record([Received(STATE, ids, state, False)])
-
-    async def reports(self, kind: str, mission_state: str) -> None:
-        """Composition reports about the mission of the drone."""
-        self.reported += 1
-        report = {
-            "report_id": f"rpt_{self.reported}",
-            "delivery_id": "dlv_1",
-            "attempt": 1,
-            "trip": 1,
-            "mission_id": "msn_1",
-            "provider_id": self.drone["provider_id"],
-            "drone_id": self.drone["drone_id"],
-            "seq": self.reported,
-            "kind": kind,
-            "at": "2026-03-01T12:00:00Z",
-            "mission_state": mission_state,
-        }
-        await self.api(None, "POST", "/internal/mission-reports", report, service="composition")
-
-    async def call(self, method: str, path: str = "") -> Any:
-        drone = f"/v1/providers/{self.drone['provider_id']}/drones/{self.drone['drone_id']}"
-        return await self.api(f"provider:{self.drone['provider_id']}", method, drone + path)
-
-    async def learned(self) -> Any:
-        return (await self.call("GET")).json()["learned"]
-
-    async def planned(self) -> LearnedValues:
-        """What a request for candidates gets."""
-        query = {
-            "pickup_station_id": "san-marcos",
-            "pickup_position": [-97.9, 29.9],
-            "payload_kg": 1.0,
-            "providers": {},
-        }
-        answer = await self.api(None, "POST", "/internal/candidates", query, service="gateway")
-        (candidate,) = Candidates.read(answer.content).shortlist.candidates
-        return candidate.learned
-
-
 @pytest.fixture
 async def drone(
     api: Any, db: Database, clock: ManualClock, state: Callable[..., DroneState], online: Any
 ) -> FlyingDrone:
-    made = await api.drone(await api.provider())
-    ids = (made["provider_id"], made["drone_id"])
-    await Recorder(db, clock).record(
-        [Received(CONNECTION, ids, online(7, 1), False), Received(STATE, ids, state(7, 1), False)]
-    )
-    flying = FlyingDrone(api, db, clock, state, made)
-    await flying.reports("ACCEPTED", "ACCEPTED")
-    return flying
+    return await fly_drone(api, db, clock, state, online)
 
 
 @pytest.mark.databases("sqlite", "postgresql")

@@ -24,7 +24,7 @@ async def test_a_registered_provider_reads_like_the_answer(api: Any) -> None:
     assert read.json() == made.json()
     assert made.json() == {
         **body,
-        "tariff": {**TARIFF, "priority_factor": 1.5},
+        "tariff": {**TARIFF, "priority_factor": 1.5, "pooled_factor": 1.0},
         "provider_id": "prv_000001",
         "state": "ACTIVE",
         "loading": "AUTOMATIC",

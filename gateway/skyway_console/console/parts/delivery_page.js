@@ -17,7 +17,7 @@ import {TrackingBox} from "./tracking_box.js";
 
 const LATE_MS = 60_000;
 
-export const isLate = ({promised_at: promised, eta_at: eta, delivered_at: delivered}) =>
+export const isLate = ({due_at: promised, eta_at: eta, delivered_at: delivered}) =>
   promised && (delivered ?? eta) && Date.parse(delivered ?? eta) - Date.parse(promised) > LATE_MS;
 
 function useDelivery(path, deliveryId) {
@@ -46,7 +46,7 @@ function Packages({packages}) {
             <td>${each.package_id}</td>
             <td>${each.destination?.station_id ? stationName(each.destination.station_id) : ""}</td>
             <td>${inWords(each.state)}</td>
-            <td>${each.promised_at ? momentText(each.promised_at) : ""}</td>
+            <td>${each.due_at ? momentText(each.due_at) : ""}</td>
             <td class="eta">${each.delivered_at
               ? `handed over ${momentText(each.delivered_at)}`
               : each.eta_at ? momentText(each.eta_at) : ""}</td>
@@ -99,6 +99,7 @@ export function DeliveryPage({deliveryId, path: part}) {
   if (!delivery) return html`<div class="page"><p class="refused">${problem}</p></div>`;
   const live = picture.deliveries.value[deliveryId];
   const {state, activity, code, detail, request, price, provider_id: provider} = {...delivery, ...live};
+  const missions = delivery.missions ?? [];
   return html`
     <div class="page">
       <p><a href=${pathTo("deliveries")}>All deliveries</a></p>
@@ -111,7 +112,7 @@ export function DeliveryPage({deliveryId, path: part}) {
         ["Why", code && `${inWords(code)}${detail ? `: ${detail}` : ""}`],
         ["Pickup", request.pickup.station_id && stationName(request.pickup.station_id)],
         ["Wanted", request.qos?.objective && inWords(request.qos.objective)],
-        ["Price", price && money(price)],
+        ["Price", price && `${money(price)}${missions.some((each) => each.is_pooled) ? ", shared trip" : ""}`],
         ["Provider", provider],
         ["Requested", momentText(delivery.created_at)],
       ]} />
@@ -120,9 +121,9 @@ export function DeliveryPage({deliveryId, path: part}) {
       <${Packages} packages=${delivery.packages.map((each) => ({...each, ...live?.packages?.[each.package_id]}))} />
       <div class="columns">
         <section><h2>What happened</h2><${DeliveryEvents} path=${path} /><${Proof} proof=${proof} /></section>
-        <section><h2>Plan</h2><${Missions} missions=${delivery.missions ?? []} />
+        <section><h2>Plan</h2><${Missions} missions=${missions} />
           ${session.value.role === "customer" && html`<${TrackingBox} path=${path} />`}
-          ${isOperator() && html`<${DeliveryAudit} path=${path} missions=${delivery.missions ?? []}
+          ${isOperator() && html`<${DeliveryAudit} path=${path} missions=${missions}
             changed=${`${state} ${activity}`} />`}</section>
       </div>
     </div>`;

@@ -5,6 +5,7 @@ import {useEffect, useState} from "preact/hooks";
 import {get, part} from "../api.js";
 import {html} from "../html.js";
 import {money} from "../words.js";
+import {Promises} from "./promises.js";
 import {ShareBar} from "./share_bar.js";
 
 const AGAIN_MS = 10_000;
@@ -47,5 +48,6 @@ export function Earnings({providerId}) {
       <thead><tr><th>Day (UTC)</th><th>Deliveries</th><th>Missions</th><th>Earned</th>
         <th><span class="unseen">Share of the best day</span></th></tr></thead>
       <tbody>${[...days].reverse().map((each) => html`<${Day} key=${each.day + each.currency} each=${each} most=${most} />`)}</tbody>
-    </table></div>`;
+    </table></div>
+    <${Promises} providerId=${providerId} />`;
 }

@@ -19,7 +19,7 @@ const learnedText = ({planned, flights}) =>
   + `charging ${percent(planned.charge_rate_factor)} of the model's, learned from ${flights} flights`;
 
 function Commands({drone, onChange, onToken}) {
-  const {drone_id: droneId, provider_id: provider, state, learned} = drone;
+  const {drone_id: droneId, provider_id: provider, state, learned, maintenance} = drone;
   const path = `/v1/providers/${part(provider)}/drones/${part(droneId)}`;
   const name = drone.name ?? shortId(droneId);
   const put = async (wanted, done) => {
@@ -29,6 +29,10 @@ function Commands({drone, onChange, onToken}) {
   const forget = async () => {
     const done = `${name} counts as its model says until it has flown again.`;
     if (await attempt(() => call("DELETE", `${path}/learned-values`), done)) onChange();
+  };
+  const maintained = async () => {
+    const done = `The maintenance of ${name} is recorded; its counters begin again.`;
+    if (await attempt(() => post(`${path}/maintenance`), done)) onChange();
   };
   return html`
     <div class="commands">
@@ -42,12 +46,14 @@ function Commands({drone, onChange, onToken}) {
         Enrolment token</button>
       ${learned && html`<${SureButton} verb="Forget" label=${`Forget what flights of ${name} have shown`}
         onSure=${forget} />`}
+      ${maintenance?.due_at && html`<${SureButton} verb="Maintained" label=${`The maintenance of ${name} was done`}
+        onSure=${maintained} />`}
     </div>`;
 }
 
 function DroneRow({drone, onChange, onToken}) {
   const {drone_id: droneId, name, registration, model_id: model, home_station_id: home} = drone;
-  const {state, activity, soc, learned, faults = []} = drone;
+  const {state, activity, soc, learned, maintenance, faults = []} = drone;
   return html`
     <tr data-drone=${droneId}>
       <td><a href=${pathTo("map", "drone", droneId)}>${name ?? shortId(droneId)}</a>
@@ -55,7 +61,8 @@ function DroneRow({drone, onChange, onToken}) {
       <td>${model}<br /><small>home ${stationName(home)}</small>
         ${learned && html`<br /><small>${learnedText(learned)}</small>`}</td>
       <td class="state">${inWords(state)}${activity && activity !== "IDLE" ? html`
-        <br /><small>${inWords(activity)}</small>` : ""}</td>
+        <br /><small>${inWords(activity)}</small>` : ""}
+        ${maintenance?.due_at && html`<br /><small class="late">due for maintenance, gets no missions</small>`}</td>
       <td>${percent(soc)}<${ShareBar} share=${soc} kind=${soc < LOW_CHARGE ? "low" : "charge"} /></td>
       <td class=${faults.length ? "late" : ""}>${faults.length ? faults.map(faultName).join(", ") : "none"}</td>
       <td><${Commands} drone=${drone} onChange=${onChange} onToken=${onToken} /></td>

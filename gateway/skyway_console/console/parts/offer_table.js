@@ -16,6 +16,12 @@ const JOULES_PER_WH = 3_600;
 
 const lastAt = ({packages}) => packages.map(({eta_at}) => eta_at).sort().at(-1);
 
+// By when nine of ten such deliveries are complete; nothing before that is known.
+const p90Text = ({packages}) => {
+  const last = packages.map(({eta_p90_at: p90}) => p90).filter(Boolean).sort().at(-1);
+  return last ? html`<br /><small>nine of ten by ${momentText(last)}</small>` : "";
+};
+
 const wayText = (ways) => ways.map((way) => way.map(stationName).join(" – ")).join("; ");
 
 function OfferRow({offer, most, name, isOpen, isChosen, onChoose, onTake}) {
@@ -24,10 +30,10 @@ function OfferRow({offer, most, name, isOpen, isChosen, onChoose, onTake}) {
     <tr data-offer=${offer.offer_id} class=${isChosen ? "chosen" : ""} onMouseEnter=${onChoose}
       onFocusCapture=${onChoose}>
       <td><strong>${name}</strong><br /><small>${offer.drone_model_id}</small></td>
-      <td>${money(price)}<${ShareBar} share=${price.amount / most.price} kind="price" /></td>
+      <td>${money(price)}${offer.pooled_price && html`<br /><small>${money(offer.pooled_price)} if shared</small>`}<${ShareBar} share=${price.amount / most.price} kind="price" /></td>
       <td>${durationText(time)}<${ShareBar} share=${time / most.time} kind="time" /></td>
       <td>${momentText(offer.pickup_at)}</td>
-      <td>${momentText(lastAt(offer))}
+      <td>${momentText(lastAt(offer))}${p90Text(offer)}
         ${offer.packages.length > 1 && offer.packages.map(({package_id, eta_at}) => html`
           <br /><small>${package_id}: ${momentText(eta_at)}</small>`)}</td>
       <td>${(distance / METRES_PER_KM).toFixed(1)} km${recharges > 0

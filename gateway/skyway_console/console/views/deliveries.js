@@ -76,7 +76,7 @@ const latest = (packages, name) =>
 
 function Row({delivery}) {
   const {delivery_id, reference, customer_id, state, activity, request, packages} = upToDate(delivery);
-  const [promised, eta] = [latest(packages, "promised_at"), latest(packages, "eta_at")];
+  const [promised, eta] = [latest(packages, "due_at"), latest(packages, "eta_at")];
   return html`
     <tr class=${packages.some(isLate) ? "late" : ""}>
       <td><a href=${pathTo("deliveries", delivery_id)}>${shortId(delivery_id)}</a></td>

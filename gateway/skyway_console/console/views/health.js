@@ -7,6 +7,7 @@ import {html} from "../html.js";
 import {dayText, durationText, inWords} from "../words.js";
 import {Facts} from "../parts/facts.js";
 import {failures, queues, rateBetween, sumOf} from "../parts/figures.js";
+import {Promises} from "../parts/promises.js";
 
 const EVERY_MS = 2_000;
 
@@ -130,7 +131,7 @@ export function HealthView() {
             before=${last?.services.find((each) => each.service === service.service)} />`)}
       </div>
       <div class="columns">
-        <section><${Queues} services=${now.services} /></section>
+        <section><${Queues} services=${now.services} /><${Promises} /></section>
         <section><${LastErrors} services=${now.services} /><${Failures} services=${now.services} /></section>
       </div>
       <p class="hint">The services' logs say more. Prometheus reads the same numbers at /metrics.</p>

@@ -198,7 +198,10 @@ class Booker:
     async def _plan(self, queued: QueuedDelivery, missions: Sequence[Mission]) -> None:
         """Write the booked missions, unless another replica has written them already."""
         stored = queued.stored
-        share = self.forecast.late_share(queued.network_id, missions[0].provider_id)
+        offer = stored.delivery.offer
+        share = None if offer is None else offer.late_share
+        if share is None:
+            share = self.forecast.late_share(queued.network_id, missions[0].provider_id)
         try:
             async with self.db.write() as tx:
                 self._write_plan(tx, stored, missions, share)

@@ -59,7 +59,10 @@ def booking_request(delivery: Delivery, shortlist: Shortlist) -> BookMissions:
 
 
 def _request(delivery: Delivery) -> DeliveryRequest:
-    """The request with only the packages that wait, and the remaining price limit."""
+    """The request with only the packages that wait, and the remaining price limit.
+
+    A request that waits for others to share its trip begins after that.
+    """
     waiting = {package.package_id for package in delivery.waiting_packages}
     request = delivery.request
     packages = tuple(one for one in request.packages if one.package_id in waiting)
@@ -67,7 +70,8 @@ def _request(delivery: Delivery) -> DeliveryRequest:
     if qos.max_price is not None:
         max_price = max(0, qos.max_price - _booked_amount(delivery))
         qos = qos.model_copy(update={"max_price": max_price})
-    return request.model_copy(update={"packages": packages, "qos": qos})
+    left = request.model_copy(update={"packages": packages, "qos": qos})
+    return left.begun_after_wait(delivery.created_at)
 
 
 def _limits(delivery: Delivery) -> OfferLimits | None:

@@ -1,7 +1,7 @@
 """What changes when missions are booked, when booking gives up, and when packages are cancelled."""
 
 from collections.abc import Collection, Sequence
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Final
 
 from skyway.contracts.candidate import ProviderReason
@@ -28,7 +28,7 @@ from skyway_gateway.deliveries.lifecycle.progress import (
     with_packages,
     with_returning,
 )
-from skyway_gateway.lateness.calibrate import later_by_s
+from skyway_gateway.lateness.calibrate import due_of, p90_of
 from skyway_gateway.notifications.delivery_events import Happening
 
 #: The code of a package that no mission could be booked for.
@@ -61,7 +61,8 @@ def after_booking(
     """The delivery with its new missions: their ETAs are promised to the customer.
 
     Packages that no mission carries wait for the next attempt. Nine of ten packages come later
-    than planned by at most `late_share` of the planned time; None if that is not known.
+    than planned by at most `late_share` of the planned time; None if that is not known. Lateness
+    counts from their P90, unless the customer asked for P50 or no P90 is known.
     """
     # Each mission starts as BOOKED, however far it has come: its reports follow in order.
     booked = [_flown(mission) for mission in missions]
@@ -69,10 +70,12 @@ def after_booking(
 
     def promise(package: PackageStatus) -> dict[str, object]:
         mission, eta = carried[package.package_id]
+        p90_at = p90_of(eta.eta_at, start_at=mission.begins_at, share=late_share)
         return {
             "mission_id": mission.mission_id,
             "promised_at": eta.eta_at,
-            "promised_p90_at": _p90(eta.eta_at, mission, late_share),
+            "promised_p90_at": p90_at,
+            "due_at": due_of(eta.eta_at, p90_at, delivery.request.qos.promise),
             "eta_at": eta.eta_at,
         }
 
@@ -94,13 +97,6 @@ def after_booking(
     )
     data = event_data.planned(planned, booked, attempt=delivery.attempt)
     return Progress(planned, (Happening(DeliveryEventType.PLANNED, at, data),))
-
-
-def _p90(eta_at: datetime, mission: FlownMission, late_share: float | None) -> datetime | None:
-    if late_share is None:
-        return None
-    planned_s = (eta_at - mission.begins_at).total_seconds()
-    return eta_at + timedelta(seconds=later_by_s(planned_s, late_share))
 
 
 def cancelled_meanwhile(delivery: Delivery, missions: Sequence[Mission]) -> tuple[PackageId, ...]:

@@ -138,6 +138,13 @@ class PackageStatus(JsonModel):
             "`promised_at`; null before enough packages of the network have come."
         ),
     ] = None
+    due_at: Annotated[
+        FleetMoment | None,
+        Field(
+            description="The promise from which lateness counts: `promised_p90_at`, or "
+            "`promised_at` if the request's `qos.promise` is P50 or nothing was forecast."
+        ),
+    ] = None
     eta_at: Annotated[
         FleetMoment | None,
         Field(

@@ -35,7 +35,7 @@ def scheduled(earliest_pickup_at: datetime, *, books_from_at: datetime) -> Data:
 def planned(delivery: Delivery, missions: Sequence[DeliveryMission], *, attempt: int) -> Data:
     """Data of `delivery.planned`: drone, price, pickup time, ETAs, and packages that still wait."""
     first, *_ = missions
-    p90 = {each.package_id: each.promised_p90_at for each in delivery.packages}
+    promises = {each.package_id: each for each in delivery.packages}
     return {
         "attempt": attempt,
         "provider_id": first.provider_id,
@@ -48,7 +48,8 @@ def planned(delivery: Delivery, missions: Sequence[DeliveryMission], *, attempt:
             {
                 "package_id": eta.package_id,
                 "eta_at": utc_text(eta.eta_at),
-                "eta_p90_at": _text(p90.get(eta.package_id)),
+                "eta_p90_at": _text(promises[eta.package_id].promised_p90_at),
+                "due_at": _text(promises[eta.package_id].due_at),
             }
             for mission in missions
             for eta in mission.packages
@@ -79,9 +80,11 @@ def flown_by(mission: DeliveryMission) -> Data:
 def loaded(
     package_ids: Sequence[PackageId], mission: DeliveryMission, report: MissionReport
 ) -> Data:
-    """Data of `delivery.loaded`: what the drone has on board."""
+    """Data of `delivery.loaded`: what the drone has on board, and what the mission costs now."""
     return {
         **flown_by(mission),
+        "is_pooled": mission.is_pooled,
+        "price": mission.price.model_dump(mode="json"),
         "station_id": report.station_id,
         "package_ids": list(package_ids),
         "evidence": report.data,
@@ -106,6 +109,7 @@ def replanned(delivery: Delivery, mission: DeliveryMission, report: MissionRepor
                 "state": one.state,
                 "eta_at": _text(etas.get(one.package_id)),
                 "promised_at": _text(one.promised_at),
+                "due_at": _text(one.due_at),
                 "later_s": _later_s(one.promised_at, etas.get(one.package_id)),
             }
             for one in delivery.packages
@@ -185,6 +189,7 @@ def completed(delivery: Delivery) -> Data:
             {
                 "package_id": one.package_id,
                 "promised_at": _text(one.promised_at),
+                "due_at": _text(one.due_at),
                 "delivered_at": _text(one.delivered_at),
             }
             for one in delivery.packages

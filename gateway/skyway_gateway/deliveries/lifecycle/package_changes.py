@@ -18,11 +18,11 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
 from skyway_gateway.deliveries.lifecycle.progress import Progress, changed, with_packages
 from skyway_gateway.notifications.delivery_events import Happening
 
-#: A package is late when its ETA passes its promise by more than the larger of two limits.
+#: A package is late when its ETA passes its `due_at` by more than the larger of two limits.
 #: The first limit, seconds of fleet time.
 TOLERANCE_S: Final = 60.0
 
-#: The second limit, as a share of the time from the plan's start to the promise.
+#: The second limit, as a share of the time from the plan's start to `due_at`.
 _TOLERANCE_SHARE: Final = 0.02
 
 _NUMBER: Final = TypeAdapter(float | None)
@@ -226,14 +226,14 @@ def _with_lateness(delivery: Delivery, *, at: datetime) -> tuple[Delivery, tuple
 
 
 def _is_late(package: PackageStatus, delivery: Delivery) -> bool:
-    if package.is_settled or package.eta_at is None or package.promised_at is None:
+    if package.is_settled or package.eta_at is None or package.due_at is None:
         return False
     limits = (delivery.request.qos.deadline_at, _latest_at(package, delivery))
     if any(limit is not None and package.eta_at > limit for limit in limits):
         return True
-    promised_s = (package.promised_at - _start_at(package, delivery)).total_seconds()
+    promised_s = (package.due_at - _start_at(package, delivery)).total_seconds()
     tolerance_s = max(TOLERANCE_S, _TOLERANCE_SHARE * promised_s)
-    return package.eta_at - package.promised_at > timedelta(seconds=tolerance_s)
+    return package.eta_at - package.due_at > timedelta(seconds=tolerance_s)
 
 
 def with_p90(delivery: Delivery) -> Delivery:
@@ -263,11 +263,12 @@ def _start_at(package: PackageStatus, delivery: Delivery) -> datetime:
 
 
 def _lateness(package: PackageStatus, delivery: Delivery) -> dict[str, object]:
-    late = package.eta_at and package.promised_at and package.eta_at - package.promised_at
+    late = package.eta_at and package.due_at and package.eta_at - package.due_at
     deadline_at, latest_at = delivery.request.qos.deadline_at, _latest_at(package, delivery)
     return {
         "package_id": package.package_id,
         "promised_at": package.promised_at and utc_text(package.promised_at),
+        "due_at": package.due_at and utc_text(package.due_at),
         "eta_at": package.eta_at and utc_text(package.eta_at),
         "late_s": late and late.total_seconds(),
         "deadline_at": deadline_at and utc_text(deadline_at),

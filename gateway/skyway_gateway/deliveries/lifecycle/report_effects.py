@@ -44,12 +44,14 @@ def after_report(delivery: Delivery, report: MissionReport) -> Progress:
     if not reported:  # a mission of an earlier attempt: the delivery goes on without it
         return Progress(delivery)
     mission = _mission_after(reported[0], report)
+    missions = tuple(
+        mission if one.mission_id == mission.mission_id else one for one in delivery.missions
+    )
     delivery = changed(
         delivery,
         updated_at=max(delivery.updated_at, report.at),
-        missions=tuple(
-            mission if one.mission_id == mission.mission_id else one for one in delivery.missions
-        ),
+        missions=missions,
+        price=event_data.price_of(missions),
     )
     if delivery.is_over:  # the drone's way home does not concern the customer
         return Progress(delivery)
@@ -184,6 +186,7 @@ def _refused(delivery: Delivery, mission: FlownMission, report: MissionReport) -
             "mission_id": None,
             "promised_at": None,
             "promised_p90_at": None,
+            "due_at": None,
             "eta_at": None,
         },
         where=is_left,

@@ -27,6 +27,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     DeliveryState,
 )
 from skyway_gateway.deliveries.reading import read_store, statistics_store
+from skyway_gateway.deliveries.reading.promises import PromiseStatistics, promises_of
 from skyway_gateway.deliveries.reading.read_store import DeliveryFilter
 from skyway_gateway.deliveries.reading.statistics import (
     DeliveryQuery,
@@ -46,6 +47,7 @@ from skyway_gateway.deliveries.reading.views import (
     proof_of,
 )
 from skyway_gateway.deliveries.records import delivery_store
+from skyway_gateway.lateness.store import kept_promises
 from skyway_gateway.notifications.delivery_events import EventStream
 
 
@@ -238,7 +240,7 @@ def earnings_routes(*, db: Database, gate: KeyGate, reporting: FairQueue) -> Ser
 def statistics_routes(
     *, db: Database, gate: KeyGate, clock: FleetClock, reporting: FairQueue
 ) -> ServiceRouter:
-    """GET /v1/stats/deliveries."""
+    """GET /v1/stats/deliveries and /v1/stats/promises."""
     router = ServiceRouter(tags=("statistics",))
 
     @router.get("/v1/stats/deliveries")
@@ -259,6 +261,22 @@ def statistics_routes(
             if provider_id is None:
                 waiting = await statistics_store.waiting(connection, now_ms=moment_to_ms(now))
         return statistics(found, query, span=span, provider_id=provider_id, waiting=waiting)
+
+    @router.get("/v1/stats/promises")
+    async def get_promise_statistics(
+        caller: Annotated[Caller, Depends(gate)],
+    ) -> PromiseStatistics:
+        """Show which share of the packages came by their P90, in the last day and week.
+
+        Callers: provider, operator.
+        """
+        caller.must_be("provider", "operator")
+        now = clock.now()
+        async with reporting.turn(str(caller)), db.survey() as connection:
+            rows = await kept_promises(connection, now_ms=moment_to_ms(now))
+        return PromiseStatistics(
+            at=now, items=promises_of(rows, provider_id=_provider(caller, None))
+        )
 
     return router
 

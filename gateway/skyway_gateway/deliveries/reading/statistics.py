@@ -88,9 +88,10 @@ class Sums:
 class DeliveryNumbers(JsonModel):
     """Numbers of a set of deliveries.
 
-    A package is on time when it is handed over at most a minute after the promised moment. Times of
-    completed deliveries count from the planned start to the last hand-over. Shares are parts of
-    that time over all missions; the remaining part is loading, handing over and starting late.
+    A package is on time when it is handed over at most a minute after its `due_at`, which is the
+    promised P90, or the promised P50 if the customer asked for that. Times of completed deliveries
+    count from the planned start to the last hand-over. Shares are parts of that time over all
+    missions; the remaining part is loading, handing over and starting late.
     """
 
     deliveries: Annotated[int, Field(description="How many deliveries were requested.")]
@@ -99,7 +100,7 @@ class DeliveryNumbers(JsonModel):
     ]
     packages_delivered: Annotated[int, Field(description="How many packages were delivered.")]
     packages_on_time: Annotated[
-        int, Field(description="How many of them at most a minute after the promised moment.")
+        int, Field(description="How many of them at most a minute after their `due_at`.")
     ]
     on_time_share: Share
     packages_with_p90: Annotated[

@@ -98,8 +98,9 @@ def _state_counts(counted: Counted) -> _Query:
 
 def _package_sums(counted: Counted) -> _Query:
     bucket = counted.bucket.label("bucket")
-    delivered, promised = packages.c.delivered_ms, packages.c.promised_ms
-    is_on_time = delivered <= promised + _ON_TIME_MS
+    delivered = packages.c.delivered_ms
+    due = func.coalesce(packages.c.due_ms, packages.c.promised_ms)
+    is_on_time = delivered <= due + _ON_TIME_MS
     p90 = packages.c.promised_p90_ms
     statement = (
         select(

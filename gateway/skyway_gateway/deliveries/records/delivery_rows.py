@@ -150,6 +150,7 @@ def package_values(package: PackageStatus) -> Values:
         "custodian_id": package.custodian.id,
         "promised_ms": _ms(package.promised_at),
         "promised_p90_ms": _ms(package.promised_p90_at),
+        "due_ms": _ms(package.due_at),
         "eta_ms": _ms(package.eta_at),
         "delivered_ms": _ms(package.delivered_at),
         "mission_id": package.mission_id,
@@ -182,6 +183,7 @@ def package_of(row: AnyRow) -> PackageStatus:
         custodian=Custodian(kind=row.custodian_kind, id=row.custodian_id),
         promised_at=_moment(row.promised_ms),
         promised_p90_at=_moment(row.promised_p90_ms),
+        due_at=_moment(row.promised_ms if row.due_ms is None else row.due_ms),
         eta_at=_moment(row.eta_ms),
         delivered_at=_moment(row.delivered_ms),
         mission_id=row.mission_id,
@@ -209,7 +211,6 @@ def mission_row(mission: FlownMission) -> Values:
         "trip": mission.trip,
         "provider_id": mission.provider_id,
         "report_seq": 0,
-        "price_amount": mission.price.amount,
         "currency": mission.price.currency,
         "start_ms": moment_to_ms(mission.start_at),
         **_mission_values(mission),
@@ -219,10 +220,12 @@ def mission_row(mission: FlownMission) -> Values:
 def _mission_values(mission: FlownMission) -> Values:
     """The columns of a mission that change during its life.
 
-    A mission gets another drone only while it waits in a calendar.
+    A mission gets another drone only while it waits in a calendar. Its price falls when its drone
+    loads packages of other deliveries too.
     """
     return {
         "state": mission.state,
+        "price_amount": mission.price.amount,
         "drone_id": mission.drone_id,
         "body": mission.model_dump_json(),
     }

@@ -7,6 +7,7 @@ so a repeated request returns what was booked before.
 
 import asyncio
 import logging
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from functools import partial
 from time import perf_counter
@@ -17,12 +18,17 @@ from skyway.ids import DeliveryId, HoldId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.loops import Wake
-from skyway.runtime.metrics import observe
+from skyway.runtime.metrics import count, observe
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions.booking.clear_way import Pause
-from skyway_composition.missions.booking.engage import WorldChanged, claim, engage
+from skyway_composition.missions.booking.engage import (
+    WorldChanged,
+    claim,
+    claim_delivery,
+    engage,
+)
 from skyway_composition.missions.booking.hold_store import (
     HeldOffer,
     find_hold,
@@ -32,12 +38,14 @@ from skyway_composition.missions.booking.hold_store import (
 )
 from skyway_composition.missions.booking.outcome import pickup_unknown, with_hold_loss
 from skyway_composition.missions.booking.rounds import FoundOffer, Rounds
-from skyway_composition.missions.booking.store import FirstLook, first_look, missions_of
+from skyway_composition.missions.booking.shared_trip import SharedTrip, SharedTrips
+from skyway_composition.missions.booking.store import FirstLook, first_look
 from skyway_composition.missions.booking.turns import AskingOrder, Turns
 from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.store import add_delivery, close_delivery, lock_delivery
+from skyway_composition.missions.mission.store import close_delivery, lock_delivery
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.store import Present
+from skyway_composition.planning.offer import Offers
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
@@ -56,6 +64,7 @@ class Bookings:
     calendars: Wake
     turns: Turns = field(default_factory=Turns)
     pause: Pause = asyncio.sleep
+    shared: SharedTrips | None = None
 
     @property
     def rounds(self) -> Rounds:
@@ -97,7 +106,13 @@ class Bookings:
         order = AskingOrder.of(delivery_id, requested, self.clock.now())
         with self.turns.line_up(seen.around.network_id, order) as turn:
             booking = await self.rounds.run(
-                requested, seen, turn, look=look, commit=commit, own_hold=own_hold
+                requested,
+                seen,
+                turn,
+                look=look,
+                commit=commit,
+                join=partial(self._shared, delivery_id, requested),
+                own_hold=own_hold,
             )
         return booking if loss is None else with_hold_loss(booking, loss)
 
@@ -177,20 +192,11 @@ class Bookings:
         *,
         own_hold: HoldId | None,
     ) -> Booking:
-        """Reserve the drones and pads and send the missions, in one transaction.
-
-        A delivery with a row is locked first. A delivery without a row is added at the end, with
-        all other new rows.
-        """
-        if found.delivery_exists:
-            if await lock_delivery(tx, delivery_id):
-                return Booking(outcome="CLOSED")
-            booked = await missions_of(tx.connection, delivery_id, attempt=requested.attempt)
-            if booked:
-                return Booking(outcome="BOOKED", missions=booked)
-        else:
-            # If another request books or closes it first, the database refuses this row.
-            add_delivery(tx, delivery_id)
+        """Reserve the drones and pads and send the missions, in one transaction."""
+        exists = found.delivery_exists
+        earlier = await claim_delivery(tx, delivery_id, requested.attempt, exists=exists)
+        if earlier is not None:
+            return earlier
         if own_hold is not None:
             # Locked before the network and the drones, as it is when it is deleted.
             await lock_hold(tx, own_hold)
@@ -218,8 +224,54 @@ class Bookings:
         )
         return Booking(outcome="BOOKED", missions=missions)
 
+    async def _shared(
+        self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers, best: FoundOffer
+    ) -> Callable[[], Awaitable[Booking | None]] | None:
+        """What joins a waiting mission, if that is better than all these offers; else None."""
+        if self.shared is None:
+            return None
+        found = await self.shared.find(delivery_id, requested, offers)
+        return None if found is None else partial(self._join, delivery_id, requested, found, best)
+
+    async def _join(
+        self, delivery_id: DeliveryId, requested: BookMissions, found: SharedTrip, best: FoundOffer
+    ) -> Booking | None:
+        """Join a waiting mission; None if anything has changed since it was planned."""
+        try:
+            async with self.db.write() as tx:
+                booking = await self._book_shared(tx, delivery_id, requested, found, best)
+        except (RowRefused, WorldChanged) as changed:
+            about = {"delivery_id": delivery_id, "reason": repr(changed)}
+            log.info("shared trip could not be booked", extra=about)
+            return None
+        return booking
+
+    async def _book_shared(
+        self,
+        tx: Tx,
+        delivery_id: DeliveryId,
+        requested: BookMissions,
+        found: SharedTrip,
+        best: FoundOffer,
+    ) -> Booking:
+        earlier = await claim_delivery(
+            tx, delivery_id, requested.attempt, exists=best.delivery_exists
+        )
+        if earlier is not None:
+            return earlier
+        mission = await found.join(tx, clock=self.clock, mint=self.mint)
+        if mission is None:
+            raise WorldChanged
+        tx.after_commit(self.calendars.set)
+        tx.after_commit(_count_shared)
+        return Booking(outcome="BOOKED", missions=(mission,))
+
     def _now_ms(self) -> int:
         return moment_to_ms(self.clock.now())
+
+
+def _count_shared() -> None:
+    count("skyway_shared_trips", "deliveries that joined the mission of another one")
 
 
 def _hold_of(requested: BookMissions) -> HoldId | None:

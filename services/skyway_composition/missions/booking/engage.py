@@ -7,7 +7,7 @@ stations.
 from collections.abc import Mapping, Sequence
 
 from skyway.contracts.flight_step import FlightStep
-from skyway.contracts.mission import Mission
+from skyway.contracts.mission import Booking, Mission
 from skyway.ids import DeliveryId, DroneId, HoldId, MissionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
@@ -20,7 +20,11 @@ from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import claim_next_place, lock_link, lock_links
 from skyway_composition.missions.booking.hold_store import free_drones, free_pads
 from skyway_composition.missions.booking.move_standbys import MovedStandby, move_standbys
-from skyway_composition.missions.booking.store import booked_missions, claim_in_one_statement
+from skyway_composition.missions.booking.store import (
+    booked_missions,
+    claim_in_one_statement,
+    missions_of,
+)
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
@@ -77,6 +81,7 @@ async def engage(
             price=part.price,
             skyway=skyway,
             expires_at=expires_at,
+            weather=world.weather_note(part.trip.start_ms),
             planned_in=(
                 None
                 if part.candidate.drone_id in places
@@ -188,8 +193,11 @@ async def claim(
     parts = sorted(offer.parts, key=lambda each: each.candidate.drone_id)
     drones = [*(each.drone_id for each in moves), *(each.candidate.drone_id for each in parts)]
     booked = [pad for part in parts for pad in part.trip.booked_pads]
-    send_by_ms = now_ms + send_ahead_ms(clock)
-    sent_now = {each.candidate.drone_id for each in parts if _is_sent_now(each, send_by_ms)}
+    sent_now = {
+        each.candidate.drone_id
+        for each in parts
+        if _is_sent_now(each, now_ms + send_ahead_ms(clock, each.request.qos))
+    }
     first = parts[0].candidate
     is_only_sent = first.drone_id in sent_now and parts[0].opening is None and own_hold is None
     is_only_sent = is_only_sent and not moves
@@ -261,3 +269,20 @@ async def _claim_openings(
         before = {after} | (set() if live is None else {live.mission_id})
         for mission_id in sorted(before):
             await give_way(tx, mission_id, part.trip.booked_pads)
+
+
+async def claim_delivery(
+    tx: Tx, delivery_id: DeliveryId, attempt: int, *, exists: bool
+) -> Booking | None:
+    """Lock a delivery that has a row, or add it when the transaction ends.
+
+    Returns the answer if the delivery is closed, or this attempt was booked before.
+    """
+    if not exists:
+        # If another request books or closes it first, the database refuses this row.
+        store.add_delivery(tx, delivery_id)
+        return None
+    if await store.lock_delivery(tx, delivery_id):
+        return Booking(outcome="CLOSED")
+    booked = await missions_of(tx.connection, delivery_id, attempt=attempt)
+    return Booking(outcome="BOOKED", missions=booked) if booked else None

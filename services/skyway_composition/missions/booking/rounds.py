@@ -72,6 +72,11 @@ Look = Callable[[], Awaitable[FirstLook]]
 Commit = Callable[[Tx, FoundOffer], Awaitable[DoneT]]
 
 
+#: Plans how a request can join a waiting mission; gives what commits that, if it is better than all
+#: these offers, of which the best was found.
+Join = Callable[[Offers, FoundOffer], Awaitable[Callable[[], Awaitable[DoneT | None]] | None]]
+
+
 @dataclass(frozen=True, slots=True)
 class _Round:
     """What one round may commit: trips of these drones within these limits."""
@@ -103,12 +108,13 @@ class Rounds:
         *,
         look: Look,
         commit: Commit[DoneT],
+        join: Join[DoneT] | None = None,
         own_hold: HoldId | None = None,
     ) -> DoneT | Booking:
         """The result of `commit` for the best offer, why there is none, or the earlier booking.
 
         The first round plans with `seen`; each later round reads the state again. The drones and
-        pads of `own_hold` count as free.
+        pads of `own_hold` count as free. `join` comes first: its result counts if it has one.
         """
         reasons: tuple[ProviderReason, ...] = ()
         search = self._search()
@@ -133,6 +139,7 @@ class Rounds:
                 turn,
                 search=search,
                 commit=commit,
+                join=join,
                 own_hold=own_hold,
             )
             if done is not None:
@@ -183,6 +190,7 @@ class Rounds:
         *,
         search: WaySearch,
         commit: Commit[DoneT],
+        join: Join[DoneT] | None,
         own_hold: HoldId | None,
     ) -> tuple[DoneT | Booking | None, tuple[ProviderReason, ...]]:
         """The result of committing the best free offer; None if a new round is needed."""
@@ -211,7 +219,10 @@ class Rounds:
                 this_round.delivery_exists,
                 () if way is None else way.moves,
             )
+            shared = await join(offers, found) if join else None
             await turn.comes()
+            if shared is not None and (joined := await shared()) is not None:
+                return joined, offers.reasons
             try:
                 async with self.db.write() as tx:
                     return await self._commit(tx, found, commit), offers.reasons

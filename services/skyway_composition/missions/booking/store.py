@@ -33,10 +33,20 @@ from skyway.runtime.sql.in_list import in_list
 from skyway.scheduling.stays import Slot, read_stays
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import COUNT_NEXT, HELD, OCCUPIED
+from skyway_composition.missions.mission.row import read_record
+from skyway_composition.missions.mission.share_views import mission_for
 from skyway_composition.networks.store import Present
 from skyway_composition.pads.store import LOCK_STATIONS
 from skyway_composition.planning.availability import BookedMission
-from skyway_composition.tables import deliveries, is_open, is_queued, missions, networks, stations
+from skyway_composition.tables import (
+    deliveries,
+    guests,
+    is_open,
+    is_queued,
+    missions,
+    networks,
+    stations,
+)
 
 #: The start of a held offer in a calendar: it comes after every mission.
 _LAST_MS: Final = OPEN_MS
@@ -67,7 +77,26 @@ _IS_OF_ATTEMPT: Final = (
     missions.c.delivery_id == bindparam("delivery_id"),
     missions.c.attempt == bindparam("attempt"),
 )
-_MISSIONS: Final = select(missions.c.body).where(*_IS_OF_ATTEMPT).order_by(missions.c.trip)
+_IS_GUEST: Final = (
+    guests.c.delivery_id == bindparam("delivery_id"),
+    guests.c.attempt == bindparam("attempt"),
+)
+_own = missions.alias("own")
+_MISSIONS: Final = (
+    select(missions)
+    .where(
+        missions.c.mission_id.in_(
+            union_all(
+                select(_own.c.mission_id).where(
+                    _own.c.delivery_id == bindparam("delivery_id"),
+                    _own.c.attempt == bindparam("attempt"),
+                ),
+                select(guests.c.host_id).where(*_IS_GUEST),
+            )
+        )
+    )
+    .order_by(missions.c.trip)
+)
 
 
 def _answer(
@@ -99,7 +128,8 @@ _FIRST_LOOK: Final = union_all(
     _answer("KNOWN", deliveries.c.delivery_id).where(
         deliveries.c.delivery_id == bindparam("delivery_id")
     ),
-    _answer("BOOKED", missions.c.body, missions.c.trip).where(*_IS_OF_ATTEMPT),
+    _answer("BOOKED", missions.c.mission_id).where(*_IS_OF_ATTEMPT),
+    _answer("BOOKED", guests.c.host_id).where(*_IS_GUEST),
     _answer(
         "ENGAGED",
         _engaged.c.drone_id,
@@ -171,10 +201,12 @@ async def first_look(
     answers: dict[str, list[tuple[Any, ...]]] = defaultdict(list)
     for question, *answer in await connection.execute(_FIRST_LOOK, asked):
         answers[question].append(tuple(answer))
-    in_order = sorted(answers["BOOKED"], key=lambda each: each[1])
+    booked: tuple[Mission, ...] = ()
+    if answers["BOOKED"]:
+        booked = await missions_of(connection, delivery_id, attempt=attempt)
     return FirstLook(
         delivery_exists=bool(answers["KNOWN"]),
-        booked=tuple(Mission.read(body) for body, *_ in in_order),
+        booked=booked,
         engaged=_booked(
             (drone_id, mission_id, start_ms, stays, candidate)
             for drone_id, _, start_ms, mission_id, stays, candidate in answers["ENGAGED"]
@@ -186,10 +218,13 @@ async def first_look(
 async def missions_of(
     connection: AsyncConnection, delivery_id: DeliveryId, *, attempt: int
 ) -> tuple[Mission, ...]:
-    """The missions that were booked for this attempt, in the order of their trips."""
+    """The missions that were booked for this attempt, in the order of their trips.
+
+    A mission that also flies for others is shown with the packages of this delivery only.
+    """
     values = {"delivery_id": delivery_id, "attempt": attempt}
     found = await connection.execute(_MISSIONS, values)
-    return tuple(Mission.read(body) for body in found.scalars())
+    return tuple(mission_for(read_record(row), delivery_id) for row in found)
 
 
 async def booked_missions(

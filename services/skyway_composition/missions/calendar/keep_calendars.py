@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from skyway.delivery.request import QoS
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import RowRefused
@@ -200,7 +201,11 @@ class Calendars:
             link=work.links.get(drone_id),
             is_planned_in_this_world=True,
             # With more time to plan, the plan begins later than missions are usually sent.
-            times=replace(times, send_ahead_ms=max(times.send_ahead_ms, times.plan_ms)),
+            times=replace(
+                times,
+                send_ahead_ms=max(times.send_ahead_ms, times.plan_ms),
+                send_waiting_ms=max(times.send_waiting_ms, times.plan_ms),
+            ),
         )
         if isinstance(decision, Send):
             await send_next(work, following)
@@ -219,6 +224,7 @@ class Calendars:
             plan_ms=max(usual_ms, min(needed_ms, _MOST_TIMES_THE_USUAL * usual_ms)),
             hand_over_ms=hand_over_time_ms(self.clock),
             send_ahead_ms=send_ahead_ms(self.clock),
+            send_waiting_ms=send_ahead_ms(self.clock, QoS(pooling=True, pooling_wait_s=1.0)),
             longest_wait_ms=self._ms(_LONGEST_WAIT_S),
         )
 
@@ -254,7 +260,7 @@ async def _apply(
 
 
 def _plan_of(record: MissionRecord | None) -> MissionRecord | None:
-    return None if record is None else replace(record, report_seq=0, reported_activity=None)
+    return None if record is None else record.without_reports
 
 
 def _planned_in(record: MissionRecord) -> tuple[int, int] | None:

@@ -140,7 +140,11 @@ def _report_times(
 ) -> MissionRecord:
     """Report the new plan; REPLANNED notifies the customer, RETIMED does not."""
     before = {each.package_id: each.eta_at for each in earlier.mission.packages}
-    shifts = [abs(each.eta_at - before[each.package_id]) for each in record.mission.packages]
+    shifts = [
+        abs(each.eta_at - before[each.package_id])
+        for each in record.mission.packages
+        if each.package_id in before
+    ]
     is_small = max(shifts, default=timedelta(0)) <= _TOLERANCE
     return report(
         work,

@@ -48,7 +48,8 @@ class Times:
 
     `reach_ms`: until an instruction reaches the drone. `plan_ms`: the same, with the time to plan
     first. `hand_over_ms`: between two missions. `send_ahead_ms`: how long before its start an idle
-    drone gets a mission. `longest_wait_ms`: how long after its planned start a mission waits for
+    drone gets a mission; `send_waiting_ms`: the same, if the mission waits for deliveries that
+    share its trip. `longest_wait_ms`: how long after its planned start a mission waits for
     its drone.
     """
 
@@ -57,7 +58,14 @@ class Times:
     plan_ms: int
     hand_over_ms: int
     send_ahead_ms: int
+    send_waiting_ms: int
     longest_wait_ms: int
+
+    def is_soon(self, following: MissionRecord) -> bool:
+        """Whether a mission begins so soon that an idle drone gets it now."""
+        waits = following.request.qos.pooling_wait_s > 0
+        ahead_ms = self.send_waiting_ms if waits else self.send_ahead_ms
+        return following.start.at_ms <= self.now_ms + ahead_ms
 
     def is_overdue(self, following: MissionRecord) -> bool:
         """Whether a mission has waited too long for its drone."""
@@ -119,5 +127,4 @@ def _when_free(
     can_be_sooner = max(here.at_ms, following.earliest_ms) + WORTH_MS < start.at_ms
     if not is_in_this_world or not is_in_time or can_be_sooner or not here.allows(start):
         return PlanAgain(here)
-    is_soon = start.at_ms <= times.now_ms + times.send_ahead_ms
-    return Send() if is_soon else Leave()
+    return Send() if times.is_soon(following) else Leave()

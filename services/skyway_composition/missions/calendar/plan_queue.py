@@ -75,7 +75,12 @@ async def plan_queue(
             continue
         _end_last_standby(changed, trip.start_ms - hand_over_time_ms(clock))
         moved = replanned_in_queue(
-            record, trip, slot, margins=world.skyway.settings.margins, planned_in=planned_in
+            record,
+            trip,
+            slot,
+            margins=world.skyway.settings.margins,
+            weather=world.weather_note(trip.start_ms),
+            planned_in=planned_in,
         )
         changed.append(Moved(moved, trip))
         if fitting is not None:

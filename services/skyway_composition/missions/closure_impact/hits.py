@@ -5,9 +5,10 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from skyway.contracts.flight_step import FlyStep
+from skyway.drone.model import DroneModel
 from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId, StationId
-from skyway.units import moment_to_ms
-from skyway_composition.closures.closure import Reach
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.closures.closure import AffectedMission, Reach, WeatherOfModels
 from skyway_composition.missions.mission.record import Proposal
 
 
@@ -75,6 +76,39 @@ class Hit:
     owner: Owner
     station_id: StationId
     at_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class HitMissions:
+    """The first hit of each mission, the earliest first, and the activities of their drones."""
+
+    hits: tuple[Hit, ...]
+    doing: Mapping[DroneId, DroneActivity]
+
+    @property
+    def drone_ids(self) -> list[DroneId]:
+        """The drones of the missions that are hit."""
+        return [hit.owner.drone_id for hit in self.hits]
+
+    def first(self, limit: int) -> "HitMissions":
+        """The first of these missions."""
+        return HitMissions(self.hits[:limit], self.doing)
+
+    def shown(self) -> tuple[AffectedMission, ...]:
+        """The missions as operators see them."""
+        return tuple(
+            AffectedMission(
+                mission_id=hit.owner.mission_id,
+                drone_id=hit.owner.drone_id,
+                provider_id=hit.owner.provider_id,
+                delivery_id=hit.owner.delivery_id,
+                station_id=hit.station_id,
+                at=ms_to_moment(hit.at_ms),
+                is_flying=hit.owner.drone_id in self.doing
+                and self.doing[hit.owner.drone_id].is_flying,
+            )
+            for hit in self.hits
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +183,31 @@ def hits_of_take_offs(
         is_meant = reach.stations is None or flight.from_id in reach.stations
         if is_meant and span.meets(flight.start_ms, flight.start_ms):
             yield Hit(flight.owner, flight.from_id, flight.start_ms)
+
+
+def hits_of_weather(
+    flights: Iterable[PlannedFlight],
+    weather: WeatherOfModels,
+    models: Mapping[MissionId, DroneModel],
+    *,
+    now_ms: int,
+    under_way: Collection[tuple[MissionId, int]],
+) -> Iterator[Hit]:
+    """The flights on segments that the weather closes to drones of the mission's model.
+
+    A flight under way cannot leave its segment.
+    """
+    for flight in flights:
+        model = models.get(flight.owner.mission_id)
+        is_begun = (flight.owner.mission_id, flight.step_id) in under_way
+        if model is None or is_begun or not weather.of_model(model).closes_some:
+            continue
+        # An overdue flight is still to come.
+        start_s, end_s = (max(each, now_ms) / 1000 for each in (flight.start_ms, flight.end_ms))
+        if weather.of_model(model).closes(
+            flight.from_id, flight.to_id, start_s=start_s, end_s=end_s
+        ):
+            yield Hit(flight.owner, flight.to_id, flight.start_ms)
 
 
 def first_hits(hits: Iterable[Hit]) -> tuple[Hit, ...]:

@@ -7,14 +7,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from skyway.ids import DroneId
+from skyway.drone.model import DroneModel
+from skyway.ids import NetworkId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.close import Closings
-from skyway_composition.closures.closure import AffectedMission, Closure, ClosureKind, Reach
+from skyway_composition.closures.closure import (
+    AffectedMission,
+    Closure,
+    ClosureKind,
+    Reach,
+    WeatherOfModels,
+)
 from skyway_composition.closures.store import ground_stops
 from skyway_composition.missions.closure_impact import store
 from skyway_composition.missions.closure_impact.delays import (
@@ -24,18 +31,19 @@ from skyway_composition.missions.closure_impact.delays import (
     with_delays,
 )
 from skyway_composition.missions.closure_impact.hits import (
-    DroneActivity,
-    Hit,
+    HitMissions,
     Span,
     first_hits,
     flights_of,
     hits_of_flights,
     hits_of_pads,
     hits_of_take_offs,
+    hits_of_weather,
     steps_under_way,
 )
 from skyway_composition.missions.closure_impact.store import Reader
 from skyway_composition.missions.mission.record import Trouble
+from skyway_composition.missions.mission.store import models_of_missions
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.foresee import Foresight, rehearsed
 from skyway_composition.missions.replanning.request_plan import request_plans
@@ -48,38 +56,10 @@ _CODES: Final[Mapping[ClosureKind, str]] = {
     "GROUND_STOP": "GROUND_STOP",
 }
 
-
-@dataclass(frozen=True, slots=True)
-class _HitMissions:
-    """The first hit of each mission, the earliest first, and the activities of their drones."""
-
-    hits: tuple[Hit, ...]
-    doing: Mapping[DroneId, DroneActivity]
-
-    @property
-    def drone_ids(self) -> list[DroneId]:
-        """The drones of the missions that are hit."""
-        return [hit.owner.drone_id for hit in self.hits]
-
-    def first(self, limit: int) -> "_HitMissions":
-        """The first of these missions."""
-        return _HitMissions(self.hits[:limit], self.doing)
-
-    def shown(self) -> tuple[AffectedMission, ...]:
-        """The missions as operators see them."""
-        return tuple(
-            AffectedMission(
-                mission_id=hit.owner.mission_id,
-                drone_id=hit.owner.drone_id,
-                provider_id=hit.owner.provider_id,
-                delivery_id=hit.owner.delivery_id,
-                station_id=hit.station_id,
-                at=ms_to_moment(hit.at_ms),
-                is_flying=hit.owner.drone_id in self.doing
-                and self.doing[hit.owner.drone_id].is_flying,
-            )
-            for hit in self.hits
-        )
+#: Why missions get other plans when a forecast comes.
+_TOO_MUCH_WIND: Final = Trouble(
+    code="WEATHER_AHEAD", detail="the forecast has more wind on the way than the drone may fly in"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +111,31 @@ class MissionImpact:
         await store.replan_waiting(tx, reach.closure.network_id)
         tx.after_commit(self.stuck.set)
 
+    async def retry_all(self, tx: Tx, network_id: NetworkId) -> None:
+        """Plan again for the missions of a network without a plan."""
+        await store.replan_waiting(tx, network_id)
+        tx.after_commit(self.stuck.set)
+
+    async def models_in_flight(self, db: Database, network_id: NetworkId) -> tuple[DroneModel, ...]:
+        """The models of the drones that have missions in a network."""
+        async with db.read() as reader:
+            models = await models_of_missions(reader, network_id)
+        return tuple(dict.fromkeys(models.values()))
+
+    async def apply_weather(self, tx: Tx, network_id: NetworkId, weather: WeatherOfModels) -> int:
+        """Request other plans for missions with flights that the weather closes to their drones."""
+        found = await _closed_by_weather(tx.connection, network_id, weather, now_ms=self._now_ms)
+        if not found.hits:
+            return 0
+        work = await MissionUnitOfWork.lock(
+            found.drone_ids, tx=tx, clock=self.clock, mint=self.mint
+        )
+        hit_ids = {hit.owner.mission_id for hit in found.hits}
+        records = [each for each in work.missions.values() if each.mission_id in hit_ids]
+        await request_plans(work, records, _TOO_MUCH_WIND)
+        tx.after_commit(self.stuck.set)
+        return len(records)
+
     @property
     def _now_ms(self) -> int:
         return moment_to_ms(self.clock.now())
@@ -162,7 +167,7 @@ class GroundStopEnforcer:
                 await self.closings.impact.apply(tx, reach)
 
 
-async def _find_hits(reader: Reader, reach: Reach, *, now_ms: int) -> _HitMissions:
+async def _find_hits(reader: Reader, reach: Reach, *, now_ms: int) -> HitMissions:
     """The live missions that a closure hits after this moment."""
     match reach.closure.kind:
         case "PAD":
@@ -173,18 +178,18 @@ async def _find_hits(reader: Reader, reach: Reach, *, now_ms: int) -> _HitMissio
             return await _flights(reader, reach, now_ms)
 
 
-async def _pads(reader: Reader, reach: Reach, now_ms: int) -> _HitMissions:
+async def _pads(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:
     closure = reach.closure
     if closure.station_id is None or closure.pad is None:
-        return _HitMissions((), {})
+        return HitMissions((), {})
     held = await store.pads_held(reader, closure.station_id, closure.pad)
     hits = first_hits(hits_of_pads(held, span=Span.of(reach, now_ms=now_ms)))
-    return _HitMissions(
+    return HitMissions(
         hits, await store.activities_of(reader, [hit.owner.drone_id for hit in hits])
     )
 
 
-async def _flights(reader: Reader, reach: Reach, now_ms: int) -> _HitMissions:
+async def _flights(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:
     """Hits on landings and flights, of present plans and of proposals."""
     closure, span = reach.closure, Span.of(reach, now_ms=now_ms)
     ends = (reach.stations or frozenset()) | {to_id for _, to_id in reach.segments}
@@ -199,10 +204,30 @@ async def _flights(reader: Reader, reach: Reach, now_ms: int) -> _HitMissions:
     perhaps = {hit.owner.drone_id for hit in hits_of_flights(flights, reach, span=span)}
     doing = await store.activities_of(reader, perhaps)
     hits = hits_of_flights(flights, reach, span=span, under_way=steps_under_way(doing))
-    return _HitMissions(first_hits(hits), doing)
+    return HitMissions(first_hits(hits), doing)
 
 
-async def _hits_on_take_offs(reader: Reader, reach: Reach, now_ms: int) -> _HitMissions:
+async def _closed_by_weather(
+    reader: Reader, network_id: NetworkId, weather: WeatherOfModels, *, now_ms: int
+) -> HitMissions:
+    """The first flight of each mission that the weather closes to the mission's drone."""
+    proposed = await store.proposals(reader, network_id)
+    flights = [
+        *(flight for owner, each in proposed for flight in flights_of(owner, each)),
+        *await store.flights_of_network(reader, network_id),
+    ]
+    doing = await store.activities_of(reader, {each.owner.drone_id for each in flights})
+    hits = hits_of_weather(
+        flights,
+        weather,
+        await models_of_missions(reader, network_id),
+        now_ms=now_ms,
+        under_way=steps_under_way(doing),
+    )
+    return HitMissions(first_hits(hits), doing)
+
+
+async def _hits_on_take_offs(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:
     stop, span = reach.closure, Span.of(reach, now_ms=now_ms)
     planned = await store.take_offs(
         reader, network_id=stop.network_id, provider_id=stop.provider_id
@@ -216,10 +241,10 @@ async def _hits_on_take_offs(reader: Reader, reach: Reach, now_ms: int) -> _HitM
             reader, [hit.owner.drone_id for hit in hits], stop.drone_model_id
         )
         hits = tuple(hit for hit in hits if hit.owner.drone_id in meant)
-    return _HitMissions(hits, doing)
+    return HitMissions(hits, doing)
 
 
-async def _trouble_all(work: MissionUnitOfWork, reach: Reach, found: _HitMissions) -> None:
+async def _trouble_all(work: MissionUnitOfWork, reach: Reach, found: HitMissions) -> None:
     closure = reach.closure
     hit_ids = {hit.owner.mission_id for hit in found.hits}
     # A mission that needs another plan anyway meets the ground stop when it is planned.

@@ -58,6 +58,11 @@ async def flights_to(
     return [_flight(row) for row in await connection.execute(query)]
 
 
+async def flights_of_network(connection: Reader, network_id: NetworkId) -> list[PlannedFlight]:
+    """All flights of live missions in a network that have not ended."""
+    return [_flight(row) for row in await connection.execute(_flights(network_id))]
+
+
 async def take_offs(
     connection: Reader,
     *,

@@ -8,6 +8,7 @@ from datetime import datetime
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, ReturnStep
+from skyway.contracts.mission import Mission
 from skyway.ids import PackageId
 from skyway.units import moment_to_ms
 from skyway_composition.missions.interventions.stop_packages import return_cancelled_packages
@@ -16,10 +17,11 @@ from skyway_composition.missions.mission.custody_store import (
     Held,
     add_custody,
     carried_by,
-    held_packages,
+    held_on_mission,
     may_load,
 )
 from skyway_composition.missions.mission.record import MissionRecord, moved
+from skyway_composition.missions.mission.share_views import with_pooled_price
 from skyway_composition.missions.mission.step_store import ended_events, flown_totals
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, free_from, report
 from skyway_composition.missions.replanning.store import plan_now
@@ -55,7 +57,7 @@ async def record_loading(
     drone = Custodian("DRONE", record.drone_id)
     passed = await _pass_on(work, record, package_ids, to=drone, event=event)
     if passed:
-        record = _report(work, record, "LOADED", event, passed)
+        record = _report_loaded(work, record, event, passed)
     if passed and record.needs_plan:
         # Planning may wait for the drone's cancellation, which now comes too late.
         await plan_now(work.tx, record.mission_id)
@@ -88,6 +90,18 @@ async def record_return(
     return _report(work, record, "RETURNED", event, passed)
 
 
+def _report_loaded(
+    work: MissionUnitOfWork,
+    record: MissionRecord,
+    event: DroneEvent,
+    package_ids: tuple[PackageId, ...],
+) -> MissionRecord:
+    """Report what is on board; deliveries that were loaded together pay the pooled price."""
+    pooled = with_pooled_price(record, package_ids)
+    mission = None if pooled is record else pooled.mission
+    return _report(work, pooled, "LOADED", event, package_ids, mission=mission)
+
+
 def _report(
     work: MissionUnitOfWork,
     record: MissionRecord,
@@ -96,6 +110,7 @@ def _report(
     package_ids: tuple[PackageId, ...],
     *,
     flown: dict[str, float] | None = None,
+    mission: Mission | None = None,
 ) -> MissionRecord:
     return report(
         work,
@@ -105,6 +120,7 @@ def _report(
         station_id=event.station_id,
         soc=event.soc,
         package_ids=package_ids,
+        mission=mission,
         data=event.data if flown is None else {**event.data, "flown": flown},
     )
 
@@ -121,7 +137,7 @@ async def _pass_on(
 
     A drone loads what a station has, and hands over only what it has itself.
     """
-    held = await held_packages(work.tx.connection, record.mission.delivery_id)
+    held = await held_on_mission(work.tx.connection, record)
     if to.kind == "DRONE":
         passed = [each for each in package_ids if may_load(held.get(each))]
     else:

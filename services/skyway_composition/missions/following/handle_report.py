@@ -33,7 +33,7 @@ from skyway_composition.missions.following.recover_packages import (
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
     delivered,
-    held_packages,
+    held_on_mission,
     on_board,
     returned,
 )
@@ -134,7 +134,7 @@ async def _handle_mission_end(
     work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent
 ) -> None:
     record = begin(work, record, at=event.ended_at)
-    held = record.own(await held_packages(work.tx.connection, record.mission.delivery_id))
+    held = record.own(await held_on_mission(work.tx.connection, record))
     back = returned(held, record.request.pickup.station_id)
     missing = {each.package_id for each in record.request.packages} - delivered(held) - back
     if not missing:
@@ -273,7 +273,7 @@ async def _with_reported_activity(
     doing = f"{state.activity} {state.station_id or ''}"
     if state.activity not in _REPORTED_ACTIVITIES or doing == record.reported_activity:
         return record
-    held = await held_packages(work.tx.connection, record.mission.delivery_id)
+    held = await held_on_mission(work.tx.connection, record)
     if not on_board(record.own(held)):
         return record
     return report(

@@ -84,7 +84,7 @@ class _Ledger:
         return cls(
             record,
             steps=await steps_of(connection, record.mission_id),
-            links=await chain_links(connection, record.mission.delivery_id),
+            links=await chain_links(connection, record),
         )
 
     @classmethod

@@ -24,7 +24,7 @@ from skyway_composition.missions.mission.custody_store import (
     add_custody,
     chain_links,
     has_never_left,
-    held_packages,
+    held_on_mission,
 )
 from skyway_composition.missions.mission.instruct import hold
 from skyway_composition.missions.mission.record import MissionRecord
@@ -81,7 +81,7 @@ async def record_late_event(work: MissionUnitOfWork, link: DroneLink, event: Dro
 async def _record_late_return(
     work: MissionUnitOfWork, ended: MissionRecord, event: DroneEvent, *, station_id: StationId
 ) -> None:
-    held = await held_packages(work.tx.connection, ended.mission.delivery_id)
+    held = await held_on_mission(work.tx.connection, ended)
     drone, station = Custodian("DRONE", ended.drone_id), Custodian("STATION", station_id)
     rows = [
         Held(each, held[each].seq + 1, station)
@@ -132,7 +132,7 @@ async def _record_late_hand_over(
 
 async def _last_moved_by(work: MissionUnitOfWork, ended: MissionRecord) -> dict[PackageId, Held]:
     """The packages that this mission has loaded, and that no other has moved since."""
-    links = await chain_links(work.tx.connection, ended.mission.delivery_id)
+    links = await chain_links(work.tx.connection, ended)
     last = {each.held.package_id: each for each in links}
     return {
         package_id: each.held

@@ -1,11 +1,12 @@
 """Cancels packages of a delivery, in one transaction over all its missions."""
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import reduce
 
 from skyway.contracts.mission import Cancellation, CancelMissions
+from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, PackageId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.loops import Wake
@@ -15,6 +16,8 @@ from skyway.units import moment_to_ms
 from skyway_composition.missions.interventions.stop_packages import release_queued, stop_packages
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import has_never_left, held_packages
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.share_views import flying_ids, own_ids, serves
 from skyway_composition.missions.mission.store import lock_delivery, queued_of_delivery
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
@@ -83,24 +86,33 @@ class Cancellations:
             work.missions[each]
             for each in drone_ids
             # The drone may have got a mission for another delivery since it was found.
-            if each in work.missions and work.missions[each].mission.delivery_id == delivery_id
+            if each in work.missions and serves(work.missions[each], delivery_id)
         ]
         held = await held_packages(tx.connection, delivery_id)
-        planned = [*records, *queued]
-        under_way = {each.package_id for one in planned for each in one.request.packages}
-        under_way.update(each for one in planned for each in one.left_out)
+        under_way = {
+            package_id
+            for record in (*records, *queued)
+            for package_id in own_ids(
+                record, delivery_id, [*record.left_out, *_requested(record.request)]
+            )
+        }
         package_ids = requested.package_ids
         if package_ids is None:
             package_ids = tuple(sorted(under_way | held.keys()))
-        stopped = [
-            await stop_packages(work, record, package_ids, code=CANCELLED, reason=requested.reason)
-            for record in records
-        ]
-        for record in queued:
-            released = await release_queued(
-                work, record, package_ids, code=CANCELLED, reason=requested.reason
+        stopped = []
+        for record in records:
+            flown_ids = flying_ids(record, delivery_id, package_ids)
+            done = await stop_packages(
+                work, record, flown_ids, code=CANCELLED, reason=requested.reason
             )
-            stopped.append(Cancellation(released=released))
+            stopped.append(_as_requested(done, record, delivery_id))
+        for record in queued:
+            flown_ids = flying_ids(record, delivery_id, package_ids)
+            released = await release_queued(
+                work, record, flown_ids, code=CANCELLED, reason=requested.reason
+            )
+            done = Cancellation(released=released)
+            stopped.append(_as_requested(done, record, delivery_id))
         # Packages without a live mission: never left the pickup (True), or too late (False).
         others: dict[bool, list[PackageId]] = {True: [], False: []}
         for each in package_ids:
@@ -108,6 +120,21 @@ class Cancellations:
                 others[has_never_left(held.get(each))].append(each)
         without_mission = Cancellation(released=tuple(others[True]), too_late=tuple(others[False]))
         return _together([*stopped, without_mission])
+
+
+def _requested(request: DeliveryRequest) -> Iterator[PackageId]:
+    return (each.package_id for each in request.packages)
+
+
+def _as_requested(
+    done: Cancellation, record: MissionRecord, delivery_id: DeliveryId
+) -> Cancellation:
+    """The answer with the customer's ids of the packages."""
+    return Cancellation(
+        released=own_ids(record, delivery_id, done.released),
+        returning=own_ids(record, delivery_id, done.returning),
+        too_late=own_ids(record, delivery_id, done.too_late),
+    )
 
 
 def _together(parts: Iterable[Cancellation]) -> Cancellation:

@@ -13,7 +13,7 @@ from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
     has_never_left,
-    held_packages,
+    held_on_mission,
 )
 from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
 from skyway_composition.missions.mission.step_store import steps_of
@@ -46,7 +46,7 @@ async def stop_packages(
     back. A drone that loads soon and has not accepted the mission yet cannot be instructed in time:
     its packages are too late to cancel.
     """
-    held = await held_packages(work.tx.connection, record.mission.delivery_id)
+    held = await held_on_mission(work.tx.connection, record)
     own = [each.package_id for each in record.packages(frozenset(package_ids))]
     drone = Custodian("DRONE", record.drone_id)
     carried = [each for each in own if each in held and held[each].custodian == drone]
@@ -88,7 +88,8 @@ async def release_queued(
     """Leave these packages of a QUEUED mission at the pickup; returns the packages that it had.
 
     Its drone was never instructed, so this is safe. With other packages left the mission is
-    refused, so that the gateway books a plan for these.
+    refused, so that the gateway books a plan for these. A mission that is shared goes on without
+    these packages, and is planned again: the promises to the other customers stay.
     """
     own = tuple(each.package_id for each in record.packages(frozenset(package_ids)))
     if not own:
@@ -103,7 +104,10 @@ async def release_queued(
         detail=reason,
     )
     left = len(record.request.packages) - len(own)
-    if left:
+    if left and record.shares:
+        await work.save(await _left_out_of(work, record, own))
+        await store.plan_queue_again(work.tx, record.drone_id)
+    elif left:
         detail = f"planned again for the other {left} packages: {reason}"
         await ending.refuse(work, record, code=code, detail=detail)
     else:
@@ -215,6 +219,15 @@ async def _plan_without(
     reason: str,
 ) -> None:
     """Take these packages out of the request, and have the others planned again."""
+    record = await _left_out_of(work, record, package_ids)
+    detail = f"{len(package_ids)} packages were cancelled: {reason}"
+    await request_plan(work, record, Trouble(code=PACKAGES_CANCELLED, detail=detail))
+
+
+async def _left_out_of(
+    work: MissionUnitOfWork, record: MissionRecord, package_ids: Collection[PackageId]
+) -> MissionRecord:
+    """The record without these packages; the caller saves its mission."""
     left = tuple(each for each in record.request.packages if each.package_id not in package_ids)
     etas = tuple(each for each in record.mission.packages if each.package_id not in package_ids)
     record = replace(
@@ -223,5 +236,4 @@ async def _plan_without(
         mission=record.mission.model_copy(update={"packages": etas}),
     )
     await store.save_request(work.tx, record)
-    detail = f"{len(package_ids)} packages were cancelled: {reason}"
-    await request_plan(work, record, Trouble(code=PACKAGES_CANCELLED, detail=detail))
+    return record

@@ -3,8 +3,8 @@
 A chain only grows; its links are never changed.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, Final, Literal
 
@@ -15,6 +15,7 @@ from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, StationId
 from skyway.runtime.sql.database import Tx
 from skyway.units import ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.share_views import owner_of
 from skyway_composition.tables import custody
 
 CustodianKind = Literal["STATION", "DRONE", "RECIPIENT"]
@@ -104,8 +105,25 @@ def _held_by(held: Mapping[PackageId, Held], kind: CustodianKind) -> frozenset[P
     return frozenset(each.package_id for each in held.values() if each.custodian.kind == kind)
 
 
-async def chain_links(connection: AsyncConnection, delivery_id: DeliveryId) -> list[ChainLink]:
-    """The chains of all packages of a delivery, each in its order."""
+async def chain_links(connection: AsyncConnection, record: MissionRecord) -> list[ChainLink]:
+    """The chains of all packages of a mission's deliveries, each in its order.
+
+    A guest's packages have the ids under which they fly.
+    """
+    if not record.shares:
+        return await _chain_links(connection, record.mission.delivery_id)
+    links: list[ChainLink] = []
+    for share in record.shares:
+        flown = {own: flying for flying, own in share.packages.items()}
+        links += [
+            replace(each, held=replace(each.held, package_id=flown[each.held.package_id]))
+            for each in await _chain_links(connection, share.delivery_id)
+            if each.held.package_id in flown
+        ]
+    return sorted(links, key=lambda each: each.held.seq)
+
+
+async def _chain_links(connection: AsyncConnection, delivery_id: DeliveryId) -> list[ChainLink]:
     found = await connection.execute(_CHAIN, {"delivery_id": delivery_id})
     return [
         ChainLink(
@@ -117,20 +135,28 @@ async def chain_links(connection: AsyncConnection, delivery_id: DeliveryId) -> l
     ]
 
 
+async def held_on_mission(
+    connection: AsyncConnection, record: MissionRecord
+) -> dict[PackageId, Held]:
+    """Who holds each package of a mission's deliveries now, by the ids under which they fly."""
+    links = await chain_links(connection, record)
+    return {each.held.package_id: each.held for each in links}
+
+
 async def held_packages(
     connection: AsyncConnection, delivery_id: DeliveryId
 ) -> dict[PackageId, Held]:
     """Who holds each package of a delivery now."""
-    links = await chain_links(connection, delivery_id)
+    links = await _chain_links(connection, delivery_id)
     return {each.held.package_id: each.held for each in links}
 
 
-def begin_custody(tx: Tx, record: MissionRecord, rows: Iterable[Held], *, at_ms: int) -> None:
+def begin_custody(tx: Tx, record: MissionRecord, rows: Collection[Held], *, at_ms: int) -> None:
     """Add the first links of the packages' chains when the transaction ends."""
     tx.add(custody, _custody_rows(record, rows, at_ms=at_ms))
 
 
-async def add_custody(tx: Tx, record: MissionRecord, rows: Iterable[Held], *, at_ms: int) -> None:
+async def add_custody(tx: Tx, record: MissionRecord, rows: Collection[Held], *, at_ms: int) -> None:
     """Add links to the packages' chains; each number occurs once in a chain."""
     added = _custody_rows(record, rows, at_ms=at_ms)
     if added:
@@ -138,17 +164,18 @@ async def add_custody(tx: Tx, record: MissionRecord, rows: Iterable[Held], *, at
 
 
 def _custody_rows(
-    record: MissionRecord, rows: Iterable[Held], *, at_ms: int
+    record: MissionRecord, rows: Collection[Held], *, at_ms: int
 ) -> list[dict[str, Any]]:  # column values of any type
+    owners = [owner_of(record, held.package_id) for held in rows]
     return [
         {
-            "delivery_id": record.mission.delivery_id,
-            "package_id": held.package_id,
+            "delivery_id": delivery_id,
+            "package_id": package_id,
             "seq": held.seq,
             "custodian_kind": held.custodian.kind,
             "custodian_id": held.custodian.custodian_id,
             "mission_id": record.mission_id,
             "at_ms": at_ms,
         }
-        for held in rows
+        for (delivery_id, package_id), held in zip(owners, rows, strict=True)
     ]

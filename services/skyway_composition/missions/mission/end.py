@@ -11,7 +11,7 @@ from skyway_composition.missions.mission.custody_store import (
     Custodian,
     Held,
     add_custody,
-    held_packages,
+    held_on_mission,
     left_behind,
     on_board,
 )
@@ -144,7 +144,7 @@ async def end_after_forced_landing(
 
     Its packages stay on board; people must fetch the drone.
     """
-    held = record.own(await held_packages(work.tx.connection, record.mission.delivery_id))
+    held = record.own(await held_on_mission(work.tx.connection, record))
     packages = sorted(on_board(held))
     place = f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
     load = f"with {', '.join(packages)} on board" if packages else "with nothing on board"
@@ -209,7 +209,7 @@ async def _strand(
     work: MissionUnitOfWork, record: MissionRecord, *, at: datetime, station_id: StationId | None
 ) -> tuple[PackageId, ...]:
     """The packages that stay on board or were left behind; the station takes custody if known."""
-    held = record.own(await held_packages(work.tx.connection, record.mission.delivery_id))
+    held = record.own(await held_on_mission(work.tx.connection, record))
     on_its_board = sorted(on_board(held))
     if station_id is not None:
         station = Custodian("STATION", station_id)

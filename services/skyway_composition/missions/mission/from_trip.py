@@ -18,6 +18,7 @@ from skyway.contracts.flight_step import (
     WaitStep,
 )
 from skyway.contracts.mission import Margins, Mission, PackageEta
+from skyway.contracts.weather import WeatherNote
 from skyway.delivery.offer import Price
 from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, Recharge, Wait
 from skyway.delivery.request import DeliveryRequest
@@ -146,6 +147,8 @@ def _flight_steps(
                 to_position=network.stations[step.to_id].position,
                 length_m=_segment(network, step.from_id, step.to_id).length_m,
                 lands=following is None or not isinstance(following.step, Fly),
+                time_factor=step.time_factor,
+                energy_factor=step.energy_factor,
             )
         case Wait() as step:
             yield WaitStep(
@@ -187,6 +190,7 @@ def new_mission(
     price: Price,
     skyway: PreparedNetwork,
     expires_at: datetime,
+    weather: WeatherNote | None = None,
     planned_in: PlannedIn | None = None,
     traceparent: str | None = None,
 ) -> MissionRecord:
@@ -213,6 +217,7 @@ def new_mission(
         home_plan=trip.home_plan,
         home_recharge=trip.home_recharge,
         margins=skyway.settings.margins,
+        weather=weather,
         loading="AWAITED" if candidate.loading == "CONFIRMED" else "AUTOMATIC",
     )
     return MissionRecord(
@@ -240,19 +245,27 @@ def flown_by(record: MissionRecord, candidate: Candidate) -> MissionRecord:
 
 
 def replanned_in_queue(
-    record: MissionRecord, trip: Trip, slot: Slot, *, margins: Margins, planned_in: PlannedIn
+    record: MissionRecord,
+    trip: Trip,
+    slot: Slot,
+    *,
+    margins: Margins,
+    weather: WeatherNote | None,
+    planned_in: PlannedIn,
 ) -> MissionRecord:
     """A QUEUED mission with another trip, which begins at this slot; the price stays."""
     place = {"station_id": slot.station_id, "soc": slot.soc}
     return replace(
         record,
-        mission=next_revision(record.mission, trip, revision=1, margins=margins),
+        mission=next_revision(record.mission, trip, revision=1, margins=margins, weather=weather),
         candidate=record.candidate.model_copy(update=place),
         planned_in=planned_in,
     )
 
 
-def next_revision(mission: Mission, trip: Trip, *, revision: int, margins: Margins) -> Mission:
+def next_revision(
+    mission: Mission, trip: Trip, *, revision: int, margins: Margins, weather: WeatherNote | None
+) -> Mission:
     """The mission with this trip instead of the remainder of its plan; the price stays."""
     start_at = ms_to_moment(trip.start_ms)
     fresh = {eta.package_id: eta for eta in _etas(trip.plan, start_at)}
@@ -266,6 +279,7 @@ def next_revision(mission: Mission, trip: Trip, *, revision: int, margins: Margi
             "home_plan": trip.home_plan,
             "home_recharge": trip.home_recharge,
             "margins": margins,
+            "weather": weather,
             "given_up": None,
         }
     )

@@ -15,6 +15,7 @@ from skyway.ids import DroneId, InstructionId, MissionId, NetworkId, PackageId, 
 from skyway.json_model import JsonModel
 from skyway.scheduling.stays import Slot, Stay, stays_of_standby
 from skyway.units import moment_to_ms
+from skyway_composition.missions.mission.share import Share
 
 _T = TypeVar("_T")
 
@@ -136,7 +137,8 @@ class MissionRecord:
     `reported_activity` is the drone's activity and station in the last report to the customer.
     `planned_in` is given while the mission is QUEUED. `promised` are the arrival times with which a
     QUEUED mission was booked. `traceparent` is that of the delivery's request. A mission that was
-    booked by an older version has neither `promised` nor `traceparent`.
+    booked by an older version has neither `promised` nor `traceparent`. `shares` are the deliveries
+    that fly together, first that of the mission itself; empty while it flies for one only.
     """
 
     mission: Mission
@@ -153,6 +155,7 @@ class MissionRecord:
     planned_in: PlannedIn | None = None
     traceparent: str | None = None
     promised: tuple[PackageEta, ...] = ()
+    shares: tuple[Share, ...] = ()
 
     @property
     def mission_id(self) -> MissionId:
@@ -165,6 +168,12 @@ class MissionRecord:
         return self.mission.drone_id
 
     @property
+    def without_reports(self) -> "MissionRecord":
+        """The record without what only reports change."""
+        shares = tuple(each.model_copy(update={"report_seq": 0}) for each in self.shares)
+        return replace(self, report_seq=0, reported_activity=None, shares=shares)
+
+    @property
     def is_live(self) -> bool:
         """Whether the drone and pads are reserved for the mission."""
         return self.mission.state in LIVE_MISSION_STATES
@@ -174,6 +183,11 @@ class MissionRecord:
         """Where, when and with what charge the drone begins the mission as booked."""
         candidate = self.candidate
         return Slot(candidate.station_id, moment_to_ms(self.mission.start_at), candidate.soc)
+
+    @property
+    def may_be_shared(self) -> bool:
+        """Whether packages of other deliveries may join the mission before it is sent."""
+        return self.request.may_share_trip and self.mission.loading == "AUTOMATIC"
 
     @property
     def allowed_from_ms(self) -> int:

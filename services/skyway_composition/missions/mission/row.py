@@ -18,6 +18,7 @@ from skyway_composition.missions.mission.record import (
     Stuck,
     Trouble,
 )
+from skyway_composition.missions.mission.share import SHARES, shares_json
 
 J = TypeVar("J", bound=JsonModel)
 
@@ -91,6 +92,7 @@ def new_row(record: MissionRecord) -> dict[str, Any]:  # column values of any ty
         "candidate": _CANDIDATES.write(record.candidate),
         "traceparent": record.traceparent,
         "promised": PROMISED.dump_json(record.promised).decode() if record.promised else None,
+        "pooling_at": record.request.pickup.station_id if record.may_be_shared else None,
         **changing_columns(record),
     }
 
@@ -115,6 +117,7 @@ def changing_columns(record: MissionRecord) -> dict[str, Any]:  # column values 
         "served_ms": record.served_ms,
         "planned_version": None if planned_in is None else planned_in.version,
         "planned_conditions": None if planned_in is None else planned_in.conditions,
+        "shares": shares_json(record.shares),
     }
 
 
@@ -139,4 +142,5 @@ def read_record(row: Any) -> MissionRecord:  # a row of missions, whose columns 
         ),
         traceparent=row.traceparent,
         promised=() if row.promised is None else PROMISED.validate_json(row.promised),
+        shares=() if row.shares is None else SHARES.validate_json(row.shares),
     )

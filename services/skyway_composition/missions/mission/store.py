@@ -3,23 +3,27 @@
 The steps and the custody of packages have their own stores.
 """
 
+import json
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from sqlalchemy import bindparam, insert, select, update
+from sqlalchemy import ColumnElement, bindparam, insert, select, union_all, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import Cancellation, Mission
-from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId
+from skyway.drone.model import DroneModel
+from skyway.ids import DeliveryId, DroneId, MissionId, NetworkId, ProviderId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.row import changing_columns, new_row, read_record
+from skyway_composition.missions.mission.share_views import mission_for
 from skyway_composition.tables import (
     cancellations,
     deliveries,
     first_planned_end_ms,
+    guests,
     is_live,
     is_queued,
     missions,
@@ -65,6 +69,20 @@ _LOCK: Final = (
 )
 
 
+def is_of_delivery(delivery_id: str) -> ColumnElement[bool]:
+    """Whether a mission flies for this delivery, alone or among others.
+
+    One list of ids: with two conditions PostgreSQL reads all missions that ever were.
+    """
+    own = missions.alias("own")
+    return missions.c.mission_id.in_(
+        union_all(
+            select(own.c.mission_id).where(own.c.delivery_id == delivery_id),
+            select(guests.c.host_id).where(guests.c.delivery_id == delivery_id),
+        )
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class MissionFilter:
     """Which missions a list shows; `provider_id` is the calling provider, None for operators."""
@@ -82,10 +100,10 @@ async def missions_not_refused(
     """The missions of a delivery that were not refused: queued, flying or ended."""
     found = await connection.execute(
         select(missions)
-        .where(missions.c.delivery_id == delivery_id, missions.c.state != "REFUSED")
+        .where(is_of_delivery(delivery_id), missions.c.state != "REFUSED")
         .order_by(missions.c.attempt, missions.c.trip)
     )
-    return tuple(read_record(row).mission for row in found)
+    return tuple(mission_for(read_record(row), delivery_id) for row in found)
 
 
 def add(tx: Tx, record: MissionRecord) -> None:
@@ -121,6 +139,14 @@ async def get(
     return None if row is None else read_record(row)
 
 
+async def host_of(connection: AsyncConnection, mission_id: MissionId) -> MissionId | None:
+    """The mission that carries the packages of this guest; None if it is no guest's mission."""
+    found = await connection.execute(
+        select(guests.c.host_id).where(guests.c.mission_id == mission_id)
+    )
+    return found.scalar_one_or_none()
+
+
 async def page(
     connection: AsyncConnection, shown: MissionFilter, *, before: str | None, limit: int
 ) -> list[MissionRecord]:
@@ -129,12 +155,13 @@ async def page(
     for column, value in (
         (missions.c.provider_id, shown.provider_id),
         (missions.c.state, shown.state),
-        (missions.c.delivery_id, shown.delivery_id),
         (missions.c.drone_id, shown.drone_id),
         (missions.c.loading, shown.loading),
     ):
         if value is not None:
             query = query.where(column == value)
+    if shown.delivery_id is not None:
+        query = query.where(is_of_delivery(shown.delivery_id))
     if before is not None:
         query = query.where(missions.c.mission_id < before)
     return [read_record(row) for row in await connection.execute(query)]
@@ -195,7 +222,7 @@ async def queued_of_delivery(
     """The QUEUED missions of a delivery, in the order of their trips."""
     found = await connection.execute(
         select(missions)
-        .where(missions.c.delivery_id == delivery_id, is_queued)
+        .where(is_of_delivery(delivery_id), is_queued)
         .order_by(missions.c.attempt, missions.c.trip)
     )
     return [read_record(row) for row in found]
@@ -242,7 +269,7 @@ async def drones_serving(connection: AsyncConnection, delivery_id: DeliveryId) -
     """The drones on live missions of a delivery, in the order of their trips."""
     found = await connection.execute(
         select(missions.c.drone_id)
-        .where(missions.c.delivery_id == delivery_id, is_live)
+        .where(is_of_delivery(delivery_id), is_live)
         .order_by(missions.c.attempt, missions.c.trip)
     )
     return list(found.scalars())
@@ -255,3 +282,18 @@ async def save_request(tx: Tx, record: MissionRecord) -> None:
         .where(missions.c.mission_id == record.mission_id)
         .values(request=record.request.model_dump_json())
     )
+
+
+async def models_of_missions(
+    connection: AsyncConnection, network_id: NetworkId
+) -> dict[MissionId, DroneModel]:
+    """The drone model of each live mission in a network."""
+    found = await connection.execute(
+        select(missions.c.mission_id, missions.c.candidate).where(
+            missions.c.network_id == network_id, is_live
+        )
+    )
+    # Many missions share a model, and reading the whole candidate takes much longer.
+    texts = {row.mission_id: json.dumps(json.loads(row.candidate)["model"]) for row in found}
+    models = {each: DroneModel.read(each) for each in {*texts.values()}}
+    return {mission_id: models[each] for mission_id, each in texts.items()}

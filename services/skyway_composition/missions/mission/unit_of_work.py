@@ -9,6 +9,7 @@ from datetime import datetime
 from typing import Any, Final, Self
 
 from skyway.contracts.drone_report import AlarmLevel
+from skyway.contracts.mission import Mission
 from skyway.contracts.mission_reports import MISSION_REPORTS, FreeFrom, MissionReport
 from skyway.ids import DroneId, InstructionId, MissionId, ProviderId, StationId
 from skyway.runtime.clock import FleetClock
@@ -24,6 +25,8 @@ from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_links, save_links
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.share import Share
+from skyway_composition.missions.mission.share_views import own_fields
 
 #: The reports that say when a drone is busy or free. So do all about a QUEUED mission, which may
 #: move to another drone. The registry needs no others.
@@ -159,29 +162,65 @@ def report_in(
     at: datetime,
     **fields: Any,  # as for `report`
 ) -> MissionRecord:
-    """Report as `report` does, in a transaction that has locked the mission or adds it."""
+    """Report as `report` does, in a transaction that has locked the mission or adds it.
+
+    Each delivery of a shared mission gets a report of its own, with its own packages.
+    """
+    if not record.shares:
+        seq = record.report_seq + 1
+        sent = _sent(mint, record, record.mission, kind, seq, {"at": at, **fields})
+        _send(tx, record, sent, traceparent=record.traceparent)
+        return replace(record, report_seq=seq)
+    shares = []
+    for share in record.shares:
+        own = own_fields(record, share, kind, {"at": at, **fields})
+        is_host = share.mission_id == record.mission_id
+        last = record.report_seq if is_host else share.report_seq
+        if own is not None:
+            # A guest that has just joined only waits: its arrival times are no news.
+            has_joined = record.mission.state == "QUEUED" and last == 0 and not is_host
+            of_share = "QUEUED" if has_joined else kind
+            sent = _sent(mint, record, share, of_share, last + 1, own)
+            _send(tx, record, sent, traceparent=share.traceparent)
+            last += 1
+        shares.append(share.model_copy(update={"report_seq": last}))
+    return replace(record, report_seq=shares[0].report_seq, shares=tuple(shares))
+
+
+def _sent(
+    mint: Mint,
+    record: MissionRecord,
+    of: Mission | Share,
+    kind: str,
+    seq: int,
+    fields: Mapping[str, Any],
+) -> MissionReport:
+    """A report about a mission, as one of its deliveries sees it."""
     mission = record.mission
-    sent = MissionReport.model_validate(
+    return MissionReport.model_validate(
         {
             "report_id": mint("rpt"),
-            "delivery_id": mission.delivery_id,
-            "attempt": mission.attempt,
-            "trip": mission.trip,
-            "mission_id": mission.mission_id,
+            "delivery_id": of.delivery_id,
+            "attempt": of.attempt,
+            "trip": of.trip,
+            "mission_id": of.mission_id,
             "provider_id": mission.provider_id,
             "drone_id": mission.drone_id,
-            "seq": record.report_seq + 1,
+            "seq": seq,
             "kind": kind,
-            "at": at,
             "mission_state": mission.state,
             **fields,
         }
     )
-    with in_trace_of(record.traceparent):
-        tx.report("gateway", MISSION_REPORTS, sent, stream=mission.mission_id)
-        if mission.state == "QUEUED" or kind in _OF_THE_DRONE:
-            tx.report("registry", MISSION_REPORTS, sent, stream=mission.mission_id)
-    return replace(record, report_seq=sent.seq)
+
+
+def _send(tx: Tx, record: MissionRecord, sent: MissionReport, *, traceparent: str | None) -> None:
+    """Send a report to the gateway; the registry knows a shared mission by its host only."""
+    with in_trace_of(traceparent):
+        tx.report("gateway", MISSION_REPORTS, sent, stream=sent.mission_id)
+        is_of_drone = record.mission.state == "QUEUED" or sent.kind in _OF_THE_DRONE
+        if is_of_drone and sent.mission_id == record.mission_id:
+            tx.report("registry", MISSION_REPORTS, sent, stream=sent.mission_id)
 
 
 async def raise_alarm(

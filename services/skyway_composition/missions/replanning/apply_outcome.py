@@ -82,7 +82,7 @@ class Outcomes:
             trouble=case.trouble,
             number=case.sent_revisions + 1,
             energy_margin=case.situation.energy_margin(case.world.skyway.settings),
-            skyway=case.world.skyway,
+            world=case.world,
             link=work.links[record.drone_id],
         )
         if case.closed.closes_landing(anchor.station_id, anchor.at_ms) and remainder.given_up:

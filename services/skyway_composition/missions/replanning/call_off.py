@@ -17,7 +17,7 @@ from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import last_cancel
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.mission.custody_store import has_never_left, held_packages
+from skyway_composition.missions.mission.custody_store import has_never_left, held_on_mission
 from skyway_composition.missions.mission.end import end_cancelled
 from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.record import MissionRecord
@@ -100,7 +100,7 @@ async def _release(
     detail: str,
 ) -> MissionRecord:
     """Report these packages released, except those that have left the pickup."""
-    held = await held_packages(work.tx.connection, record.mission.delivery_id)
+    held = await held_on_mission(work.tx.connection, record)
     staying = tuple(each for each in sorted(package_ids) if has_never_left(held.get(each)))
     if not staying:
         return record

@@ -15,8 +15,9 @@ from skyway_composition.missions.replanning.remainder.anchor import (
     find_anchor,
 )
 from skyway_composition.missions.replanning.situation import Situation
+from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.problem_for import with_margin
-from skyway_composition.planning.world import ClosedAhead, World
+from skyway_composition.planning.world import World
 
 #: Time until a revision reaches the drone: fleet seconds, wall seconds. Our own choice.
 _REACHES_DRONE_WITHIN_S: Final = (5.0, 2.0)

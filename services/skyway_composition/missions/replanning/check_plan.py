@@ -21,18 +21,23 @@ from skyway_composition.missions.replanning.request_plan import request_plan
 from skyway_composition.missions.replanning.situation import (
     Situation,
     Whereabouts,
+    air_ahead,
     factor_beyond,
     waits_for_pad,
     whereabouts,
 )
+from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.problem_for import used_more, with_margin
-from skyway_composition.planning.world import ClosedAhead
 
 #: A smaller delay is not reported to the customer. Our own choice.
 _REPORTED_LATENESS: Final = timedelta(seconds=60)
 
 #: A smaller shortfall of charge is rounding, or is covered by the margin. Our own choice.
 _LEAST_SHORTFALL_SOC: Final = 0.001
+
+#: The share of the planned margin that the rest of a plan must still have: a margin is there to be
+#: used. If all of it had to be left, each gust would cost a new plan. Our own choice.
+_MARGIN_LEFT: Final = 2 / 3
 
 #: Longest time until a drone's report arrives, for `fleet_margin`. Our own choice.
 REPORT_DELAY: Final = {"fleet_s": 30.0, "wall_s": 2.0}
@@ -130,7 +135,7 @@ def _is_as_booked(record: MissionRecord, state: DroneState | None, *, now: datet
     is_changed = mission.loading != "AUTOMATIC" or record.aims
     if state is None or state.mission_id != mission.mission_id or not is_to_begin or is_changed:
         return False
-    factor = factor_beyond(record, state)
+    factor = factor_beyond(record, state, in_air=air_ahead(mission.plan.steps))
     return (
         (state.activity, state.station_id) == ("IDLE", drone.station_id)
         and state.at <= mission.start_at
@@ -155,7 +160,8 @@ def _expected(
         load = load.after(step) if step.step_id < where.next_step else load
     steps = [each for each in situation.planned if each.step_id >= where.next_step]
     model, more = situation.model, used_more(situation.consumption_factor)
-    careful = with_margin(model, max(more, record.mission.margins.energy_margin))
+    margin = _MARGIN_LEFT * record.mission.margins.energy_margin
+    careful = with_margin(model, max(more, margin))
     true = with_margin(model, more) if more else model
     ahead = list(predict(steps, where, model=careful, load=load, now_ms=now_ms))
     likely = list(predict(steps, where, model=true, load=load, now_ms=now_ms))
@@ -167,7 +173,7 @@ def _expected(
     )
     trouble = _trouble(record, ahead, likely, where=where)
     if trouble is None and closed is not None:
-        trouble = _closed_by_then(ahead, where, closed)
+        trouble = _closed_by_then(ahead, where, closed.for_model(record.candidate.model))
     return _Outlook(trouble, etas, late_by)
 
 
@@ -191,11 +197,14 @@ def _trouble(
     `ahead` is predicted with the margin on all flights, `likely` without: the margin may cover the
     charge that a tolerated delay costs. A landing under way cannot be changed, so it is no trouble.
     If the drone will arrive at a pad below its reserve, the steps after it are checked later, when
-    its charge is reported.
+    its charge is reported. A drone in flight gets no other plan for a flight after its next session
+    either: what it meets until then may be the last gust, and on the pad it can charge longer.
     """
     least_soc = record.candidate.model.reserve_soc - _LEAST_SHORTFALL_SOC
     tolerated_s = record.mission.margins.tolerated_lateness_s
     short: PredictedStep | None = None
+    is_flying = bool(ahead) and isinstance(ahead[0].step, FlyStep) and where.is_under_way
+    charges_first = False
     soc = where.soc
     for predicted, expected in zip(ahead, likely, strict=True):
         step = predicted.step
@@ -204,6 +213,7 @@ def _trouble(
             return _late(predicted, f"its pad at {step.station_id!r} is lost")
         if isinstance(step, RechargeStep) and came_with_soc < least_soc:
             return None
+        charges_first |= isinstance(step, RechargeStep)
         if isinstance(step, FlyStep) and step.lands and where.is_doing(step):
             continue
         if predicted.is_short:
@@ -214,6 +224,8 @@ def _trouble(
             is_late = short is not None and _late_by_s(short) > 0
             if is_late and expected.soc_end >= least_soc:
                 continue
+            if is_flying and charges_first:
+                return None
             detail = f"charge {predicted.soc_end:.3f} at {step.to_id!r} would be below the reserve"
             return Trouble(code="MORE_ENERGY", detail=detail)
         if _misses_deadline(record, predicted) and _late_by_s(predicted) > tolerated_s:

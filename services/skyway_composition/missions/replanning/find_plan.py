@@ -21,8 +21,9 @@ from skyway_composition.missions.replanning.remainder.planner import Remainder, 
 from skyway_composition.missions.replanning.situation import Situation
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.availability import hand_over_time_ms
+from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.world import ClosedAhead, World
+from skyway_composition.planning.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +107,9 @@ class PlanFinder:
         if sent_revisions >= MOST_REVISIONS:
             return NoMorePlans(trouble)
         world = await self._world(record, queued, supposed)
-        closed = ClosedAhead.of(world, now_ms=self._now_ms())
+        # Reads the weather of the model here, since this may take a while.
+        await world.weather(situation.model, self._now_ms())
+        closed = ClosedAhead.of(world, now_ms=self._now_ms()).for_model(situation.model)
         case = Case(situation, trouble, world, closed, sent_revisions)
         anchor = self._anchor(case, closed=closed)
         if anchor is None:

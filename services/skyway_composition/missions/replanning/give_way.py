@@ -34,8 +34,9 @@ from skyway_composition.missions.replanning.remainder.planner import Remainder, 
 from skyway_composition.missions.replanning.revision import revision_of
 from skyway_composition.missions.replanning.situation import Situation, read_situation, whereabouts
 from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.world import ClosedAhead, World, still_holds
+from skyway_composition.planning.world import World, still_holds
 
 log = logging.getLogger(__name__)
 
@@ -102,7 +103,9 @@ class StandbyRequests:
             skyway, self.db, after_ms=self._now_ms(), without=[record.mission_id]
         )
         world = world.instead({_THE_SERVICE: needed})
-        return Case(situation, _WHY, world, ClosedAhead.of(world, now_ms=self._now_ms()), sent)
+        await world.weather(situation.model, self._now_ms())
+        closed = ClosedAhead.of(world, now_ms=self._now_ms()).for_model(situation.model)
+        return Case(situation, _WHY, world, closed, sent)
 
     async def _before_standby(self, case: Case, served_step: int) -> _Asked | None:
         """Another standby for a drone that has not ended its service; the service stays."""
@@ -150,7 +153,7 @@ class StandbyRequests:
             trouble=_WHY,
             number=case.sent_revisions + 1,
             energy_margin=situation.energy_margin(case.world.skyway.settings),
-            skyway=case.world.skyway,
+            world=case.world,
             link=situation.link,
         )
         if not record.with_mission(revision.mission).stays:

@@ -130,9 +130,11 @@ def _of_step(
 def _flown(
     step: FlyStep, length_m: float, start_ms: int, *, soc: float, model: DroneModel, load: Load
 ) -> tuple[int, float]:
-    """When a flight over this length ends, and with which charge."""
-    duration_s = flight_time_s(model, length_m=length_m, load_kg=load.mass_kg)
-    energy_j = flight_energy_j(model, length_m=length_m, load_kg=load.mass_kg)
+    """When a flight over this length ends in its planned weather, and with which charge."""
+    in_air_m = length_m * step.time_factor
+    duration_s = flight_time_s(model, length_m=in_air_m, load_kg=load.mass_kg)
+    energy_j = flight_energy_j(model, length_m=in_air_m, load_kg=load.mass_kg)
+    energy_j *= step.energy_factor
     if step.lands:
         duration_s, energy_j = duration_s + model.stop_s, energy_j + model.stop_j
     return start_ms + round(duration_s * 1000), soc - energy_j / model.battery_j

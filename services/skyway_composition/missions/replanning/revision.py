@@ -21,7 +21,7 @@ from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.replanning.propose import Revision
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder
-from skyway_composition.networks.prepared import PreparedNetwork
+from skyway_composition.planning.world import World
 
 #: A diverted drone without any further command ends its mission after this time. Our own choice.
 _LONGEST_WAIT: Final = timedelta(days=7)
@@ -35,10 +35,11 @@ def revision_of(
     trouble: Trouble,
     number: int,
     energy_margin: float,
-    skyway: PreparedNetwork,
+    world: World,
     link: DroneLink,
 ) -> Revision:
     """The mission's next revision with its steps, under this number and energy margin."""
+    skyway = world.skyway
     terms = StepTerms.of(replace(record, aims=remainder.aims), skyway.settings)
     if remainder.given_up is not None:
         terms = replace(terms, returned=anchor.carried)
@@ -56,7 +57,11 @@ def revision_of(
         steps = (finished_wait(anchor.station_id, start_ms, step_id=anchor.first_step),)
     margins = skyway.settings.margins.model_copy(update={"energy_margin": energy_margin})
     mission = next_revision(
-        record.mission, remainder.trip, revision=number, margins=margins
+        record.mission,
+        remainder.trip,
+        revision=number,
+        margins=margins,
+        weather=world.weather_note(remainder.trip.start_ms),
     ).model_copy(update={"given_up": remainder.given_up})
     if remainder.given_up is not None:
         # Packages that are left behind do not arrive, so they have no arrival time.

@@ -1,11 +1,12 @@
 """A mission at one moment: its steps and packages, its drone's last report and failsafe."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Self
 
 from skyway.contracts.drone_report import ActiveFailsafe, DroneEvent, DroneState, Failsafe, Fault
-from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
+from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep, RechargeStep
+from skyway.delivery.plan import Fly, Recharge, Step
 from skyway.drone.learned_values import model_as_learned
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
@@ -16,7 +17,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.mission.custody_store import Held, held_packages, on_board
+from skyway_composition.missions.mission.custody_store import Held, held_on_mission, on_board
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import StepRecord, steps_of
 from skyway_composition.missions.mission.store import queued_of_drone
@@ -41,7 +42,7 @@ class Situation:
     async def of(cls, work: MissionUnitOfWork, record: MissionRecord) -> Self:
         """The situation of a locked mission."""
         connection = work.tx.connection
-        held = await held_packages(connection, record.mission.delivery_id)
+        held = await held_on_mission(connection, record)
         steps = await steps_of(connection, record.mission_id)
         return cls(record, work.links[record.drone_id], tuple(steps), record.own(held))
 
@@ -81,7 +82,11 @@ class Situation:
     @property
     def consumption_factor(self) -> float:
         """The drone's last reported energy use relative to its planned model; 1 before a report."""
-        return factor_beyond(self.record, self.link.state)
+        state = self.link.state
+        # The report is about the flights that were ahead of the drone then.
+        first = self.next_step if state is None or state.step_id is None else state.step_id
+        ahead = (each.step for each in self.steps if each.step.step_id >= first)
+        return factor_beyond(self.record, state, in_air=air_ahead(ahead))
 
     @property
     def model(self) -> DroneModel:
@@ -110,14 +115,27 @@ class Situation:
         return {each.package_id: each.mass_kg for each in self.record.request.packages}
 
 
-def factor_beyond(record: MissionRecord, state: DroneState | None) -> float:
-    """The energy use in a drone's report relative to its planned model; 1 before a report.
+def factor_beyond(record: MissionRecord, state: DroneState | None, *, in_air: float) -> float:
+    """The energy use in a drone's report relative to its plan; 1 before a report.
 
-    The drone compares with its model, and its plan counts what was learned about it already.
+    The drone compares with its model in still air. Its plan counts already what was learned about
+    the drone, and the weather: `in_air` times the energy for its next flights.
     """
     if state is None or state.health is None:
         return 1.0
-    return record.candidate.learned.beyond(state.health.consumption_factor)
+    return record.candidate.learned.beyond(state.health.consumption_factor) / in_air
+
+
+def air_ahead(steps: Iterable[FlightStep | Step]) -> float:
+    """By how much the planned weather multiplies the energy of the flights up to a recharge."""
+    in_air, flights = 0.0, 0
+    for step in steps:
+        if isinstance(step, RechargeStep | Recharge) and flights:
+            break
+        if isinstance(step, FlyStep | Fly):
+            in_air += step.time_factor * step.energy_factor
+            flights += 1
+    return in_air / flights if flights else 1.0
 
 
 def steering_failsafe(record: MissionRecord, state: DroneState | None) -> ActiveFailsafe | None:

@@ -10,6 +10,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.claims import FREE, NOW_MS, Claiming, claim_values
 from skyway.runtime.sql.database import Database, Tx
 from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.share import shares_json
 from skyway_composition.tables import is_live, missions
 
 #: Seconds of wall time until another replica may plan for a claimed mission. Most plans are found
@@ -65,6 +66,7 @@ async def save_troubles(tx: Tx, records: Iterable[MissionRecord]) -> None:
             "of_mission": record.mission_id,
             "trouble": None if record.trouble is None else record.trouble.model_dump_json(),
             "report_seq": record.report_seq,
+            "shares": shares_json(record.shares),
         }
         for record in records
     ]

@@ -6,6 +6,7 @@ import pytest
 from skyway_drone_agent.simulated.disturbances import Disturbances
 
 from tests.composition.busy_world import BusyWorld
+from tests.composition.left_packages import left_to_book
 from tests.composition.missions.calendar.booked_chain import (
     CHAIN,
     book,
@@ -126,7 +127,7 @@ async def test_a_mission_that_loses_one_of_two_packages_is_booked_again_for_the_
     assert await waiting(world) == []
     kinds = await kinds_of(world, "dlv2")
     assert (kinds["RELEASED"], kinds["REFUSED"]) == (1, 1)
-    left = await world.left_to_book("dlv2")
+    left = await left_to_book(world, "dlv2")
     assert left is not None
     assert [each.package_id for each in left.packages] == ["dlv2_2"]
     assert await world.book("dlv2", left, loading="AUTOMATIC", drones=world.drones[:1]) == "BOOKED"

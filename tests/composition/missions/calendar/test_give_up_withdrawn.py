@@ -31,7 +31,8 @@ class FakeRegistry:
     ) -> OutOfServiceAnswer:
         self.asked.append(tuple(body.drone_ids))
         return OutOfServiceAnswer(
-            drone_ids=tuple(each for each in body.drone_ids if each in self.withdrawn)
+            drone_ids=tuple(each for each in body.drone_ids if each in self.withdrawn),
+            due_drone_ids=body.drone_ids,
         )
 
 

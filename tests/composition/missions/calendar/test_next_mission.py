@@ -15,6 +15,7 @@ from skyway_composition.missions.calendar.next_mission import (
     decide,
 )
 
+from skyway.delivery.request import QoS
 from skyway.ids import StationId
 from skyway.scheduling.stays import Slot, Stay
 
@@ -26,6 +27,7 @@ TIMES = Times(
     plan_ms=30_000,
     hand_over_ms=30_000,
     send_ahead_ms=600_000,
+    send_waiting_ms=120_000,
     longest_wait_ms=600_000,
 )
 #: The drone delivers at b in 100 s, and charges at home from 400 s to 1,400 s.
@@ -37,9 +39,16 @@ STAYS = (
 
 
 def following(
-    station_id: StationId = B, *, in_s: float, soc: float = 0.5, earliest_s: int = 0
+    station_id: StationId = B,
+    *,
+    in_s: float,
+    soc: float = 0.5,
+    earliest_s: int = 0,
+    wait_s: float = 0.0,
 ) -> Any:
+    qos = QoS(pooling=True, pooling_wait_s=wait_s)
     return SimpleNamespace(
+        request=SimpleNamespace(qos=qos),
         start=Slot(station_id, NOW_MS + round(in_s * 1000), soc),
         earliest_ms=NOW_MS + earliest_s * 1000 if earliest_s else 0,
     )
@@ -140,6 +149,14 @@ def test_a_mission_is_sent_if_its_drone_still_gets_it_in_time(
     in_s: int, decision: type[Decision]
 ) -> None:
     assert isinstance(decided(following(in_s=in_s), link=standing()), decision)
+
+
+@pytest.mark.parametrize(("wait_s", "decision"), [(0, Send), (900, Leave)])
+def test_a_mission_that_waits_for_others_is_sent_later(
+    wait_s: float, decision: type[Decision]
+) -> None:
+    waiting = following(in_s=130, earliest_s=130, wait_s=wait_s)
+    assert isinstance(decided(waiting, link=standing()), decision)
 
 
 def test_a_mission_that_can_begin_a_minute_sooner_is_planned_again() -> None:

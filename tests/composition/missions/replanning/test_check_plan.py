@@ -1,10 +1,17 @@
-"""Drones that wait to begin: their plans are checked only when something has changed."""
+"""When the plan of a drone is checked, and what its drone may use before it needs another."""
 
+import json
 from datetime import timedelta
 from typing import Any
 
 import pytest
 from sqlalchemy import Engine, event
+
+from tests.composition.missions.replanning.test_in_flight import (
+    FOR_TWO_FLIGHTS_J,
+    flying,
+    take_off,
+)
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
@@ -87,6 +94,28 @@ async def test_a_drone_that_uses_what_was_learned_about_it_keeps_its_plan(
     assert (trouble is not None) is needs_another
 
 
+@pytest.mark.parametrize(("wind_mps", "needs_another"), [(0.0, True), (5.0, False)])
+async def test_a_drone_that_uses_what_the_forecast_says_keeps_its_plan(
+    composition: Any, drone: Any, wind_mps: float, needs_another: bool
+) -> None:
+    now = composition.clock.now().isoformat()
+    wind = {"valid_at": now, "wind_speed_mps": wind_mps, "wind_from_deg": 90.0}
+    reports = [{"station_id": station, **wind} for station in "ace"]
+    forecast = {"source": "test", "issued_at": now, "reports": reports}
+    await composition("operator:op", "PUT", "/v1/networks/row/weather", forecast)
+    await composition.receive(drone.state(stream=0))
+    await composition.book()
+    (instruction,) = await composition.sent()
+    await composition.receive(drone.ack(instruction))
+    ready = {"mission_id": instruction.mission_id, "mission_revision": 1, "step_id": 1}
+
+    used = {"health": HEALTH | {"consumption_factor": 1.25}}
+    await composition.receive(drone.state(**ready | used))
+
+    (trouble,) = await troubles(composition)
+    assert (trouble is not None) is needs_another
+
+
 @pytest.mark.parametrize(
     "changes",
     [
@@ -152,3 +181,48 @@ async def test_a_drone_that_falls_silent_before_it_begins_is_found_late(
     (trouble,) = await troubles(composition)
     assert trouble is not None
     assert "LATE" in trouble
+
+
+@pytest.mark.parametrize(("soc", "expected"), [(1.0, None), (0.2, "MORE_ENERGY")])
+async def test_a_drone_in_flight_gets_a_new_plan_only_if_its_next_landing_needs_one(
+    composition: Any, drone: Any, make: Any, soc: float, expected: str | None
+) -> None:
+    first = await take_off(composition, drone, "e", make=make, battery_j=FOR_TWO_FLIGHTS_J)
+    over, landing = first.steps[1:3]
+    assert (over.lands, landing.lands) == (False, True)
+    used = {"health": HEALTH | {"consumption_factor": 1.25}}
+
+    await composition.receive(flying(drone, first, over.step_id, soc=soc, **used))
+
+    assert await trouble_code(composition) == expected
+
+
+@pytest.mark.parametrize(("factor", "expected"), [(1.13, None), (1.25, "MORE_ENERGY")])
+async def test_a_drone_that_charges_gets_a_new_plan_for_the_flights_after_its_session(
+    composition: Any, drone: Any, make: Any, factor: float, expected: str | None
+) -> None:
+    first = await take_off(composition, drone, "e", make=make)
+    flight, recharge = first.steps[1:3]
+    assert (flight.lands, recharge.kind) == (True, "RECHARGE")
+    composition.clock.advance(flight.planned_end_at - composition.clock.now())
+    used = {"health": HEALTH | {"consumption_factor": factor}}
+
+    await composition.receive(
+        *drone.ended(first, [flight]),
+        flying(
+            drone,
+            first,
+            recharge.step_id,
+            activity="RECHARGING",
+            station_id=recharge.station_id,
+            **used,
+        ),
+    )
+
+    assert await trouble_code(composition) == expected
+
+
+async def trouble_code(composition: Any) -> str | None:
+    """Why the mission needs another plan; None if it needs none."""
+    ((trouble,),) = await composition.rows("SELECT trouble FROM missions")
+    return None if trouble is None else str(json.loads(trouble)["code"])

@@ -406,3 +406,31 @@ async def test_a_drone_that_comes_after_closing_time_hands_over_when_its_station
     late = next(step for step in revision.steps if step.kind == "DELIVER")
     assert late.station_id == "b"
     assert late.planned_start_at == now.replace(hour=15, minute=0, second=0, microsecond=0)
+
+
+async def test_a_drone_lands_before_wind_above_its_limit_and_waits_there(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    limits = {"battery_j": FOR_TWO_FLIGHTS_J, "max_wind_mps": 6.0}
+    first = await take_off(composition, drone, "e", make=make, **limits)
+    over, landing = first.steps[1:3]
+    assert (over.to_id, over.lands, landing.to_id, landing.lands) == ("b", False, "c", True)
+
+    now = composition.clock.now()
+    wind = {"valid_at": now.isoformat(), "wind_speed_mps": 7.0, "wind_from_deg": 0.0}
+    reports = [{"station_id": station, **wind} for station in "ace"]
+    forecast = {"source": "a mast", "issued_at": now.isoformat(), "reports": reports}
+    answer = await composition(OPERATOR, "PUT", "/v1/networks/row/weather", forecast)
+    assert answer.status_code == 200, answer.text
+    await composition.replanner.step()
+
+    (divert,) = await composition.sent()
+    assert (divert.kind, divert.last_valid_step) == ("DIVERT", 2)
+    assert divert.steps[0].station_id == "b"
+    flights = [step for step in divert.steps if isinstance(step, FlyStep)]
+    # An hour later half of the wind is left.
+    assert min(step.planned_start_at for step in flights) >= now + timedelta(hours=1)
+    assert {step.time_factor > 1.0 for step in flights} == {True}
+    await composition.receive(drone.ack(divert))
+    assert (await composition.reports())[-1].mission.weather.source == "a mast"
+    assert await composition.broken() == []

@@ -5,7 +5,7 @@ import itertools
 import types
 from collections.abc import Callable, Coroutine, Generator
 from dataclasses import replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Any
 
 import pytest
@@ -30,6 +30,15 @@ async def test_a_request_becomes_a_planned_delivery(gateway_on_both: Gateway) ->
     assert planned["type"] == "delivery.planned"
     assert planned["data"]["delivery_time_s"] == 1800
     assert [p["package_id"] for p in planned["data"]["packages"]] == ["p1", "p2", "p3"]
+
+
+async def test_a_request_that_waits_for_others_is_booked_to_begin_later(gateway: Gateway) -> None:
+    delivery_id = await gateway.accepted(qos={"pooling": True, "pooling_wait_s": 900})
+    created_at = datetime.fromisoformat((await gateway.get(delivery_id))["created_at"])
+    await gateway.book_next()
+
+    [asked] = gateway.composition.asked
+    assert asked.request.earliest_pickup_at == created_at + timedelta(seconds=900)
 
 
 async def test_the_registry_is_asked_with_pickup_mass_and_providers(gateway: Gateway) -> None:

@@ -42,6 +42,7 @@ async def test_an_accepted_offer_is_booked_within_its_limits(
         "within_s": offer["delivery_time_s"],
         "hold": {"hold_id": gateway.composition.kept[0].hold_id, "number": 0},
         "tariff": offer["tariff"],
+        "late_share": None,
     }
     await gateway.book_next()
     assert (await gateway.get(delivery["delivery_id"]))["state"] == "PLANNED"

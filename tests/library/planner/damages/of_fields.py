@@ -15,6 +15,8 @@ SHIFTS = {
     "energy_j": 1.0,
     "soc_start": 1e-6,
     "soc_end": 1e-6,
+    "time_factor": 1e-6,
+    "energy_factor": 1e-6,
 }
 
 

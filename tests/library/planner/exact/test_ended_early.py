@@ -16,7 +16,7 @@ from skyway.planner.exact_task import Method
 from skyway.planner.problem import Problem
 from skyway.units import TIME_TOLERANCE_S
 
-#: After an eighth of a limit the search looks for any plan in haste.
+#: After a 32nd of a limit the search looks for any plan in haste.
 _LIMITS = (4000, 5000, 6000)
 
 

@@ -107,7 +107,10 @@ class OrderFinder:
         times = self._times()
         skyway = await self.networks.current(network_id)
         world = await World.of(skyway, self.db, after_ms=times.now_ms)
-        fleet = _free_to_take_off(await self._fleet(network_id, provider_id, times), world, times)
+        if world.weather_note(times.now_ms) is not None:
+            # The search plans in still air, so its orders would be none in this weather.
+            return "unsearched"
+        fleet = free_to_take_off(await self._fleet(network_id, provider_id, times), world, times)
         # Calendars of an earlier network or closure are planned again first, without this search.
         if not _can_improve(fleet) or not fleet.is_planned_in(world.present):
             return "unsearched"
@@ -142,17 +145,17 @@ class OrderFinder:
         fleet = fleet_of(records, links, left_out=held, times=times)
         if not _can_improve(fleet):
             return fleet
-        # A drone that is withdrawn finishes its mission, and gets no other one.
+        # These drones keep the missions that they have, and get no others.
         withdrawn = await self._withdrawn([*fleet.calendars])
         return fleet.only(fleet.calendars.keys() - withdrawn)
 
     async def _withdrawn(self, drone_ids: list[DroneId]) -> frozenset[DroneId]:
-        """The drones that are out of service, and all beyond the limit of one question."""
+        """Drones out of service or due for maintenance, and all beyond the limit of a question."""
         asked = OutOfServiceQuery(drone_ids=tuple(drone_ids[:MOST_DRONES]))
         answer = await self.registry.call(
             "POST", OUT_OF_SERVICE, body=asked, answer=OutOfServiceAnswer
         )
-        return frozenset((*answer.drone_ids, *drone_ids[MOST_DRONES:]))
+        return frozenset((*answer.drone_ids, *answer.due_drone_ids, *drone_ids[MOST_DRONES:]))
 
     async def _searched_orders(self, fleet: Fleet, world: World, times: Moments) -> Orders | None:
         """The order that the search proposes; None if it fails."""
@@ -234,7 +237,7 @@ class OrderFinder:
         return Moments(now_ms, settled_ms, hand_over_time_ms(self.clock))
 
 
-def _free_to_take_off(fleet: Fleet, world: World, times: Moments) -> Fleet:
+def free_to_take_off(fleet: Fleet, world: World, times: Moments) -> Fleet:
     """The drones that no ground stop holds where their next missions would begin."""
     free = {
         drone_id

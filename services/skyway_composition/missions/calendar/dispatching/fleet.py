@@ -170,4 +170,4 @@ def _standing(link: DroneLink | None, times: Moments) -> Slot | None:
 
 def plan_of(record: MissionRecord | None) -> MissionRecord | None:
     """The record without what only reports change."""
-    return None if record is None else replace(record, report_seq=0, reported_activity=None)
+    return None if record is None else record.without_reports

@@ -46,9 +46,11 @@ def judge(
     for before, after in changes:
         earlier, later = _etas_ms(before), _etas_ms(after)
         latest = latest_ms(before, tolerance_s=tolerance_s)
-        if any(at_ms > latest[package_id] for package_id, at_ms in later.items()):
+        # Packages that join the mission have no promise yet.
+        if any(later[package_id] > at_ms for package_id, at_ms in latest.items()):
             late.add(after.drone_id)
-        saved_s += weight_of(before) * (max(earlier.values()) - max(later.values())) / 1000
+        saved_ms = _ends_ms(before, earlier) - _ends_ms(before, later)
+        saved_s += weight_of(before) * saved_ms / 1000
         moves += before.drone_id != after.drone_id
     return Judgement(saved_s, moves, frozenset(late))
 
@@ -75,6 +77,13 @@ def latest_ms(record: MissionRecord, *, tolerance_s: float) -> dict[PackageId, i
         package_id: max(promised[package_id] + allowed_ms, at_ms)
         for package_id, at_ms in planned.items()
     }
+
+
+def _ends_ms(record: MissionRecord, etas_ms: Mapping[PackageId, int]) -> int:
+    """The sum of the last arrivals of the deliveries that the mission flies for."""
+    own = {each.package_id for each in record.mission.packages}
+    shares = [own & {*each.packages} for each in record.shares] or [own]
+    return sum(max(etas_ms[each] for each in share) for share in shares if share)
 
 
 def _etas_ms(record: MissionRecord) -> dict[PackageId, int]:

@@ -175,6 +175,7 @@ class OrderPlanner:
             trip,
             replace(slot, at_ms=trip.start_ms),
             margins=skyway.settings.margins,
+            weather=self.world.weather_note(trip.start_ms),
             planned_in=PlannedIn(skyway.version, self.world.conditions_version),
         )
         row.planned.append(Moved(moved, trip))

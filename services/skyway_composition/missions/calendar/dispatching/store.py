@@ -3,15 +3,16 @@
 from collections.abc import Collection
 from typing import Final
 
-from sqlalchemy import and_, or_, select
+from sqlalchemy import and_, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.ids import DeliveryId, DroneId, NetworkId, ProviderId
+from skyway.ids import DeliveryId, DroneId, NetworkId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.row import read_record
-from skyway_composition.tables import better_orders, is_live, is_queued, missions
+from skyway_composition.missions.mission.row import PROMISED, read_record
+from skyway_composition.missions.mission.share import Share
+from skyway_composition.tables import better_orders, guests, is_live, is_queued, missions
 from skyway_composition.tables.missions import DAY_MS
 
 _WAITING_FLEETS: Final = (
@@ -44,6 +45,66 @@ async def open_missions_of(
         .order_by(missions.c.drone_id, is_queued, missions.c.start_ms)
     )
     return [read_record(row) for row in found]
+
+
+async def hosts_at(
+    connection: AsyncConnection,
+    network_id: NetworkId,
+    station_id: StationId,
+    *,
+    provider_ids: Collection[ProviderId],
+    limit: int,
+) -> list[MissionRecord]:
+    """QUEUED missions of these providers that begin at a station and may be shared, first to last.
+
+    At most `limit`.
+    """
+    found = await connection.execute(
+        select(missions)
+        .where(
+            is_queued,
+            missions.c.pooling_at == station_id,
+            missions.c.network_id == network_id,
+            in_list(missions.c.provider_id, "provider_ids"),
+        )
+        .order_by(missions.c.start_ms, missions.c.mission_id)
+        .limit(limit),
+        {"provider_ids": sorted(provider_ids)},
+    )
+    return [read_record(row) for row in found]
+
+
+async def open_missions_on(connection: AsyncConnection, drone_id: DroneId) -> list[MissionRecord]:
+    """The missions of a drone that are not over: a sent one first, then by start."""
+    found = await connection.execute(
+        select(missions)
+        .where(missions.c.drone_id == drone_id, or_(is_queued, is_live))
+        .order_by(is_queued, missions.c.start_ms)
+    )
+    return [read_record(row) for row in found]
+
+
+async def save_promises(tx: Tx, record: MissionRecord) -> None:
+    """Save the promised arrival times of a mission whose packages have become more."""
+    await tx.execute(
+        update(missions)
+        .where(missions.c.mission_id == record.mission_id)
+        .values(promised=PROMISED.dump_json(record.promised).decode())
+    )
+
+
+def add_guest(tx: Tx, record: MissionRecord, guest: Share) -> None:
+    """Add a guest of this mission when the transaction ends.
+
+    The transaction then fails with `RowRefused` (`guest_attempt`) if the attempt was booked before.
+    """
+    row = {
+        "mission_id": guest.mission_id,
+        "host_id": record.mission_id,
+        "delivery_id": guest.delivery_id,
+        "attempt": guest.attempt,
+    }
+    tx.add(guests, [row])
 
 
 async def refusals_of(

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator
 from skyway.delivery.request import Package
 from skyway.ids import PackageId
 from skyway_composition.missions.mission.record import Aim, MissionRecord
-from skyway_composition.planning.world import ClosedAhead
+from skyway_composition.planning.closed_ahead import ClosedAhead
 
 
 def aims_to_try(

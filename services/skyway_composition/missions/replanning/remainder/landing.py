@@ -3,6 +3,7 @@
 Also makes trips that fly to such a landing first, or end there.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from heapq import heappop, heappush
@@ -13,11 +14,12 @@ from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, PlanStatus, Step
 from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
-from skyway.network.network import Network
+from skyway.network.network import Network, Segment
 from skyway.planner.pad_book import booked_until_ms
+from skyway.planner.weather import STILL_AIR, Air, Weather
 from skyway.scheduling.trip import NOTHING_TO_DELIVER, Trip
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
-from skyway_composition.planning.world import ClosedAhead
+from skyway_composition.planning.closed_ahead import ClosedAhead
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,18 +43,22 @@ class Landing:
 
 @dataclass(frozen=True, slots=True)
 class LandingSearch:
-    """Where a drone could land; `model` has the margin that flights are planned with."""
+    """Where a drone could land; `model` has the margin that flights are planned with.
+
+    The clock of the weather shows seconds since 1970.
+    """
 
     network: Network
     closed: ClosedAhead
     model: DroneModel
     load_kg: float
+    weather: Weather | None = None
 
     def nearest(self, anchor: Anchor) -> Landing | None:
         """The landing with the smallest flight time from the anchor; None when none is in reach.
 
-        A drone that can stand at the anchor stays there. Time and energy both grow with the flown
-        length, so the first landing found is the best.
+        A drone that can stand at the anchor stays there. Flights are followed in the order of
+        their ends, so the first landing found is the soonest.
         """
         start = self.here(anchor)
         if not anchor.is_in_the_air:
@@ -85,9 +91,13 @@ class LandingSearch:
             return
         model, load_kg = self.model, self.load_kg
         for segment in self.network.segments_from(here.station_id):
-            length_m = segment.length_m
+            air = self._air(segment, anchor.at_ms / 1000 + here.at_s)
+            if air.time_factor == math.inf:
+                continue
+            length_m = segment.length_m * air.time_factor
             at_s = here.at_s + flight_time_s(model, length_m=length_m, load_kg=load_kg)
             energy_j = flight_energy_j(model, length_m=length_m, load_kg=load_kg)
+            energy_j *= air.energy_factor
             soc = here.soc - energy_j / model.battery_j
             is_closed = self.closed.closes_segment(
                 segment.from_id,
@@ -105,8 +115,15 @@ class LandingSearch:
                 load_kg=load_kg,
                 energy_j=energy_j,
                 soc_end=soc,
+                time_factor=air.time_factor,
+                energy_factor=air.energy_factor,
             )
             yield Landing(segment.to_id, at_s, soc, (*here.flights, flight))
+
+    def _air(self, segment: Segment, at_s: float) -> Air:
+        if self.weather is None:
+            return STILL_AIR
+        return self.weather.air_between(segment.from_id, segment.to_id, at_s=at_s)
 
 
 def leaving_behind(landing: Landing, package_ids: frozenset[PackageId], *, start_ms: int) -> Trip:

@@ -29,6 +29,7 @@ from skyway_composition.missions.replanning.remainder.landing import (
     staying,
 )
 from skyway_composition.missions.replanning.situation import Situation
+from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.find_trip import round_trip, way_home
 from skyway_composition.planning.problem_for import (
     AimedPackage,
@@ -40,7 +41,7 @@ from skyway_composition.planning.problem_for import (
 )
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.windows import without_missed_window
-from skyway_composition.planning.world import ClosedAhead, World, compose_in
+from skyway_composition.planning.world import World, compose_in
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +124,14 @@ class RemainderPlanner:
     def _landings(self, anchor: Anchor) -> LandingSearch:
         masses_kg = self.situation.masses_kg
         load_kg = sum(masses_kg[each] for each in anchor.carried)
-        return LandingSearch(self.world.skyway.network, self.closed, self.model, load_kg)
+        known = self.world.conditions.weather
+        return LandingSearch(
+            self.world.skyway.network,
+            self.closed,
+            self.model,
+            load_kg,
+            None if known is None else known.of_model(self.model),
+        )
 
     async def _plan_standing(self, anchor: Anchor, trouble: Trouble) -> Remainder | NoTrip:
         """The remainder of a drone that can stand at the anchor."""

@@ -202,9 +202,13 @@ async def test_a_mission_that_moves_is_planned_with_what_its_new_drone_has_learn
 
 
 @_on_sqlite
-async def test_a_drone_out_of_service_gets_no_mission(world: BusyWorld) -> None:
+@pytest.mark.parametrize("is_due", [False, True])
+async def test_a_drone_out_of_service_or_due_for_maintenance_gets_no_mission(
+    world: BusyWorld, is_due: bool
+) -> None:
     await book_unevenly(world)
-    dispatcher = dispatcher_of(world, withdrawn=frozenset({"drn_2"}))
+    away = frozenset({"drn_2"})
+    dispatcher = dispatcher_of(world, due=away) if is_due else dispatcher_of(world, withdrawn=away)
 
     assert await dispatcher.look_at(NETWORK_ID, PROVIDER) != "adopted"
 

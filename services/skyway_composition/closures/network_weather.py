@@ -1,0 +1,200 @@
+"""The forecast with which a network plans, and the weather of its segments for each drone model."""
+
+import asyncio
+import math
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from skyway.contracts.weather import (
+    ForecastDocument,
+    MeasuredWind,
+    WeatherInForce,
+    WeatherNote,
+)
+from skyway.drone.model import DroneModel
+from skyway.ids import NetworkId
+from skyway.network.network import Network
+from skyway.planner.forecast import FADING, FADING_S, Forecast, planned_weather
+from skyway.planner.measured_wind import corrected
+from skyway.planner.weather import Weather
+from skyway.planner.wind import SegmentWind
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.closures.read_forecast import (
+    MOST_FACTORS,
+    edges_s,
+    forecast_of,
+    place_count,
+)
+
+#: The most factors of time of all drone models that are cached; with those of energy 384 MB.
+_MOST_CACHED: Final = 24_000_000
+
+
+class ForecastRow(NamedTuple):
+    """A forecast as it is stored: JSON of a `ForecastDocument`, and of a `MeasuredWind`."""
+
+    network_id: NetworkId
+    sha256: str
+    received_ms: int
+    content: bytes
+    measured: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StoredForecast:
+    """The forecast of a network, with what is stored about it."""
+
+    network_id: NetworkId
+    sha256: str
+    received_ms: int
+    document: ForecastDocument
+    measured: MeasuredWind | None = None
+
+    @classmethod
+    def read(cls, row: ForecastRow) -> "StoredForecast":
+        """The forecast of a row."""
+        document = ForecastDocument.read(row.content)
+        measured = None if row.measured is None else MeasuredWind.read(row.measured)
+        return cls(row.network_id, row.sha256, row.received_ms, document, measured)
+
+    @property
+    def note(self) -> WeatherNote:
+        """What plans say about the forecast they were made with."""
+        return WeatherNote(source=self.document.source, issued_at=self.document.issued_at)
+
+    def in_force(self, *, now_ms: int) -> WeatherInForce:
+        """The forecast as it is shown at this moment of fleet time."""
+        edges_ms = [round(each * 1000) for each in edges_s(self.document)]
+        over_ms = edges_ms[-1] + round(len(FADING) * FADING_S * 1000)
+        issued_ms = moment_to_ms(self.document.issued_at)
+        return WeatherInForce(
+            network_id=self.network_id,
+            source=self.document.source,
+            issued_at=self.document.issued_at,
+            age_s=(now_ms - issued_ms) / 1000,
+            received_at=ms_to_moment(self.received_ms),
+            sha256=self.sha256,
+            phase=(
+                "AHEAD"
+                if now_ms < edges_ms[0]
+                else "VALID"
+                if now_ms < edges_ms[-1]
+                else "FADING"
+                if now_ms < over_ms
+                else "OVER"
+            ),
+            valid_from_at=ms_to_moment(edges_ms[0]),
+            valid_until_at=ms_to_moment(edges_ms[-1]),
+            fades_until_at=ms_to_moment(over_ms),
+            measured_at=None if self.measured is None else self.measured.at,
+            places=place_count(self.document),
+            times=len(edges_ms) - 1,
+        )
+
+
+@dataclass(slots=True, eq=False)
+class NetworkWeather:
+    """A network's forecast; the factors of each drone model are made once, and cached."""
+
+    stored: StoredForecast
+    network: Network
+    forecast: Forecast
+    _wind: SegmentWind | None = None
+    _of_model: dict[tuple[float, float, float | None], Weather] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, row: ForecastRow, network: Network) -> "NetworkWeather":
+        """The weather that a stored forecast makes in a version of its network."""
+        return cls.of(StoredForecast.read(row), network)
+
+    @classmethod
+    def of(cls, stored: StoredForecast, network: Network) -> "NetworkWeather":
+        """The weather that a stored forecast makes in a version of its network.
+
+        A version with many more segments than the one for which the forecast was accepted uses only
+        as many of its first times as fit.
+        """
+        forecast = forecast_of(stored.document)
+        fitting = max(1, MOST_FACTORS // max(1, len(network.columns.length_m)) - len(FADING))
+        forecast = forecast.first(fitting)
+        measured = stored.measured
+        if measured is not None and measured.places:
+            corrections = {place: (east, north) for place, east, north in measured.places}
+            at_s = moment_to_ms(measured.at) / 1000
+            forecast = corrected(forecast, corrections, at_s=at_s)
+        return cls(stored, network, forecast)
+
+    @property
+    def over_ms(self) -> float:
+        """When the air counts as still again, fleet milliseconds."""
+        return (float(self.forecast.edges_s[-1]) + len(FADING) * FADING_S) * 1000
+
+    def note_at(self, at_ms: int) -> WeatherNote | None:
+        """What a plan says that begins at this moment; None if it begins in still air for good."""
+        return self.stored.note if at_ms < self.over_ms else None
+
+    def least_time_factor(self, model: DroneModel) -> float:
+        """A factor that no flight of this model gets below, found without looking at segments.
+
+        The factor of a segment is at least that of the faster load with all the wind behind it.
+        """
+        fastest_mps = max(model.speed_empty_mps, model.speed_full_mps)
+        strongest_mps = self.forecast.strongest_mps
+        return fastest_mps / (fastest_mps + strongest_mps)
+
+    async def of_plan(self, model: DroneModel, start_ms: int) -> Weather | None:
+        """The weather for a plan that begins at this moment; None if the air is still for good."""
+        if start_ms >= self.over_ms:
+            return None
+        if _key(model) not in self._of_model:
+            await asyncio.to_thread(self.of_model, model)
+        return self.of_model(model).shifted(-start_ms / 1000)
+
+    def of_model(self, model: DroneModel) -> Weather:
+        """The weather for drones of this model, by seconds of fleet time since 1970."""
+        key = _key(model)
+        found = self._of_model.get(key)
+        if found is None:
+            if self._wind is None:
+                self._wind = SegmentWind.of(self.network, self.forecast.field())
+            found = planned_weather(self._wind, model)
+            most = max(1, _MOST_CACHED // max(1, found.time_factor.size))
+            for oldest in list(self._of_model)[: max(0, len(self._of_model) + 1 - most)]:
+                self._of_model.pop(oldest, None)
+            self._of_model[key] = found
+        return found
+
+
+def _key(model: DroneModel) -> tuple[float, float, float | None]:
+    """What the weather depends on; margins and learned values change none of it."""
+    return model.speed_empty_mps, model.speed_full_mps, model.max_wind_mps
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedNow:
+    """What the weather closes to a drone model at a moment: a number of segments of all."""
+
+    closed: int
+    segments: int
+    until_ms: int
+
+    @property
+    def is_all(self) -> bool:
+        """Whether no segment is open."""
+        return self.closed == self.segments
+
+
+def closed_now(weather: Weather, at_ms: int) -> ClosedNow | None:
+    """What this weather, by fleet time, closes at a moment; None if it closes nothing.
+
+    It ends when the weather closes no segment any more.
+    """
+    period = weather.period_at(at_ms / 1000)
+    closed = (weather.time_factor == math.inf).sum(axis=1)
+    if not 0 < period < len(weather.edges_s) or not closed[period - 1]:
+        return None
+    last = period
+    while last < len(closed) and closed[last]:
+        last += 1
+    until_ms = round(float(weather.edges_s[last]) * 1000)
+    return ClosedNow(int(closed[period - 1]), len(weather.segment), until_ms)

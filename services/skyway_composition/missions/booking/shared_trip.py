@@ -1,0 +1,26 @@
+"""What booking needs of shared trips; `missions.calendar` has the parts that find and join them."""
+
+from typing import Protocol
+
+from skyway.contracts.mission import BookMissions, Mission
+from skyway.ids import DeliveryId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Tx
+from skyway_composition.planning.offer import Offers
+
+
+class SharedTrip(Protocol):
+    """A trip that a request shares with the waiting mission of another delivery."""
+
+    async def join(self, tx: Tx, *, clock: FleetClock, mint: Mint) -> Mission | None:
+        """Save it; returns the request's mission, or None if anything has changed."""
+
+
+class SharedTrips(Protocol):
+    """Finds shared trips."""
+
+    async def find(
+        self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers
+    ) -> SharedTrip | None:
+        """The best shared trip, if it is better than all these offers; else None."""

@@ -1,0 +1,243 @@
+"""Finds a waiting mission that carries a new request's packages too: the request joins it.
+
+The mission of another delivery is planned again with the packages of both. The request joins if the
+shared trip is better by its own QoS than the best trip of its own, and if no promise that was given
+gets later by more than the tolerance.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+from skyway.contracts.mission import BookMissions, PackageEta
+from skyway.delivery.offer import OfferValues, rank_offers
+from skyway.delivery.request import MAX_PACKAGES, MAX_TRIP_DESTINATIONS, DeliveryRequest
+from skyway.ids import DeliveryId, MissionId, ProviderId
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
+from skyway.runtime.tracing import current_traceparent
+from skyway.scheduling.trip import NoTrip
+from skyway.units import moment_to_ms
+from skyway_composition.links.store import held_among, links_to
+from skyway_composition.missions.calendar.dispatching import store
+from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
+from skyway_composition.missions.calendar.dispatching.find_order import free_to_take_off
+from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Moments, fleet_of
+from skyway_composition.missions.calendar.dispatching.join_host import Joint
+from skyway_composition.missions.calendar.dispatching.judgement import judge
+from skyway_composition.missions.calendar.dispatching.plan_orders import plan_orders
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.share import Share, flight_id
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.availability import hand_over_time_ms
+from skyway_composition.planning.offer import Offer, Offers
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.world import World
+
+#: Until a new plan is saved and a drone is reached: fleet seconds, wall seconds.
+_SETTLED_S: Final = (60.0, 2.0)
+
+#: How many waiting missions a request is compared with, those that begin first. Our own choice.
+_MOST_HOSTS: Final = 5
+
+#: The most deliveries that share a trip, as in the search of `skyway.dispatch`.
+MOST_SHARES: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class _Joining:
+    """A request that may join, its best own offer, and the best own offer of each provider."""
+
+    delivery_id: DeliveryId
+    requested: BookMissions
+    best: Offer
+    of_provider: Mapping[ProviderId, Offer]
+
+    @property
+    def request(self) -> DeliveryRequest:
+        """The request."""
+        return self.requested.request
+
+
+@dataclass(frozen=True, slots=True)
+class HostFinder:
+    """Finds waiting missions that requests can join."""
+
+    db: Database
+    networks: PreparedNetworks
+    solver: SolverPool
+    clock: FleetClock
+    mint: Mint
+    tolerance_s: float
+
+    async def find(
+        self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers
+    ) -> Joint | None:
+        """The best shared trip, if it is better than all trips of the request's own; else None."""
+        asked = _asked(delivery_id, requested, offers)
+        if asked is None:
+            return None
+        times = self._times()
+        skyway = await self.networks.around(asked.request.pickup.station_id)
+        if skyway is None:
+            return None
+        world = await World.of(skyway, self.db, after_ms=times.now_ms)
+        async with self.db.read() as connection:
+            hosts = await store.hosts_at(
+                connection,
+                skyway.network_id,
+                asked.request.pickup.station_id,
+                provider_ids=asked.of_provider.keys(),
+                limit=_MOST_HOSTS,
+            )
+        joints = [await self._joint(asked, host, world, times) for host in hosts]
+        found = [each for each in joints if each is not None]
+        values = [asked.best.values, *(_values(asked, each) for each in found)]
+        first = rank_offers(values, asked.request.qos.ranking)[0]
+        return found[first - 1] if first else None
+
+    async def _joint(
+        self, asked: _Joining, host: MissionRecord, world: World, times: Moments
+    ) -> Joint | None:
+        """The shared trip with this mission; None if it has no plan, or breaks a promise."""
+        fleet = free_to_take_off(await self._fleet_of(host, times), world, times)
+        if host not in fleet.waiting or not fleet.is_planned_in(world.present):
+            return None
+        joined = self._joined(asked, host)
+        if joined is None:
+            return None
+        moved = await plan_orders(
+            self.solver,
+            world,
+            _with_mission(fleet, joined),
+            fleet.orders,
+            times=times,
+            clock=self.clock,
+        )
+        if isinstance(moved, NoTrip):
+            return None
+        before = {each.mission_id: each for each in fleet.waiting}
+        after = [each.record for planned in moved.values() for each in planned]
+        judgement = judge(
+            ((before[each.mission_id], each) for each in after), tolerance_s=self.tolerance_s
+        )
+        if judgement.late:
+            return None
+        return Joint(BetterOrder(fleet, world, times, moved, judgement), joined.shares[-1])
+
+    async def _fleet_of(self, host: MissionRecord, times: Moments) -> Fleet:
+        """The calendar of the mission's drone; no calendar if nothing in it may change now."""
+        async with self.db.read() as connection:
+            records = await store.open_missions_on(connection, host.drone_id)
+            held = await held_among(connection, [host.drone_id], now_ms=times.now_ms)
+            links = await links_to(connection, [host.drone_id])
+        return fleet_of(records, links, left_out=held, times=times)
+
+    def _joined(self, asked: _Joining, host: MissionRecord) -> MissionRecord | None:
+        """The mission with the packages of both, to be planned again; None if they do not fit."""
+        request, solo = asked.request, asked.of_provider[host.mission.provider_id]
+        shares = host.shares or (_share_of(host),)
+        packages = (*host.request.packages, *request.packages)
+        destinations = {each.destination.station_id for each in packages}
+        if len(shares) >= MOST_SHARES or len(packages) > MAX_PACKAGES:
+            return None
+        if len(destinations) > MAX_TRIP_DESTINATIONS:
+            return None
+        if host.request.qos.priority != request.qos.priority:
+            return None
+        mission_id = MissionId(self.mint("msn"))
+        flying = {
+            flight_id(mission_id, number): each for number, each in enumerate(request.packages, 1)
+        }
+        guest = Share(
+            mission_id=mission_id,
+            delivery_id=asked.delivery_id,
+            attempt=asked.requested.attempt,
+            price=solo.price,
+            pooled_price=solo.price.pooled(solo.parts[0].candidate.tariff),
+            packages={flown: each.package_id for flown, each in flying.items()},
+            traceparent=current_traceparent(),
+        )
+        added = tuple(
+            each.model_copy(update={"package_id": flown}) for flown, each in flying.items()
+        )
+        etas = tuple(PackageEta(package_id=each, eta_at=host.mission.start_at) for each in flying)
+        return replace(
+            host,
+            request=host.request.model_copy(update={"packages": host.request.packages + added}),
+            mission=host.mission.model_copy(update={"packages": host.mission.packages + etas}),
+            shares=(*shares, guest),
+        )
+
+    def _times(self) -> Moments:
+        fleet_s, wall_s = _SETTLED_S
+        now_ms = moment_to_ms(self.clock.now())
+        ahead = fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s)
+        settled_ms = now_ms + round(ahead.total_seconds() * 1000)
+        return Moments(now_ms, settled_ms, hand_over_time_ms(self.clock))
+
+
+def _asked(delivery_id: DeliveryId, requested: BookMissions, offers: Offers) -> _Joining | None:
+    """The request, if it may share a trip and one drone can fly it alone; else None.
+
+    A drone that has refused a delivery must not get it again, so only first attempts join.
+    """
+    request = requested.request
+    if not request.may_share_trip or requested.attempt > 1 or requested.offer is not None:
+        return None
+    whole = [each for each in offers.ranked if len(each.parts) == 1]
+    if not whole:
+        return None
+    of_provider: dict[ProviderId, Offer] = {}
+    for each in whole:
+        of_provider.setdefault(each.provider_id, each)
+    return _Joining(delivery_id, requested, offers.ranked[0], of_provider)
+
+
+def _share_of(host: MissionRecord) -> Share:
+    """The share of the delivery whose mission it is."""
+    mission = host.mission
+    return Share(
+        mission_id=mission.mission_id,
+        delivery_id=mission.delivery_id,
+        attempt=mission.attempt,
+        trip=mission.trip,
+        price=mission.price,
+        pooled_price=mission.price.pooled(host.candidate.tariff),
+        packages={each.package_id: each.package_id for each in host.request.packages},
+        traceparent=host.traceparent,
+    )
+
+
+def _with_mission(fleet: Fleet, changed: MissionRecord) -> Fleet:
+    """The fleet with a changed waiting mission."""
+    return Fleet(
+        {
+            drone_id: replace(
+                calendar,
+                waiting=tuple(
+                    changed if each.mission_id == changed.mission_id else each
+                    for each in calendar.waiting
+                ),
+            )
+            for drone_id, calendar in fleet.calendars.items()
+        }
+    )
+
+
+def _values(asked: _Joining, joint: Joint) -> OfferValues:
+    """What the request's ranking looks at: its own arrival, price, and the energy that it adds."""
+    record, before = joint.record, joint.host_before
+    solo = asked.of_provider[record.mission.provider_id].values
+    own = [
+        each.eta_at for each in record.mission.packages if each.package_id in joint.guest.packages
+    ]
+    energy_j = (record.mission.plan.energy_j or 0.0) - (before.mission.plan.energy_j or 0.0)
+    return replace(
+        solo,
+        time_s=(moment_to_ms(max(own)) - asked.best.begins_ms) / 1000,
+        price=joint.guest.pooled_price.amount,
+        energy_j=max(0.0, energy_j),
+        drone_id=record.drone_id,
+    )

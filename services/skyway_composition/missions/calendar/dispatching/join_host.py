@@ -1,0 +1,67 @@
+"""Joins a waiting mission: the new calendar of its drone and the guest's rows, all or nothing."""
+
+from dataclasses import dataclass, replace
+
+from skyway.contracts.mission import Mission
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Tx
+from skyway.units import moment_to_ms
+from skyway_composition.missions.calendar.dispatching import store
+from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder, adopt
+from skyway_composition.missions.mission.custody_store import Custodian, Held, begin_custody
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.share import Share
+from skyway_composition.missions.mission.share_views import mission_of
+from skyway_composition.missions.mission.store import save_request
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A shared trip: new plans of one drone, in which a waiting mission carries a guest too."""
+
+    better: BetterOrder
+    guest: Share
+
+    @property
+    def record(self) -> MissionRecord:
+        """The mission with the packages of all, as it is planned now."""
+        return next(
+            each.record
+            for moved in self.better.moved.values()
+            for each in moved
+            if self.guest in each.record.shares
+        )
+
+    @property
+    def host_before(self) -> MissionRecord:
+        """The mission as it was before."""
+        waiting = self.better.fleet.waiting
+        return next(each for each in waiting if each.mission_id == self.record.mission_id)
+
+    async def join(self, tx: Tx, *, clock: FleetClock, mint: Mint) -> Mission | None:
+        """Save the shared trip; returns the guest's mission, or None if anything has changed.
+
+        The caller has locked or added the guest's delivery.
+
+        Raises
+        ------
+        RowRefused
+            Another mission, or a held offer, has one of the pads now.
+        """
+        if self.better.first_start_ms < moment_to_ms(clock.now()):
+            return None
+        if not await adopt(tx, self.better, clock=clock, mint=mint):
+            return None
+        record = self.record
+        promised = {each.package_id: each for each in self.host_before.mission.packages}
+        promised |= {each.package_id: each for each in record.promised}
+        new = [each for each in record.mission.packages if each.package_id in self.guest.packages]
+        record = replace(record, promised=(*promised.values(), *new))
+        await save_request(tx, record)
+        await store.save_promises(tx, record)
+        store.add_guest(tx, record, self.guest)
+        pickup = Custodian("STATION", record.request.pickup.station_id)
+        rows = [Held(each, 1, pickup) for each in self.guest.packages]
+        begin_custody(tx, record, rows, at_ms=moment_to_ms(record.mission.start_at))
+        return mission_of(record, self.guest)

@@ -1,0 +1,68 @@
+"""A share: one of the deliveries whose packages fly together with one mission.
+
+The mission of one delivery, the host, carries packages of other deliveries, its guests. Customers
+choose the ids of their packages, and two customers may choose the same. So a guest's packages fly
+under ids of their own.
+"""
+
+from collections.abc import Iterable
+from typing import Annotated
+
+from pydantic import Field, TypeAdapter
+
+from skyway.delivery.offer import Price
+from skyway.ids import DeliveryId, MissionId, PackageId
+from skyway.json_model import JsonModel
+
+
+class Share(JsonModel):
+    """A delivery's share of a mission; the host's share has the id of the mission itself.
+
+    A guest's mission id is only for reports: the gateway sees a mission of its own.
+    """
+
+    mission_id: MissionId
+    delivery_id: DeliveryId
+    attempt: Annotated[int, Field(ge=1, description="The booking that made it.")]
+    trip: Annotated[int, Field(ge=1, description="The trip within its booking.")] = 1
+    price: Annotated[Price, Field(description="What it costs alone.")]
+    pooled_price: Annotated[Price, Field(description="What it costs on a shared trip.")]
+    packages: Annotated[
+        dict[PackageId, PackageId],
+        Field(description="The customer's id of each package, by the id under which it flies."),
+    ]
+    is_pooled: Annotated[
+        bool, Field(description="Whether the drone has loaded packages of other deliveries too.")
+    ] = False
+    report_seq: Annotated[
+        int, Field(ge=0, description="The number of its last report; the host's is in its row.")
+    ] = 0
+    traceparent: Annotated[str | None, Field(description="The trace of its request.")] = None
+
+    @property
+    def charged(self) -> Price:
+        """What the customer pays: the pooled price once the drone has loaded for others too."""
+        return self.pooled_price if self.is_pooled else self.price
+
+    def own(self, package_ids: Iterable[PackageId]) -> tuple[PackageId, ...]:
+        """The customer's ids of those packages of this share that are among these."""
+        return tuple(self.packages[each] for each in package_ids if each in self.packages)
+
+    def flying(self, package_ids: Iterable[PackageId]) -> tuple[PackageId, ...]:
+        """The ids under which the packages with these customer's ids fly."""
+        asked = set(package_ids)
+        return tuple(flown for flown, own in self.packages.items() if own in asked)
+
+
+#: Reads and writes the shares of a mission.
+SHARES: TypeAdapter[tuple[Share, ...]] = TypeAdapter(tuple[Share, ...])
+
+
+def shares_json(shares: tuple[Share, ...]) -> str | None:
+    """The shares of a mission as they are stored; None while it flies for one delivery only."""
+    return SHARES.dump_json(shares).decode() if shares else None
+
+
+def flight_id(mission_id: MissionId, number: int) -> PackageId:
+    """The id under which a guest's package flies: its mission, and its number from 1."""
+    return PackageId(f"{mission_id}-{number}")

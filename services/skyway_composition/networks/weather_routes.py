@@ -1,0 +1,67 @@
+"""/v1/networks/{network_id}/weather: the forecast with which a network plans."""
+
+import asyncio
+from typing import Annotated, Final
+
+from fastapi import Depends, Request
+from pydantic import ValidationError
+
+from skyway.contracts.weather import ForecastDocument, WeatherInForce
+from skyway.errors import InvalidInput
+from skyway.ids import NetworkId
+from skyway.runtime.http.answers import NOT_FOUND
+from skyway.runtime.http.app import read_json
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.openapi_document import body_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway_composition.networks.change_weather import WeatherChanges
+
+#: The most bytes of a forecast (docs/reference/rest.md).
+FORECAST_LIMIT_BYTES: Final = 16 * 1024 * 1024
+
+
+def weather_routes(*, gate: ServiceGate, changes: WeatherChanges) -> ServiceRouter:
+    """PUT, GET and DELETE of a network's forecast."""
+    router = ServiceRouter(tags=("networks",))
+    path = "/v1/networks/{network_id}/weather"
+
+    @router.put(
+        path,
+        response_model=WeatherInForce,
+        responses=NOT_FOUND,
+        openapi_extra=body_of(ForecastDocument),
+    )
+    async def put_network_weather(
+        network_id: NetworkId, request: Request, caller: Annotated[Caller, Depends(gate)]
+    ) -> WeatherInForce:
+        """Replace the forecast with which the network plans; the same content changes nothing."""
+        caller.must_be("operator")
+        document = await read_json(request)
+        return await changes.put(network_id, await asyncio.to_thread(_read, document))
+
+    @router.get(path, responses=NOT_FOUND)
+    async def get_network_weather(
+        network_id: NetworkId, caller: Annotated[Caller, Depends(gate)]
+    ) -> WeatherInForce:
+        """Show which forecast the network plans with, and how old it is."""
+        caller.must_be("customer", "provider", "operator", "service")
+        return await changes.in_force(network_id)
+
+    @router.delete(path, status_code=204)
+    async def delete_network_weather(
+        network_id: NetworkId, caller: Annotated[Caller, Depends(gate)]
+    ) -> None:
+        """Remove the forecast: the network plans in still air again."""
+        caller.must_be("operator")
+        await changes.remove(network_id)
+
+    return router
+
+
+def _read(document: object) -> ForecastDocument:
+    try:
+        return ForecastDocument.model_validate(document)
+    except ValidationError as error:
+        fault = error.errors(include_url=False, include_input=False)[0]
+        field = ".".join(map(str, fault["loc"])) or "forecast"
+        raise InvalidInput(field, fault["msg"]) from error

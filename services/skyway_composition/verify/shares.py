@@ -1,0 +1,143 @@
+"""The rules of shared missions, and whose package flies under which id."""
+
+from collections import Counter, defaultdict
+from collections.abc import Mapping
+from typing import Any, Final
+
+from sqlalchemy import and_, exists, select
+
+from skyway.runtime.verification.rule import Rule, Survey
+from skyway_composition.missions.mission.share import SHARES, Share
+from skyway_composition.tables import custody, deliveries, guests, is_open, missions
+
+
+async def shares_of(survey: Survey) -> Mapping[str, tuple[Share, ...]]:
+    """By mission: its shares; missions that fly for one delivery only are left out."""
+    found: dict[str, tuple[Share, ...]] = {}
+    query = select(missions.c.mission_id, missions.c.shares).where(missions.c.shares.is_not(None))
+    async for row in survey.each(query):
+        try:
+            found[row.mission_id] = SHARES.validate_json(row.shares)
+        except ValueError:
+            continue  # another rule names texts that cannot be read
+    return found
+
+
+async def guests_of_hosts(survey: Survey) -> Mapping[str, list[Any]]:
+    """By host: its rows of guests."""
+    found: dict[str, list[Any]] = defaultdict(list)
+    async for row in survey.each(select(guests)):
+        found[row.host_id].append(row)
+    return found
+
+
+async def owners(survey: Survey) -> Mapping[tuple[str, str], tuple[str, str] | None]:
+    """By mission and flying id of a package: its delivery and its own id.
+
+    None for a package of a guest that was forgotten. Packages of missions that fly for one delivery
+    only are left out.
+    """
+    stored = await survey.once(guests_of_hosts)
+    return {
+        (mission_id, flying): (
+            (share.delivery_id, own)
+            if share.mission_id == mission_id
+            or any(row.mission_id == share.mission_id for row in stored.get(mission_id, ()))
+            else None
+        )
+        for mission_id, shares in (await survey.once(shares_of)).items()
+        for share in shares
+        for flying, own in share.packages.items()
+    }
+
+
+async def _unlike_guests(survey: Survey) -> set[str]:
+    """Hosts whose shares are not their delivery and their guests."""
+    shares = await survey.once(shares_of)
+    stored = await survey.once(guests_of_hosts)
+    query = select(missions.c.mission_id, missions.c.delivery_id).where(
+        missions.c.shares.is_not(None)
+    )
+    delivery_of = {row.mission_id: row.delivery_id for row in await survey.rows(query)}
+    wrong = {
+        mission_id
+        for mission_id, own in shares.items()
+        if not own
+        or (own[0].mission_id, own[0].delivery_id) != (mission_id, delivery_of[mission_id])
+    }
+    for host_id, rows in stored.items():
+        known = {
+            (each.mission_id, each.delivery_id, each.attempt) for each in shares.get(host_id, ())
+        }
+        if not {(row.mission_id, row.delivery_id, row.attempt) for row in rows} <= known:
+            wrong.add(host_id)
+    return wrong
+
+
+async def _wrong_prices(survey: Survey) -> set[str]:
+    """Missions whose shares would pay more together than alone, or are pooled alone."""
+    return {
+        mission_id
+        for mission_id, shares in (await survey.once(shares_of)).items()
+        if sum(each.is_pooled for each in shares) == 1
+        or any(each.pooled_price.amount > each.price.amount for each in shares)
+    }
+
+
+async def _twice_named(survey: Survey) -> set[str]:
+    """Missions on which two packages fly under one id."""
+    return {
+        mission_id
+        for mission_id, shares in (await survey.once(shares_of)).items()
+        for times in [Counter(flying for each in shares for flying in each.packages)]
+        if any(count > 1 for count in times.values())
+    }
+
+
+_FROM_GUESTS: Final = (
+    "The gateway has each guest as a mission of its own (`missions` there, with the same id, "
+    "delivery and attempt): correct the row of `guests` or the host's `shares` by it."
+)
+
+SHARED: Final = (
+    Rule(
+        "a shared mission has its own delivery and its guests as shares",
+        _unlike_guests,
+        _FROM_GUESTS,
+    ),
+    Rule(
+        "each package of a shared mission flies under its own id",
+        _twice_named,
+        "The drone cannot distinguish the packages. Cancel one of the deliveries before it is "
+        "loaded; else ask people at the hand-over.",
+    ),
+    Rule(
+        "a pooled price is paid together, and is no higher than the price alone",
+        _wrong_prices,
+        "`is_pooled` is true in the shares that the drone has loaded together, at least two. The "
+        "gateway's copy of each mission has the price that its customer saw.",
+    ),
+    Rule(
+        "I6 a package of a guest has a chain of custody",
+        select(guests.c.mission_id)
+        .join(missions, missions.c.mission_id == guests.c.host_id)
+        .where(is_open, ~exists().where(custody.c.delivery_id == guests.c.delivery_id)),
+        "All rows of the chain were deleted. The gateway has the same chain (its table "
+        "`custody`): copy the rows from there.",
+    ),
+    Rule(
+        "a closed delivery is no guest of a mission that is not over",
+        select(guests.c.mission_id)
+        .join(missions, missions.c.mission_id == guests.c.host_id)
+        .join(
+            deliveries,
+            and_(
+                deliveries.c.delivery_id == guests.c.delivery_id,
+                deliveries.c.closed_ms.is_not(None),
+            ),
+        )
+        .where(is_open),
+        "The gateway has given the delivery up, so nobody waits for its packages. Find out who "
+        "has them, and bring them back to the pickup.",
+    ),
+)

@@ -1,0 +1,140 @@
+"""Batteries over REST: providers register them, and say which drone each is in."""
+
+from functools import partial
+from typing import Annotated
+
+from fastapi import Depends, Query, Response
+
+from skyway.errors import InvalidInput
+from skyway.ids import BatteryId, DroneId, ProviderId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.http.answers import conflicts
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
+from skyway_provider_registry.fleets import battery_store, store
+from skyway_provider_registry.fleets.battery import (
+    Battery,
+    BatteryChange,
+    BatteryWithHistory,
+    NewBattery,
+    NewBatteryRow,
+)
+from skyway_provider_registry.fleets.drone import Drone
+from skyway_provider_registry.presence.store import touch
+from skyway_provider_registry.providers import store as providers
+
+
+def battery_routes(
+    *, db: Database, gate: ServiceGate, clock: FleetClock, mint: Mint
+) -> ServiceRouter:
+    """/v1/providers/{provider_id}/batteries and /{battery_id}: POST, GET and DELETE."""
+    router = ServiceRouter(tags=("drones",), prefix="/v1/providers/{provider_id}/batteries")
+
+    @router.post("", status_code=201, responses=conflicts("SERIAL_TAKEN", "TOO_MANY_BATTERIES"))
+    async def register_battery(
+        provider_id: ProviderId,
+        caller: Annotated[Caller, Depends(gate)],
+        requested: NewBattery,
+        response: Response,
+    ) -> Battery:
+        """Register a battery; a serial number is registered once."""
+        caller.must_be("operator", "provider")
+        async with db.write() as tx:
+            await providers.of_caller(tx.connection, caller, provider_id=provider_id)
+            models = await store.every_model(tx.connection)
+            if (model := models.get(requested.model_id)) is None:
+                raise InvalidInput("model_id", f"no drone model is called {requested.model_id!r}")
+            new = NewBatteryRow(
+                battery_id=BatteryId(mint("bat")),
+                provider_id=provider_id,
+                requested=requested,
+                capacity_j=requested.capacity_j or model.battery_j,
+                state_of_health=requested.first_health(model),
+                created_at=clock.now(),
+            )
+            await battery_store.add(tx, new)
+            battery = await battery_store.one(tx.connection, provider_id, new.battery_id)
+        response.headers["Location"] = f"/v1/providers/{provider_id}/batteries/{new.battery_id}"
+        return battery
+
+    @router.get("")
+    async def list_batteries(
+        provider_id: ProviderId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[PageQuery, Query()],
+    ) -> Page[Battery]:
+        """List the batteries of a provider, by id."""
+        caller.must_be("operator", "provider")
+        async with db.read() as connection:
+            await providers.of_caller(connection, caller, provider_id=provider_id)
+            rows = await battery_store.page(connection, provider_id, query)
+        return page_of(
+            rows, query, item=lambda each: each, sort_key=lambda each: (each.battery_id,)
+        )
+
+    @router.get("/{battery_id}")
+    async def get_battery(
+        provider_id: ProviderId, battery_id: BatteryId, caller: Annotated[Caller, Depends(gate)]
+    ) -> BatteryWithHistory:
+        """Show a battery, and the drones that it was in."""
+        caller.must_be("operator", "provider")
+        async with db.read() as connection:
+            await providers.of_caller(connection, caller, provider_id=provider_id)
+            return await battery_store.one(connection, provider_id, battery_id)
+
+    @router.delete("/{battery_id}", status_code=204, responses=conflicts("BATTERY_INSTALLED"))
+    async def delete_battery(
+        provider_id: ProviderId, battery_id: BatteryId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Response:
+        """Delete a battery that is in no drone."""
+        caller.must_be("operator", "provider")
+        async with db.write() as tx:
+            await providers.of_caller(tx.connection, caller, provider_id=provider_id)
+            await battery_store.delete_one(tx, provider_id, battery_id)
+        return Response(status_code=204)
+
+    return router
+
+
+def installation_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
+    """PUT and DELETE /v1/providers/{provider_id}/drones/{drone_id}/battery."""
+    router = ServiceRouter(tags=("drones",))
+    path = "/v1/providers/{provider_id}/drones/{drone_id}/battery"
+
+    @router.put(path, responses=conflicts("BATTERY_INSTALLED", "ON_MISSION", "OTHER_MODEL"))
+    async def install_battery(
+        provider_id: ProviderId,
+        drone_id: DroneId,
+        caller: Annotated[Caller, Depends(gate)],
+        requested: BatteryChange,
+    ) -> Drone:
+        """Note that a drone has this battery now; its battery from before is in no drone."""
+        caller.must_be("operator", "provider")
+        of_drone = partial(store.of_caller, provider_id=provider_id, drone_id=drone_id)
+        async with db.write() as tx:
+            # Nothing else about the drone changes from here on.
+            await touch(tx, drone_id)
+            drone = await of_drone(tx.connection, caller)
+            await battery_store.install(tx, drone, requested.battery_id, at=clock.now())
+            drone = await of_drone(tx.connection, caller)
+        return drone.shown(clock.wall_now())
+
+    @router.delete(path, responses=conflicts("ON_MISSION"))
+    async def remove_battery(
+        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Drone:
+        """Note that a drone does not have its registered battery any more."""
+        caller.must_be("operator", "provider")
+        of_drone = partial(store.of_caller, provider_id=provider_id, drone_id=drone_id)
+        async with db.write() as tx:
+            # Nothing else about the drone changes from here on.
+            await touch(tx, drone_id)
+            drone = await of_drone(tx.connection, caller)
+            await battery_store.remove_from(tx, drone, at=clock.now())
+            drone = await of_drone(tx.connection, caller)
+        return drone.shown(clock.wall_now())
+
+    return router

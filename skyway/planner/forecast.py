@@ -1,0 +1,128 @@
+"""A forecast of wind and temperature, and the weather of a network that follows from it.
+
+The values of a period hold as they are until it ends. After the last period they still count, but
+less and less: the deviation from still air is halved every three hours, and after twelve hours the
+air is still. Our own choice: wind changes within hours, and a plan must not believe an old wind.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from skyway.drone.model import DroneModel
+from skyway.network.network import Network
+from skyway.planner.kernels.memory import Floats
+from skyway.planner.weather import Weather
+from skyway.planner.wind import SegmentWind, WindField, nearest_places, without_savings
+
+#: After the last period: the length of each further period, and what its deviation is multiplied
+#: by.
+FADING_S: Final = 10_800.0
+FADING: Final = (0.5, 0.25, 0.125, 0.0625)
+
+#: Below this temperature each degree raises the energy of flights by this share: a cold battery
+#: gives less of its charge. Our own choice.
+_COOL_C: Final = 10.0
+_MORE_PER_DEGREE: Final = 0.01
+
+#: A station this far outside of a grid, or from the nearest place, still has weather; metres.
+FARTHEST_M: Final = 50_000.0
+
+_M_PER_DEG: Final = 111_195.0
+
+_VALUES: Final = ("east_mps", "north_mps", "gust_mps", "temperature_c", "error_mps")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Forecast:
+    """Wind and temperature at k places in p periods that follow one another.
+
+    Parameters
+    ----------
+    longitude_deg, latitude_deg
+        ``(k,)``, the places; with a `grid` as in `WindField`.
+    edges_s
+        ``(p + 1,)``, where the periods begin, and last where they end; seconds by any clock.
+    east_mps, north_mps
+        ``(p, k)``, where to and how fast the air moves.
+    gust_mps, temperature_c, error_mps
+        ``(p, k)``: how fast the air moves at most, its temperature, and the standard error of the
+        wind.
+    """
+
+    longitude_deg: Floats
+    latitude_deg: Floats
+    edges_s: Floats
+    east_mps: Floats
+    north_mps: Floats
+    gust_mps: Floats
+    temperature_c: Floats
+    error_mps: Floats
+    grid: tuple[int, int] | None = None
+
+    def first(self, periods: int) -> "Forecast":
+        """The forecast with at most its first periods."""
+        if periods >= len(self.edges_s) - 1:
+            return self
+        return replace(
+            self,
+            edges_s=self.edges_s[: periods + 1],
+            **{name: getattr(self, name)[:periods] for name in _VALUES},
+        )
+
+    def field(self) -> WindField:
+        """The wind with the periods in which it fades."""
+        cold = _MORE_PER_DEGREE * np.maximum(0.0, _COOL_C - self.temperature_c)
+        fading_s = self.edges_s[-1] + FADING_S * np.arange(1, len(FADING) + 1)
+        strongest = np.hypot(self.east_mps, self.north_mps)
+        return WindField(
+            longitude_deg=self.longitude_deg,
+            latitude_deg=self.latitude_deg,
+            edges_s=np.concatenate((self.edges_s, fading_s)),
+            east_mps=_faded(self.east_mps),
+            north_mps=_faded(self.north_mps),
+            gust_mps=_faded(np.maximum(self.gust_mps, strongest)),
+            energy_factor=1.0 + _faded(cold),
+            error_mps=_faded(self.error_mps),
+            grid=self.grid,
+        )
+
+    @property
+    def strongest_mps(self) -> float:
+        """The strongest wind at any place and time, with its error; gusts do not count."""
+        return float((np.hypot(self.east_mps, self.north_mps) + self.error_mps).max())
+
+    def farthest_m(self, network: Network) -> tuple[int, float]:
+        """The station that is farthest from the forecast, by its row, and how far it is.
+
+        The distance to a grid is that to its border, and 0 within it.
+        """
+        at_deg = network.columns.longitude_deg, network.columns.latitude_deg
+        if self.grid is None:
+            _, far_m = nearest_places(self.field(), longitude_deg=at_deg[0], latitude_deg=at_deg[1])
+            apart_m = far_m.min(axis=0)
+        else:
+            beyond = [
+                np.maximum(np.maximum(axis.min() - at, at - axis.max()), 0.0)
+                for axis, at in zip((self.longitude_deg, self.latitude_deg), at_deg, strict=True)
+            ]
+            stretch = np.cos(np.radians(at_deg[1]))
+            apart_m = _M_PER_DEG * np.hypot(beyond[0] * stretch, beyond[1])
+        row = int(apart_m.argmax())
+        return row, float(apart_m[row])
+
+
+def planned_weather(wind: SegmentWind, model: DroneModel) -> Weather:
+    """The weather in which drones of this model are planned, by the clock of the wind.
+
+    A segment is closed while the gusts, which are at least the wind, are above the model's limit.
+    A tail wind saves time, but no plan counts on the energy that it saves.
+    """
+    limit_mps = np.inf if model.max_wind_mps is None else model.max_wind_mps
+    return without_savings(wind.weather(model, limit_mps=limit_mps))
+
+
+def _faded(deviation: Floats) -> Floats:
+    """``(p + f, k)``: the deviation from still air, and after its end what is left of it."""
+    return np.concatenate((deviation, *(share * deviation[-1:] for share in FADING)))

@@ -1,0 +1,102 @@
+"""The wind that drones measure corrects a forecast near them, for the next hours.
+
+Each provider has one vote at a place, the median of its drones; the forecast has a vote too. The
+median of all votes counts, so the drones of one provider change nothing alone.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from statistics import median
+from typing import Final
+
+import numpy as np
+
+from skyway.planner.forecast import Forecast
+from skyway.planner.wind import nearest_places, shares_of
+
+#: Measurements count for so long, and so far; seconds and metres.
+RECENT_S: Final = 900.0
+NEAR_M: Final = 50_000.0
+
+#: Corrections are rounded to this and limited to that, metres per second, so that plans change only
+#: when the wind is really another one.
+_STEP_MPS: Final = 0.5
+_MOST_MPS: Final = 15.0
+
+#: What is left of a correction after each hour. Our own choice: after some hours the weather is
+#: another one.
+_LEFT_AN_HOUR: Final = 0.5
+_HOUR_S: Final = 3_600.0
+
+#: The wind by which a place is corrected: to the east and north, metres per second.
+Correction = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """The wind that one drone has measured: where to the air moves."""
+
+    provider_id: str
+    longitude_deg: float
+    latitude_deg: float
+    at_s: float
+    east_mps: float
+    north_mps: float
+
+
+def corrections_of(
+    forecast: Forecast, measured: Iterable[Measurement], *, now_s: float
+) -> dict[int, Correction]:
+    """The correction of each place of the forecast that has one, by the place's number."""
+    recent = [each for each in measured if abs(now_s - each.at_s) <= RECENT_S]
+    field = forecast.field()
+    period = int(np.searchsorted(field.edges_s, now_s, side="right")) - 1
+    if not recent or not 0 <= period < len(field.edges_s) - 1:
+        return {}
+    longitude_deg = np.array([each.longitude_deg for each in recent])
+    latitude_deg = np.array([each.latitude_deg for each in recent])
+    shares = shares_of(field, longitude_deg=longitude_deg, latitude_deg=latitude_deg)
+    now = slice(period, period + 1)
+    expected = np.stack((shares.of(field.east_mps[now])[0], shares.of(field.north_mps[now])[0]))
+    measured_mps = np.array([(each.east_mps, each.north_mps) for each in recent]).T
+    places, far_m = nearest_places(field, longitude_deg=longitude_deg, latitude_deg=latitude_deg)
+    votes: dict[int, dict[str, list[Correction]]] = defaultdict(lambda: defaultdict(list))
+    for number, each in enumerate(recent):
+        east_mps, north_mps = (measured_mps - expected)[:, number].tolist()
+        for place in places[far_m[:, number] <= NEAR_M, number].tolist():
+            votes[place][each.provider_id].append((east_mps, north_mps))
+    found = {place: _decided(by_provider) for place, by_provider in sorted(votes.items())}
+    return {place: correction for place, correction in found.items() if correction != (0.0, 0.0)}
+
+
+def corrected(
+    forecast: Forecast, corrections: Mapping[int, Correction], *, at_s: float
+) -> Forecast:
+    """The forecast with corrections that were found at this moment; halved with each hour."""
+    places = np.array([*corrections], np.int64)
+    late_s = np.maximum(0.0, forecast.edges_s[:-1] - at_s)
+    left = np.where(forecast.edges_s[1:] > at_s, _LEFT_AN_HOUR ** (late_s / _HOUR_S), 0.0)
+    east_mps, north_mps = forecast.east_mps.copy(), forecast.north_mps.copy()
+    for column, (east, north) in zip(places, corrections.values(), strict=True):
+        east_mps[:, column] += left * east
+        north_mps[:, column] += left * north
+    return replace(forecast, east_mps=east_mps, north_mps=north_mps)
+
+
+def _decided(by_provider: Mapping[str, Sequence[Correction]]) -> Correction:
+    """The median vote in both directions; the forecast votes for no correction."""
+    east_mps, north_mps = (
+        _rounded([0.0, *(median(each[part] for each in given) for given in by_provider.values())])
+        for part in (0, 1)
+    )
+    return east_mps, north_mps
+
+
+def _rounded(votes_mps: Sequence[float]) -> float:
+    """The median of the votes, in steps; of two in the middle the one nearer to the forecast."""
+    ordered = sorted(votes_mps)
+    middle = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
+    nearer = min(middle, key=abs)
+    limited = min(_MOST_MPS, max(-_MOST_MPS, nearer))
+    return round(limited / _STEP_MPS) * _STEP_MPS + 0.0

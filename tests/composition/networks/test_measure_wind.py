@@ -1,0 +1,103 @@
+"""The wind that drones on missions measure corrects the forecast of their network."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from skyway_composition.networks.measure_wind import MeasuredWinds
+from sqlalchemy import text
+
+from tests.composition.drone_messages import DroneMessages
+
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+OPERATOR = "operator:op"
+PATH = "/v1/networks/row/weather"
+
+HEALTH = {
+    "voltage_v": 22.0,
+    "current_a": 1.0,
+    "soc_error": 0.01,
+    "cell_spread_v": 0.01,
+    "temperature_c": 20.0,
+    "state_of_health": 1.0,
+    "range_m": 10_000.0,
+}
+
+
+async def fly(composition: Any, make: Any, *, number: int, east_mps: float) -> None:
+    """A drone of a provider of its own takes off, and measures this wind."""
+    drone = DroneMessages(composition, f"drn_{number}", f"prv_{number}")
+    candidate = make.candidate(number, provider_id=drone.provider_id)
+    await composition.book(candidate, delivery_id=f"dlv_{number}", request=make.request("b"))
+    (instruction,) = await composition.sent(drone.drone_id)
+    await composition.receive(drone.ack(instruction))
+    values = {
+        "mission_id": instruction.mission_id,
+        "mission_revision": 1,
+        "activity": "FLYING",
+        "step_id": 2,
+        "released_through": 2,
+        "station_id": None,
+        "package_ids": ("p1",),
+        "health": HEALTH | {"wind": {"east_mps": east_mps, "north_mps": 0.0}},
+    }
+    await composition.receive(drone.state(**values))
+
+
+async def test_two_providers_that_measure_the_same_correct_the_forecast(
+    composition: Any, make: Any
+) -> None:
+    now = composition.clock.now().isoformat()
+    still = {"valid_at": now, "wind_speed_mps": 0.0, "wind_from_deg": 0.0}
+    reports = [{"station_id": station, **still} for station in "ace"]
+    forecast = {"source": "test", "issued_at": now, "reports": reports}
+    await composition(OPERATOR, "PUT", PATH, forecast)
+    winds = MeasuredWinds(composition.db, composition.clock, composition.parts.calendars)
+    await fly(composition, make, number=1, east_mps=-6.0)
+
+    await winds.step()
+    alone = (await composition(OPERATOR, "GET", PATH)).json()
+    await fly(composition, make, number=2, east_mps=-5.0)
+    await winds.step()
+    together = (await composition(OPERATOR, "GET", PATH)).json()
+    (before,) = await composition.rows("SELECT conditions FROM networks")
+    await winds.step()
+    (after,) = await composition.rows("SELECT conditions FROM networks")
+    windy = await composition.book(
+        make.candidate(3), delivery_id="dlv_3", request=make.request("b")
+    )
+
+    assert alone["measured_at"] is None
+    assert together["measured_at"] is not None
+    assert before == after
+    flight = next(step for step in windy.missions[0].plan.steps if step.kind == "FLY")
+    speed_mps = make.candidate().model.speed_empty_mps
+    assert flight.time_factor == pytest.approx(speed_mps / (speed_mps - 5.0), abs=0.011)
+    assert (await composition(OPERATOR, "PUT", PATH, forecast)).json() == together
+    assert await composition.broken() == []
+
+
+async def test_a_correction_ends_when_drones_measure_no_such_wind_any_more(
+    composition: Any, make: Any
+) -> None:
+    now = composition.clock.now()
+    still = {"wind_speed_mps": 0.0, "wind_from_deg": 0.0}
+    reports = [
+        {"station_id": station, "valid_at": (now + timedelta(hours=hour)).isoformat(), **still}
+        for station in "ace"
+        for hour in range(3)
+    ]
+    forecast = {"source": "test", "issued_at": now.isoformat(), "reports": reports}
+    await composition(OPERATOR, "PUT", PATH, forecast)
+    winds = MeasuredWinds(composition.db, composition.clock, composition.parts.calendars)
+    for number in (1, 2):
+        await fly(composition, make, number=number, east_mps=-5.0)
+    await winds.step()
+
+    composition.clock.advance(timedelta(minutes=20))
+    await winds.step()
+
+    async with composition.db.read() as connection:
+        found = await connection.execute(text("SELECT measured FROM forecasts"))
+    assert '"places":[]' in found.scalar_one()

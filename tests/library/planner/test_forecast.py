@@ -1,0 +1,158 @@
+"""A forecast: what counts between its places, after its end, and in a tail wind."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from skyway.drone.model import DroneModel
+from skyway.geo import Position
+from skyway.ids import StationId
+from skyway.network.network import Network, Segment, Station
+from skyway.planner.forecast import FADING, FADING_S, Forecast, planned_weather
+from skyway.planner.weather import Weather
+from skyway.planner.wind import SegmentWind, shares_of
+from tests.library.planner.conftest import MODEL
+
+A, B = StationId("a"), StationId("b")
+
+
+@pytest.fixture
+def network() -> Network:
+    """A segment to the east, and back."""
+    stations = {name: Station(name, Position(x, 0.0)) for name, x in ((A, 0.0), (B, 0.1))}
+    return Network(stations, [Segment(A, B, 1e4), Segment(B, A, 1e4)])
+
+
+def forecast(east_mps: float, *, gust_mps: float = 0.0, temperature_c: float = 15.0) -> Forecast:
+    """An hour of wind to the east, at one place."""
+
+    def one(value: float) -> Any:
+        return np.full((1, 1), value)
+
+    return Forecast(
+        longitude_deg=np.zeros(1),
+        latitude_deg=np.zeros(1),
+        edges_s=np.array([0.0, 3600.0]),
+        east_mps=one(east_mps),
+        north_mps=one(0.0),
+        gust_mps=one(gust_mps),
+        temperature_c=one(temperature_c),
+        error_mps=one(0.0),
+    )
+
+
+def weather_of(forecast: Forecast, network: Network, model: DroneModel) -> Weather:
+    return planned_weather(SegmentWind.of(network, forecast.field()), model)
+
+
+def grid(rows: int, columns: int, east_mps: Any) -> Forecast:
+    """One period on a grid from (0, 0) to (1, 2) degrees."""
+    longitude_deg, latitude_deg = np.linspace(0.0, 2.0, columns), np.linspace(0.0, 1.0, rows)
+    places = np.tile(longitude_deg, rows), np.repeat(latitude_deg, columns)
+    still = np.zeros((1, rows * columns))
+    east = still + east_mps(*places)
+    return Forecast(
+        *places, np.array([0.0, 1.0]), east, still, still, still, still, (rows, columns)
+    )
+
+
+@given(
+    slope=st.tuples(*[st.floats(-5, 5)] * 3),
+    shape=st.tuples(st.integers(2, 5), st.integers(2, 5)),
+    at=st.tuples(st.floats(0, 2), st.floats(0, 1)),
+)
+def test_a_grid_counts_between_its_points_in_proportion(
+    slope: tuple[float, float, float], shape: tuple[int, int], at: tuple[float, float]
+) -> None:
+    def linear(x: Any, y: Any) -> Any:
+        return slope[0] + slope[1] * x + slope[2] * y
+
+    field = grid(*shape, linear).field()
+
+    shares = shares_of(field, longitude_deg=np.array(at[:1]), latitude_deg=np.array(at[1:]))
+
+    assert shares.of(field.east_mps)[0, 0] == pytest.approx(linear(*at), abs=1e-9)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 3), (3, 1), (2, 2)])
+def test_beyond_a_grid_its_border_counts(shape: tuple[int, int]) -> None:
+    field = grid(*shape, lambda x, y: x + 10 * y).field()
+
+    shares = shares_of(
+        field, longitude_deg=np.array([-9.0, 9.0]), latitude_deg=np.array([-9.0, 9.0])
+    )
+
+    corners = field.east_mps[0, [0, -1]]
+    assert shares.of(field.east_mps)[0].tolist() == pytest.approx(corners.tolist())
+
+
+def test_of_many_places_the_nearest_count() -> None:
+    many = grid(20, 20, lambda x, y: x)
+    field = Forecast(
+        many.longitude_deg,
+        many.latitude_deg,
+        many.edges_s,
+        many.east_mps,
+        many.north_mps,
+        many.gust_mps,
+        many.temperature_c,
+        many.error_mps,
+    ).field()
+
+    shares = shares_of(field, longitude_deg=np.array([0.7]), latitude_deg=np.array([0.5]))
+
+    assert shares.place.shape == (8, 1)
+    assert shares.of(field.east_mps)[0, 0] == pytest.approx(0.7, abs=0.05)
+
+
+def test_an_old_forecast_counts_less_and_less(network: Network, model: DroneModel) -> None:
+    weather = weather_of(forecast(-4.0), network, model)
+
+    factors = [weather.air(0, period).time_factor for period in range(7)]
+    # 10 m/s against 4, 2, 1, 0.5 and 0.25 m/s.
+    left_mps = [4.0, *(4.0 * share for share in FADING)]
+    expected = [math.ceil(1000 / (10 - left) - 1e-6) / 100 for left in left_mps]
+    assert factors == pytest.approx([1.0, *expected, 1.0])
+    assert weather.edges_s[-1] == 3600.0 + len(FADING) * FADING_S
+
+
+@given(east_mps=st.floats(-9, 9), temperature_c=st.floats(-30, 40))
+def test_no_wind_saves_energy(east_mps: float, temperature_c: float) -> None:
+    stations = {name: Station(name, Position(x, 0.0)) for name, x in ((A, 0.0), (B, 0.1))}
+    network = Network(stations, [Segment(A, B, 1e4), Segment(B, A, 1e4)])
+
+    weather = weather_of(forecast(east_mps, temperature_c=temperature_c), network, MODEL)
+
+    flown = weather.time_factor < math.inf
+    assert (weather.time_factor * weather.energy_factor)[flown].min(initial=1.0) >= 1 - 1e-12
+
+
+def test_gusts_above_the_limit_of_the_model_close_segments(
+    network: Network, model: DroneModel
+) -> None:
+    careful = model.model_copy(update={"max_wind_mps": 6.0})
+
+    for limited, closed in ((careful, True), (model, False)):
+        weather = weather_of(forecast(1.0, gust_mps=7.0), network, limited)
+
+        assert weather.closes(A, B, start_s=0.0, end_s=10.0) is closed
+        # Half of 7 m/s is left after the end.
+        assert not weather.closes(A, B, start_s=3601.0, end_s=3700.0)
+
+
+def test_cold_air_costs_energy(network: Network, model: DroneModel) -> None:
+    weather = weather_of(forecast(0.0, temperature_c=0.0), network, model)
+
+    assert weather.air_between(A, B, at_s=10.0).energy_factor == pytest.approx(1.1)
+
+
+def test_a_station_far_from_all_places_is_found(network: Network) -> None:
+    row, far_m = forecast(1.0).farthest_m(network)
+
+    assert row == 1
+    assert far_m == pytest.approx(11_119.5)
+    assert grid(2, 2, lambda x, y: x).farthest_m(network)[1] == 0.0

@@ -1,0 +1,53 @@
+"""Corruptions of shared missions: of a host, its guest, and their packages and prices."""
+
+from typing import Final
+
+from tests.verification.damaged_copies import Corruption
+
+_SHARES: Final = "a shared mission has its own delivery and its guests as shares"
+_OF_GUESTS: Final = " IN (SELECT delivery_id FROM guests)"
+_CHANGE: Final = "UPDATE missions SET shares = json_set(shares, "
+
+SHARED_CORRUPTIONS: Final = (
+    Corruption(
+        "half of the shares of a mission",
+        "every stored text has its form",
+        composition="UPDATE missions SET shares = '[{' WHERE shares IS NOT NULL",
+    ),
+    Corruption(
+        "a guest of another attempt than its host says",
+        _SHARES,
+        composition="UPDATE guests SET attempt = 7",
+    ),
+    Corruption(
+        "a host whose first share is of another delivery",
+        _SHARES,
+        composition=_CHANGE + "'$[0].delivery_id', 'dlv_other') WHERE shares IS NOT NULL",
+    ),
+    Corruption(
+        "two packages that fly under one id",
+        "each package of a shared mission flies under its own id",
+        composition=_CHANGE
+        + "'$[1].packages', json_extract(shares, '$[0].packages')) WHERE shares IS NOT NULL",
+    ),
+    Corruption(
+        "a delivery that pays the pooled price alone",
+        "a pooled price is paid together, and is no higher than the price alone",
+        composition=_CHANGE + "'$[0].is_pooled', json('true')) WHERE shares IS NOT NULL",
+    ),
+    Corruption(
+        "a price that rises on a shared trip",
+        "a pooled price is paid together, and is no higher than the price alone",
+        composition=_CHANGE + "'$[1].pooled_price.amount', 999999) WHERE shares IS NOT NULL",
+    ),
+    Corruption(
+        "the chain of custody of a guest's package deleted",
+        "I6 a package of a guest has a chain of custody",
+        composition="DELETE FROM custody WHERE delivery_id" + _OF_GUESTS,
+    ),
+    Corruption(
+        "a closed delivery that is still a guest",
+        "a closed delivery is no guest of a mission that is not over",
+        composition="UPDATE deliveries SET closed_ms = 1 WHERE delivery_id" + _OF_GUESTS,
+    ),
+)
