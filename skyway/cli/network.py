@@ -267,6 +267,7 @@ def _facts(network: Network) -> list[tuple[str, str]]:
         ("pads", str(int(columns.pads.sum()))),
         ("parking stations", str(len(columns.parking))),
         ("stations with opening hours", str(len(network.opening_hours))),
+        ("stations with limited power", str(len(network.pad_powers.limited_w))),
         ("segments (directed)", str(len(network.segments))),
         ("zones", str(len(network.zones))),
     ]

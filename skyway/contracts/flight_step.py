@@ -94,6 +94,14 @@ class RechargeStep(_FlightStep):
     not_before_at: FleetMoment
     until_soc: Soc
     not_after_at: FleetMoment
+    power_w: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            exclude_if=lambda value: value is None,
+            description="The power that the pad gives in watts; without a limit if missing.",
+        ),
+    ] = None
 
 
 class DeliverStep(_FlightStep):

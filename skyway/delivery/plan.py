@@ -85,6 +85,15 @@ class Recharge(JsonModel):
     end_s: Seconds
     soc_start: Charge
     soc_end: Charge
+    #: In the JSON only where the network limits the power.
+    power_w: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            exclude_if=lambda value: value is None,
+            description="The power that the pad gives in watts; without a limit if missing.",
+        ),
+    ] = None
 
 
 class Deliver(JsonModel):

@@ -13,7 +13,7 @@ import numpy as np
 
 from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.problem import FleetProblem, FleetRequest
-from skyway.drone.charging import fastest_s_per_soc
+from skyway.drone.charging import fastest_s_per_soc, model_on_pad
 from skyway.drone.flight import flight_power_w, speed_mps
 from skyway.drone.model import DroneModel
 from skyway.ids import StationId
@@ -61,7 +61,11 @@ class Estimates:
             each: number for number, each in enumerate(self.places)
         }
         self.apart_m = _apart_m(problem.network, self.places)
-        self.s_per_j = [fastest_s_per_soc(each) / each.battery_j for each in models]
+        # No pad of the network charges faster than the strongest.
+        strongest_w = problem.network.pad_powers.steps_w[0]
+        self.s_per_j = [
+            fastest_s_per_soc(model_on_pad(each, strongest_w)) / each.battery_j for each in models
+        ]
         self._approaches = [self._approach(kind) for kind in range(len(models))]
         self._found: dict[tuple[int, Pool], TripEstimate] = {}
 

@@ -2,9 +2,10 @@
 
 from bisect import bisect_left
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 
-from skyway.drone.model import DroneModel
+from skyway.drone.model import ChargePoint, DroneModel
 from skyway.errors import InvalidStateOfCharge
 from skyway.units import CHARGE_TOLERANCE
 
@@ -56,6 +57,36 @@ def fastest_s_per_soc(model: DroneModel) -> float:
         for before, after in pairwise(model.charge_curve)
         if after.soc > model.reserve_soc or after is model.charge_curve[-1]
     )
+
+
+def model_on_pad(model: DroneModel, power_w: float | None) -> DroneModel:
+    """The model with the charge curve that it has on a pad that gives at most this power.
+
+    All of the power goes into the battery. Each piece of the curve takes as long as the model
+    needs, or as long as the pad needs for its energy, if that is longer. So the curve keeps its
+    charges and stays concave. None is a pad without a limit.
+    """
+    return model if power_w is None or fastest_w(model) <= power_w else _limited(model, power_w)
+
+
+@lru_cache(maxsize=1_000)
+def _limited(model: DroneModel, power_w: float) -> DroneModel:
+    pad_s_per_soc = model.battery_j / power_w
+    curve = [model.charge_curve[0]]
+    for before, after in pairwise(model.charge_curve):
+        piece_s = max(after.time_s - before.time_s, (after.soc - before.soc) * pad_s_per_soc)
+        curve.append(ChargePoint(curve[-1].time_s + piece_s, after.soc))
+    # Not `model_copy`: the copy would keep the charge columns that the model has cached.
+    return DroneModel.model_construct(
+        **{name: getattr(model, name) for name in DroneModel.model_fields}
+        | {"charge_curve": tuple(curve)}
+    )
+
+
+def fastest_w(model: DroneModel) -> float:
+    """The power of the model's charger where its curve is fastest, watts."""
+    first, second = model.charge_curve[:2]
+    return model.battery_j * (second.soc - first.soc) / (second.time_s - first.time_s)
 
 
 def _on_curve(model: DroneModel, field: str, soc: float) -> float:

@@ -9,7 +9,7 @@ from random import Random
 from typing import Self
 
 from skyway.delivery.plan import Fly, Plan, Recharge, Wait
-from skyway.drone.charging import recharge_time_s
+from skyway.drone.charging import model_on_pad, recharge_time_s
 from skyway.drone.flight import flight_power_w, speed_mps
 from skyway.drone.model import DroneModel
 from skyway.geo import Position, bearing_rad
@@ -105,7 +105,7 @@ def fly_plan(problem: Problem, plan: Plan, day: Day) -> FlightResult:
             now_s, lowest_soc = now_s + flight_s, min(lowest_soc, soc)
         elif isinstance(step, Recharge):
             now_s = max(now_s, step.start_s) + day.pad_delay_s()
-            now_s += _charging_s(model, soc, step.soc_end)
+            now_s += _charging_s(model_on_pad(model, step.power_w), soc, step.soc_end)
             soc = max(soc, step.soc_end)
         elif isinstance(step, Wait):
             now_s = max(now_s, step.end_s)

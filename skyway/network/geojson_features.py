@@ -9,6 +9,7 @@ from skyway.ids import StationId, ZoneId
 from skyway.network import fields
 from skyway.network.network import DEFAULT_PADS, MAX_PADS, Segment, Station, Zone
 from skyway.network.opening_hours import HOURS, read_opening_hours
+from skyway.network.pad_power import has_power, read_pad_power
 
 #: Longest segment that a document may hold, metres: half the Earth's circumference, rounded up.
 MAX_SEGMENT_LENGTH_M = 20_100_000.0
@@ -75,6 +76,8 @@ def read_station(feature: Feature) -> Station:
     if HOURS in feature.properties:
         # The network keeps them among the properties, and reads them again.
         read_opening_hours(feature.properties[HOURS], feature.property_path(HOURS))
+    if has_power(feature.properties):
+        read_pad_power(feature.properties, f"{feature.path}.properties", pads=pads)
     return Station(
         station_id=StationId(feature.property_identifier("station_id")),
         position=fields.position(feature.coordinates, f"{feature.path}.geometry.coordinates"),

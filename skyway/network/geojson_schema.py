@@ -13,6 +13,7 @@ from skyway.geo import Position
 from skyway.ids import StationId, ZoneId
 from skyway.network.geojson_features import MAX_SEGMENT_LENGTH_M
 from skyway.network.network import DEFAULT_PADS, MAX_PADS
+from skyway.network.pad_power import MAX_POWER_W, MIN_POWER_W
 
 Weekday = Literal["mon", "tue", "wed", "thu", "fri", "sat", "sun"]
 
@@ -70,6 +71,25 @@ class StationProperties(_Open):
     ] = False
     opening_hours: Annotated[
         StationHours | None, Field(description="When it is open; always if missing.")
+    ] = None
+    pad_power_w: Annotated[
+        float | None,
+        Field(
+            ge=MIN_POWER_W,
+            le=MAX_POWER_W,
+            description="The most power that one pad gives in watts; no limit if missing.",
+            examples=[500.0],
+        ),
+    ] = None
+    station_power_w: Annotated[
+        float | None,
+        Field(
+            ge=MIN_POWER_W,
+            le=MAX_POWER_W,
+            description="The most power of all pads together in watts. Plans count on an equal "
+            "share for each pad. No limit if missing.",
+            examples=[1500.0],
+        ),
     ] = None
 
 

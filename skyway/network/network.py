@@ -10,6 +10,7 @@ from skyway.errors import InvalidNetwork
 from skyway.ids import StationId
 from skyway.network.columns import Adjacency, Columns, Rows, refuse_contradictions
 from skyway.network.opening_hours import HOURS, OpeningHours, read_opening_hours
+from skyway.network.pad_power import PadPowers
 from skyway.network.parts import DEFAULT_PADS, MAX_PADS, Segment, Station, Zone
 from skyway.network.views import SegmentView, StationView
 
@@ -26,7 +27,7 @@ class Network:
     ------
     InvalidNetwork
         A segment names a station that is not there, starts where it ends, or repeats another;
-        a parking station has no pad; opening hours are wrong; or two zones share an id.
+        a parking station has no pad; opening hours or powers are wrong; or two zones share an id.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class Network:
             for row, each in columns.station_properties.items()
             if HOURS in each
         }
+        self._pad_powers = PadPowers.of(columns)
         if len({zone.zone_id for zone in self._zones}) < len(self._zones):
             raise InvalidNetwork("zones", "two zones share an id")
         refuse_contradictions(columns, self._row_of)
@@ -97,6 +99,11 @@ class Network:
     def opening_hours(self) -> Mapping[StationId, OpeningHours]:
         """The opening hours of the stations that have some; the others are always open."""
         return self._opening_hours
+
+    @property
+    def pad_powers(self) -> PadPowers:
+        """The power that the pads of each station give."""
+        return self._pad_powers
 
     @property
     def settings(self) -> Mapping[str, Any]:

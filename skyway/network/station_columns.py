@@ -13,6 +13,7 @@ from skyway.network.column_fields import Doubtful
 from skyway.network.columns import Floats, Rows, parking_without_pads
 from skyway.network.geojson_features import STATION_PROPERTIES
 from skyway.network.opening_hours import HOURS, read_opening_hours
+from skyway.network.pad_power import has_power, read_pad_power
 from skyway.network.parts import DEFAULT_PADS, MAX_PADS
 
 _KNOWN = frozenset(STATION_PROPERTIES)
@@ -71,7 +72,7 @@ class StationColumns:
             if name is not None:
                 self.names[row] = name
         for index, unread in column_fields.unknown_members(properties, _KNOWN).items():
-            _check_hours(unread)
+            _check_kept(unread, pads=int(self._pads[-1][index]))
             self.unread[first + index] = unread
 
     def placed(self) -> PlacedStations:
@@ -85,10 +86,12 @@ class StationColumns:
         return np.concatenate(self._pads).astype(np.int32)
 
 
-def _check_hours(properties: Mapping[str, Any]) -> None:
-    """Doubt opening hours with a fault; the network keeps them among the properties."""
+def _check_kept(properties: Mapping[str, Any], *, pads: int) -> None:
+    """Doubt opening hours and powers with a fault; the network keeps both among the properties."""
     try:
         if HOURS in properties:
             read_opening_hours(properties[HOURS], HOURS)
+        if has_power(properties):
+            read_pad_power(properties, "properties", pads=pads)
     except InvalidNetwork as error:
         raise Doubtful from error

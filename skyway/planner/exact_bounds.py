@@ -92,7 +92,7 @@ def bounds_of(
     policy = situation.problem.recharge_policy
     flying, needing = (
         _bound(situation, legs, weights, required, apart_m)
-        for weights in _weights_of(situation.model, policy, guide)
+        for weights in _weights_of(situation.fastest_model, policy, guide)
     )
     return flying, needing
 
@@ -161,7 +161,7 @@ def likely_delivery_s(situation: Situation) -> float:
         used_j += flight_energy_j(model, length_m=length_m, load_kg=load_kg) + model.stop_j
         here = reached
     missing_j = used_j - (problem.drone.soc - model.reserve_soc) * model.battery_j
-    s_per_soc = fastest_s_per_soc(model)
+    s_per_soc = fastest_s_per_soc(situation.fastest_model)
     if problem.recharge_policy == "full":
         s_per_soc = recharge_time_s(model, model.reserve_soc, model.top_soc)
         s_per_soc /= model.top_soc - model.reserve_soc

@@ -152,9 +152,9 @@ class _Flight:
         self._load_kg = self._situation.load_kg(self._undelivered)
 
     def _recharge(self, act: Act) -> None:
-        model = self._situation.model
-        until_soc = min(act.level_j / model.battery_j, model.top_soc)
         self._land()
+        model = self._situation.model_at(self.log.here)
+        until_soc = min(act.level_j / model.battery_j, model.top_soc)
         self.log.wait(until_s=act.not_before_s)
         if until_soc <= self.log.soc + _SAME_SOC:
             self.log.stand()

@@ -11,6 +11,7 @@ import numpy as np
 from skyway.drone.model import DroneModel
 from skyway.ids import StationId
 from skyway.network.network import Network
+from skyway.planner.charge_curves import curves_of
 from skyway.planner.closures import Interval
 from skyway.planner.exact_bounds import Bound, Legs, bounds_of, legs_of
 from skyway.planner.kernels.bounds import fill_floors
@@ -100,13 +101,6 @@ def _segment_row(network: Network, from_id: StationId, to_id: StationId) -> int:
     return int(outgoing.segment[leaving][place])
 
 
-def curve_of(model: DroneModel) -> tuple[Floats, Floats]:
-    """The charge curve: seconds, and joules, ``(n_points,)`` each."""
-    seconds = np.array([point.time_s for point in model.charge_curve], np.float64)
-    levels_j = [point.soc * model.battery_j for point in model.charge_curve]
-    return seconds, np.array(levels_j, np.float64)
-
-
 def required_before(situation: Situation, order: Sequence[StationId] | None) -> Ints:
     """For each destination, as a mask, the destinations that must be delivered before it."""
     destinations = situation.destinations
@@ -160,7 +154,8 @@ def task_of(
     if situation.windows.may_pass:
         first_stop_s, first_stop_j = loading_s, 0.0
     windows = windows_of(situation, legs, flight, loading_s=loading_s, apart_m=apart_m)
-    curve_s, curve_j = curve_of(model)
+    powers = situation.network.pad_powers
+    curves = curves_of(model, powers)
     return Task(
         destinations=np.array([row_of[each] for each in situation.destinations], np.int32),
         source=row_of[problem.source],
@@ -175,8 +170,10 @@ def task_of(
         approach_need_after=need.weights.of(first_stop_s, first_stop_j) + need.least,
         finish_j=np.array([situation.finish_j(each) for each in situation.destinations]),
         finish_j_at_source=0.0 if situation.destinations else situation.finish_j(problem.source),
-        curve_s=curve_s,
-        curve_j=curve_j,
+        curve_at=powers.step,
+        curve_offsets=curves.offsets,
+        curve_s=curves.seconds,
+        curve_j=curves.joules,
         begin_s=0.0,
         start_j=problem.drone.soc * model.battery_j,
         reserve_j=model.reserve_soc * model.battery_j,

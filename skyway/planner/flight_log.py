@@ -59,7 +59,8 @@ class FlightLog:
 
     def recharge(self, *, pad: int, until_soc: float) -> None:
         """Charge on this pad until this charge."""
-        end_s = self.now_s + recharge_time_s(self._situation.model, self.soc, until_soc)
+        model = self._situation.model_at(self.here)
+        end_s = self.now_s + recharge_time_s(model, self.soc, until_soc)
         self.steps.append(
             Recharge(
                 station_id=self.here,
@@ -68,6 +69,7 @@ class FlightLog:
                 end_s=end_s,
                 soc_start=self.soc,
                 soc_end=until_soc,
+                power_w=self._situation.pad_power_w(self.here),
             )
         )
         self.now_s, self.soc = end_s, until_soc

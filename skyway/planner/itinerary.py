@@ -183,7 +183,7 @@ class _RouteFlight:
         session = self._situation.pads.earliest_session(
             station,
             not_before_s=self._log.now_s,
-            duration_s=recharge_time_s(model, self._log.soc, until_soc),
+            duration_s=recharge_time_s(self._situation.model_at(station), self._log.soc, until_soc),
         )
         if session is None or session.start_s > self._log.now_s:
             self._hindrances.append(station)

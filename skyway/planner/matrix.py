@@ -80,7 +80,7 @@ class TimeMatrix:
         self._lengths_m = _lengths_m(situation, subnetwork)
         self._s_per_m = cache(self._flight_s_per_m)
         self._j_per_m = cache(self._flight_j_per_m)
-        self._s_per_j = fastest_s_per_soc(model) / model.battery_j
+        self._s_per_j = fastest_s_per_soc(situation.fastest_model) / model.battery_j
         self._usable_j = (problem.drone.soc - model.reserve_soc) * model.battery_j
         self._before = self._before_the_first_leg(approach)
         self._each_end_s = model.stop_s + problem.dropoff_s

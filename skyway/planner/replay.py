@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.delivery.plan import Deliver, Fly, PickUp, Recharge, Step, Wait
-from skyway.drone.charging import fastest_s_per_soc, soc_after_recharge
+from skyway.drone.charging import fastest_s_per_soc, model_on_pad, soc_after_recharge
 from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.errors import InvalidStateOfCharge
 from skyway.ids import PackageId, StationId
@@ -235,8 +235,12 @@ class Replay:
     def _check_recharge(self, step: Recharge) -> None:
         if not abs(step.soc_start - self._soc) <= CHARGE_TOLERANCE:
             self._note("charge", f"starts at {step.soc_start} stated, at {self._soc} true")
+        power_w = self._problem.network.pad_powers.limited_w.get(step.station_id)
+        if step.power_w != power_w:
+            self._note("power", f"{step.power_w} W stated, the pads give {power_w} W")
         try:
-            soc_end = soc_after_recharge(self._model, self._soc, step.end_s - step.start_s)
+            model = model_on_pad(self._model, power_w)
+            soc_end = soc_after_recharge(model, self._soc, step.end_s - step.start_s)
         except InvalidStateOfCharge as error:
             self._note("charge", error.detail)
             return

@@ -6,6 +6,7 @@ from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from itertools import count
 
+from skyway.drone.charging import model_on_pad
 from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidProblem
@@ -74,6 +75,19 @@ class Situation:
     def model(self) -> DroneModel:
         """The drone's model."""
         return self.problem.drone.model
+
+    @property
+    def fastest_model(self) -> DroneModel:
+        """The drone's model with its charge curve at the network's strongest pads."""
+        return model_on_pad(self.model, self.network.pad_powers.steps_w[0])
+
+    def model_at(self, station_id: StationId) -> DroneModel:
+        """The drone's model with its charge curve at the pads of this station."""
+        return model_on_pad(self.model, self.pad_power_w(station_id))
+
+    def pad_power_w(self, station_id: StationId) -> float | None:
+        """The power that each pad of this station gives, watts; None without a limit."""
+        return self.network.pad_powers.limited_w.get(station_id)
 
     @property
     def capacity_j(self) -> float:

@@ -9,14 +9,15 @@ from typing import Any, Literal, Self
 
 import numpy as np
 
-from skyway.drone.charging import fastest_s_per_soc
+from skyway.drone.charging import fastest_s_per_soc, model_on_pad
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidProblem
 from skyway.ids import PackageId
 from skyway.network.network import Network
 from skyway.planner.airspace import Airspace
+from skyway.planner.charge_curves import curves_of
 from skyway.planner.closures import open_hours_s
-from skyway.planner.exact_task import closed_handle, curve_of, rounding_j
+from skyway.planner.exact_task import closed_handle, rounding_j
 from skyway.planner.hierarchy import rows_of
 from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.memory import Floats
@@ -105,7 +106,9 @@ class TripTerms:
     def rows(self) -> Terms:
         """The terms as the kernels read them."""
         models, stations = self.models, len(self.network.columns.station_ids)
-        curves = [curve_of(model) for model in models]
+        powers = self.network.pad_powers
+        curves = [curves_of(model, powers) for model in models]
+        fastest = [model_on_pad(model, powers.steps_w[0]) for model in models]
         hours = self.network.opening_hours
         spans = [
             open_hours_s(self.pattern, station_id) if station_id in hours else ()
@@ -127,10 +130,13 @@ class TripTerms:
             power_w=_column(model.power_empty_w for model in models),
             stop_s=_column(model.stop_s for model in models),
             stop_j=_column(model.stop_j for model in models),
-            s_per_j=_column(fastest_s_per_soc(model) / model.battery_j for model in models),
-            curve_offsets=np.cumsum([0, *(len(seconds) for seconds, _ in curves)], dtype=np.int64),
-            curve_s=np.concatenate([seconds for seconds, _ in curves]),
-            curve_j=np.concatenate([joules for _, joules in curves]),
+            s_per_j=_column(fastest_s_per_soc(model) / model.battery_j for model in fastest),
+            curve_at=powers.step,
+            curve_offsets=np.cumsum(
+                [0, *(count for each in curves for count in np.diff(each.offsets))], dtype=np.int64
+            ),
+            curve_s=np.concatenate([each.seconds for each in curves]),
+            curve_j=np.concatenate([each.joules for each in curves]),
             to_pad_m=np.zeros(stations) if finishes_anywhere else _to_pad_m(self.network),
             has_hours=has_hours,
             hours_offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),

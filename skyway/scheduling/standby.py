@@ -13,7 +13,7 @@ import numpy as np
 
 from skyway.contracts.candidate import Candidate, Standby
 from skyway.delivery.plan import Fly, Plan, Recharge, Step, Wait
-from skyway.drone.charging import recharge_time_s
+from skyway.drone.charging import model_on_pad, recharge_time_s
 from skyway.drone.model import DroneModel
 from skyway.ids import StationId
 from skyway.network.columns import Rows
@@ -195,7 +195,8 @@ def _recharge_at_end(problem: Problem, home_plan: Plan, booked: PadBook) -> Rech
     soc = soc_after(home_plan, problem.drone.soc)
     if _is_top(model, soc):
         return None
-    duration_s = recharge_time_s(model, soc, model.top_soc)
+    power_w = problem.network.pad_powers.limited_w.get(station_id)
+    duration_s = recharge_time_s(model_on_pad(model, power_w), soc, model.top_soc)
     arrived_s = home_plan.delivery_time_s or 0.0
     own = PadBook.of(problem.network, problem.pad_reservations)
     session = PadCalendar(problem.network, [own, booked]).earliest_session(
@@ -210,6 +211,7 @@ def _recharge_at_end(problem: Problem, home_plan: Plan, booked: PadBook) -> Rech
         end_s=session.start_s + duration_s,
         soc_start=soc,
         soc_end=model.top_soc,
+        power_w=power_w,
     )
 
 

@@ -8,7 +8,7 @@ import math
 from typing import Final
 
 from skyway.contracts.flight_step import RechargeStep
-from skyway.drone.charging import soc_after_recharge
+from skyway.drone.charging import model_on_pad, soc_after_recharge
 from skyway.drone.model import DroneModel
 from skyway_drone_agent.analysis.leg import Leg
 from skyway_drone_agent.vehicle import BatteryPack, Reading, StepRun
@@ -174,7 +174,8 @@ def first_charge(
             by_now = soc - _used_j(reading, leg, elapsed_s, model=model) / capacity_j
         elif isinstance(run.step, RechargeStep) and soc < run.step.until_soc:
             on_curve = max(soc, model.charge_curve[0].soc)
-            by_now = min(run.step.until_soc, soc_after_recharge(model, on_curve, elapsed_s))
+            charging = model_on_pad(model, run.step.power_w)
+            by_now = min(run.step.until_soc, soc_after_recharge(charging, on_curve, elapsed_s))
     by_now = min(1.0, max(0.0, by_now))
     return by_now, _JOURNAL_ERROR + _PLAN_ERROR * abs(by_now - soc)
 

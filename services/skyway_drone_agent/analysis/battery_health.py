@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Final
 
 from skyway.contracts.flight_step import RechargeStep
-from skyway.drone.charging import recharge_time_s
+from skyway.drone.charging import fastest_w, recharge_time_s
 from skyway.drone.model import DroneModel
 from skyway_drone_agent.vehicle import BatteryPack, Reading, StepRun
 
@@ -151,7 +151,8 @@ class ChargeRate:
     """How fast the last recharge raised the charge, divided by the model's charge curve.
 
     `factor` is of the last recharge that was long enough, and None before one. Time beside an
-    occupied pad does not count.
+    occupied pad does not count. Nor do recharges on a pad that gives less power than the model can
+    charge with: they do not show what the drone's own charger can do.
     """
 
     __slots__ = ("_arrived_at", "_begun", "_model", "factor")
@@ -164,7 +165,7 @@ class ChargeRate:
 
     def update(self, reading: Reading, run: StepRun | None, *, soc: float) -> None:
         """Learn from this reading and its estimated charge."""
-        if run is None or not isinstance(run.step, RechargeStep) or not reading.pad_is_free:
+        if run is None or not self._shows_charger(run) or not reading.pad_is_free:
             self._arrived_at = self._begun = None
             return
         if self._arrived_at is None:
@@ -179,3 +180,10 @@ class ChargeRate:
         if seconds > 0.0 and soc - begun_soc >= _LEAST_GAIN:
             factor = recharge_time_s(self._model, begun_soc, soc) / seconds
             self.factor = min(_FASTEST, max(_SLOWEST, factor))
+
+    def _shows_charger(self, run: StepRun) -> bool:
+        """Whether the drone is on a pad that does not slow its charger."""
+        step = run.step
+        if not isinstance(step, RechargeStep):
+            return False
+        return step.power_w is None or step.power_w >= fastest_w(self._model)

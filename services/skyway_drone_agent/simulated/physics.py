@@ -12,7 +12,7 @@ from skyway.contracts.flight_step import (
     ReturnStep,
     WaitStep,
 )
-from skyway.drone.charging import recharge_time_s, soc_after_recharge
+from skyway.drone.charging import model_on_pad, recharge_time_s, soc_after_recharge
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneId
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances, happens
@@ -92,7 +92,8 @@ class Physics:
         soc = run.soc
         if isinstance(run.step, RechargeStep) and soc < run.step.until_soc:
             charged_s = (at - self.pad_free_at(run, run.step)).total_seconds()
-            soc = min(self._charged(soc, max(0.0, charged_s)), run.step.until_soc)
+            charged_soc = self._charged(run.step, soc, max(0.0, charged_s))
+            soc = min(charged_soc, run.step.until_soc)
         return Sample(run.position, soc, power_w=0.0, speed_mps=0.0)
 
     def flight(self, run: StepRun, step: FlyStep) -> SimulatedFlight:
@@ -128,9 +129,17 @@ class Physics:
         """Charge time by the model's: a worn battery holds less and is full earlier."""
         return self.disturbances.charge_time_factor * self.battery_j / self.model.battery_j
 
-    def _charged(self, soc: float, duration_s: float) -> float:
+    def _model_on_pad(self, step: RechargeStep) -> DroneModel:
+        """The model with the charge curve of this pad, before the charge factor."""
+        if step.power_w is None:
+            return self.model
+        # The factor slows the drone's own charger. It does not slow the pad.
+        return model_on_pad(self.model, step.power_w * self.disturbances.charge_time_factor)
+
+    def _charged(self, step: RechargeStep, soc: float, duration_s: float) -> float:
         on_curve = max(soc, self.model.charge_curve[0].soc)
-        return soc_after_recharge(self.model, on_curve, duration_s / self._charge_factor())
+        charging = self._model_on_pad(step)
+        return soc_after_recharge(charging, on_curve, duration_s / self._charge_factor())
 
     def _flown(self, run: StepRun, step: FlyStep) -> Outcome:
         flight = self.flight(run, step)
@@ -153,7 +162,8 @@ class Physics:
         if run.soc >= until_soc:
             return Outcome(run.started_at, run.soc, energy_j=0.0)
         soc = max(run.soc, self.model.charge_curve[0].soc)
-        charge_s = recharge_time_s(self.model, soc, until_soc) * self._charge_factor()
+        charge_s = recharge_time_s(self._model_on_pad(step), soc, until_soc)
+        charge_s *= self._charge_factor()
         begun_at = self.pad_free_at(run, step)
         full_at = begun_at + timedelta(seconds=charge_s)
         if full_at <= step.not_after_at + _RESERVATION_GRAIN:
@@ -163,7 +173,7 @@ class Physics:
             # The pad was occupied for the whole reservation, so the drone could not charge.
             return Outcome(ended_at, run.soc, energy_j=0.0, code="PAD_OCCUPIED", has_failed=True)
         charged_s = max(0.0, (ended_at - begun_at).total_seconds())
-        short_soc = self._charged(soc, charged_s) if charged_s else run.soc
+        short_soc = self._charged(step, soc, charged_s) if charged_s else run.soc
         return Outcome(ended_at, short_soc, energy_j=0.0, code="SHORT_CHARGE")
 
     def _delivered(self, run: StepRun, step: DeliverStep) -> Outcome:

@@ -24,8 +24,9 @@ SAME_SHARE = 1e-3
 def dominates(task: Task, one: Floats, other: Floats) -> bool:
     """Whether `one` has at least the charge of `other` at each moment of `other`.
 
-    Both are rows of `Memory.label`. All pads have one concave charge curve, so two labels cannot
-    cross between the first and the last moment: it is enough to compare these two moments.
+    Both are rows of `Memory.label`. If all pads have one concave charge curve, two labels cannot
+    cross between the first and the last moment: it is enough to compare these two moments. On
+    different curves the lead is least at one of these moments, or where the curve of `other` bends.
     """
     later_s = other[TIME] - one[TIME]
     if later_s < -SAME_S or one[LATEST] < other[LATEST] - SAME_S:
@@ -41,6 +42,25 @@ def dominates(task: Task, one: Floats, other: Floats) -> bool:
     if level - one[USED] < other[LEVEL] - other[USED] - least_j:
         return False
     position += other[LAST_POSITION] - other[POSITION]
-    if position >= one[LAST_POSITION]:
-        return True
-    return level_at(task, position) - one[USED] >= other[LAST_LEVEL] - other[USED] - least_j
+    if position < one[LAST_POSITION]:
+        level = level_at(task, position)
+        if level - one[USED] < other[LAST_LEVEL] - other[USED] - least_j:
+            return False
+    return task.curve_at.size == 0 or _leads_at_bends(task, one, other, least_j)
+
+
+@kernel
+def _leads_at_bends(task: Task, one: Floats, other: Floats, least_j: float) -> bool:
+    """Whether `one` has at least the charge of `other` wherever the curve of `other` bends."""
+    begin = one[POSITION] + max(other[TIME] - one[TIME], 0.0)
+    for point in range(task.curve_s.size):
+        bend = task.curve_s[point]
+        if not other[POSITION] < bend < other[LAST_POSITION]:
+            continue
+        position = begin + bend - other[POSITION]
+        level = one[LAST_LEVEL]
+        if position < one[LAST_POSITION]:
+            level = level_at(task, position)
+        if level - one[USED] < task.curve_j[point] - other[USED] - least_j:
+            return False
+    return True

@@ -77,9 +77,11 @@ class Task(NamedTuple):
     `begin_s` is the moment at which the drone stands at the start.
 
     `finish_j` is the energy that must remain above the reserve after the last delivery. The charge
-    curve leads through `curve_s`, `curve_j`. `levels` are the levels tried on each pad, 0 if
-    charging is decided as late as possible. `prunes` leaves out dominated labels, and
-    `compares_masks` leaves out labels behind a drone that has delivered more (see `labels`).
+    curves lead through `curve_s`, `curve_j`, the fastest first; rows ``curve_offsets[c]`` to
+    ``curve_offsets[c + 1]`` are the points of curve c. All have the same levels. `curve_at` is by
+    station row the curve at its pads, empty if there is one curve. `levels` are the levels tried on
+    each pad, 0 if charging is decided as late as possible. `prunes` leaves out dominated labels,
+    and `compares_masks` leaves out labels behind a drone that has delivered more (see `labels`).
 
     With `may_pass` the problem has windows. Destination j may be handed over from moments between
     `start_from_s` and `start_until_s`, rows ``start_offsets[j]`` to ``start_offsets[j + 1]``; the
@@ -101,6 +103,8 @@ class Task(NamedTuple):
     approach_need_after: float
     finish_j: Floats
     finish_j_at_source: float
+    curve_at: Ints
+    curve_offsets: Longs
     curve_s: Floats
     curve_j: Floats
     begin_s: float
@@ -148,7 +152,7 @@ class Terms(NamedTuple):
     By drone model, ``(n_models,)``: masses, the battery and its reserve, `rounding_j` within which
     charges are equal, speeds, the power of an empty drone, `stop_s` and `stop_j` of a landing, and
     `s_per_j`, the least time to charge a joule. The charge curves lie one after another, by
-    `curve_offsets`.
+    `curve_offsets`: each model has as many, see `Task`.
 
     By station row: `to_pad_m` the least metres to a station with a pad, 0 where plans may end
     anywhere. The opening hours of a row are those from ``hours_offsets[row]`` to the next offset;
@@ -166,6 +170,7 @@ class Terms(NamedTuple):
     stop_s: Floats
     stop_j: Floats
     s_per_j: Floats
+    curve_at: Ints
     curve_offsets: Longs
     curve_s: Floats
     curve_j: Floats

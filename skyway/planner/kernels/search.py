@@ -66,7 +66,7 @@ def begin_search(search: Search) -> bool:
     at_source = task.start == task.source and not task.may_pass
     mask = int64(0) if at_source else int64(1) << count
     loaded_s = task.begin_s + (task.loading_s if at_source else 0.0)
-    position = position_of(task, task.start_j)
+    position = position_of(task, int64(0), task.start_j)
     charge = Charge(position, task.start_j, position, task.start_j)
     label = note(memory, NONE, START, NONE, loaded_s, charge, 0.0, np.inf, -np.inf)
     if label == FULL_MEMORY:

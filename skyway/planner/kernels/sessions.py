@@ -6,7 +6,15 @@ session at the next window follows when its turn in the queue comes.
 
 import numpy as np
 
-from skyway.planner.kernels.charging import Charge, after_staying, level_at, position_of
+from skyway.planner.kernels.charging import (
+    Charge,
+    after_staying,
+    curve_at,
+    end_of_curve_s,
+    level_at,
+    position_of,
+    worth_staying_s,
+)
 from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.labels import (
     DOMINATED,
@@ -88,23 +96,35 @@ def _enter_session(
 ) -> bool:
     """Enter the first useful session from this window on; False when full.
 
-    While the drone waits for a window it may stay longer on the pad before.
+    While the drone waits for a window it may stay longer on the pad before. It also stays there as
+    long as that pad charges faster than this one; other labels stand for a shorter stay.
     """
     time_s, used_j = memory.label[label, TIME], memory.label[label, USED]
     charge = charge_of(memory, label)
     top_j = task.curve_j[task.curve_j.size - 1]
+    curve = curve_at(task, memory.row[memory.state[state, STATE_PLACE]])
+    ready_s = time_s
+    if task.levels == 0:
+        ready_s += worth_staying_s(task, charge, curve)
     while window < end:
-        start_s = max(time_s, memory.window_s[window, 0])
+        start_s = max(ready_s, memory.window_s[window, 0])
         room_s = memory.window_s[window, 1] - start_s
+        if room_s <= 0.0:
+            window += 1
+            continue
         stayed = after_staying(task, charge, start_s - time_s)
         charge_j = stayed.level - used_j
         if charge_j >= top_j - task.rounding_j:
             return True
         if task.levels > 0:
-            if not _enter_levels(task, memory, label, state, window, start_s, charge_j, room_s):
+            if not _enter_levels(
+                task, memory, label, state, curve, window, start_s, charge_j, room_s
+            ):
                 return False
         else:
-            entered = _enter_open(task, memory, label, state, window, start_s, charge_j, room_s)
+            entered = _enter_open(
+                task, memory, label, state, curve, window, start_s, charge_j, room_s
+            )
             if entered == FULL_MEMORY:
                 return False
             if entered == TOO_LATE:
@@ -124,14 +144,15 @@ def _enter_open(
     memory: Memory,
     label: int,
     state: int,
+    curve: int,
     window: int,
     start_s: float,
     charge_j: float,
     room_s: float,
 ) -> int:
     """Enter a session with an open end; returns the label, or the reason for no label."""
-    position = position_of(task, charge_j)
-    last_position = min(position + room_s, task.curve_s[task.curve_s.size - 1])
+    position = position_of(task, curve, charge_j)
+    last_position = min(position + room_s, end_of_curve_s(task, curve))
     last_level = level_at(task, last_position)
     if last_level <= charge_j + task.rounding_j:
         return DOMINATED
@@ -148,21 +169,22 @@ def _enter_levels(
     memory: Memory,
     label: int,
     state: int,
+    curve: int,
     window: int,
     start_s: float,
     charge_j: float,
     room_s: float,
 ) -> bool:
     """Enter a session for each of some fixed levels, as planners without lazy charging do."""
-    position = position_of(task, charge_j)
+    position = position_of(task, curve, charge_j)
     top_j = task.curve_j[task.curve_j.size - 1]
     for number in range(1, task.levels + 1):
         level_j = task.reserve_j + (top_j - task.reserve_j) * number / task.levels
-        reached = position_of(task, level_j)
+        reached = position_of(task, curve, level_j)
         if level_j <= charge_j + task.rounding_j or reached - position > room_s:
             continue
         end_s = start_s + reached - position
-        if not _enter_until(task, memory, label, state, window, start_s, end_s, level_j):
+        if not _enter_until(task, memory, label, state, curve, window, start_s, end_s, level_j):
             return False
     return True
 
@@ -175,7 +197,8 @@ def _enter_full(task: Task, memory: Memory, label: int, place: int, state: int) 
     top_j = task.curve_j[task.curve_j.size - 1]
     if charge_j >= top_j - task.rounding_j:
         return True
-    duration_s = position_of(task, top_j) - position_of(task, charge_j)
+    curve = curve_at(task, memory.row[place])
+    duration_s = position_of(task, curve, top_j) - position_of(task, curve, charge_j)
     soonest_s = np.inf
     chosen = NONE
     first = memory.window_first[place]
@@ -191,7 +214,7 @@ def _enter_full(task: Task, memory: Memory, label: int, place: int, state: int) 
     if chosen < 0:
         return True
     end_s = soonest_s + duration_s
-    return _enter_until(task, memory, label, state, chosen, soonest_s, end_s, top_j)
+    return _enter_until(task, memory, label, state, curve, chosen, soonest_s, end_s, top_j)
 
 
 @kernel
@@ -200,13 +223,14 @@ def _enter_until(
     memory: Memory,
     label: int,
     state: int,
+    curve: int,
     window: int,
     start_s: float,
     end_s: float,
     level_j: float,
 ) -> bool:
     """Enter a session that ends with this level; False when full."""
-    position = position_of(task, level_j)
+    position = position_of(task, curve, level_j)
     charge = Charge(position, level_j, position, level_j)
     session = note(memory, label, SESSION, window, end_s, charge, 0.0, np.inf, start_s)
     if session == FULL_MEMORY:

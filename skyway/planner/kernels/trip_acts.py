@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from skyway.planner.kernels.charging import position_of
+from skyway.planner.kernels.charging import curve_at, position_of
 from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.memory import (
     BEST,
@@ -105,7 +105,9 @@ def fly_acts(
         elif kind == SESSION:
             level_j = min(found.act_value[index, 0], task.curve_j[task.curve_j.size - 1])
             if level_j > charge_j + task.rounding_j * _SAME_SHARE:
-                until_s = now_s + position_of(task, level_j) - position_of(task, charge_j)
+                curve = curve_at(task, here)
+                position = position_of(task, curve, level_j)
+                until_s = now_s + position - position_of(task, curve, charge_j)
                 if not _hold_pads(search, found, here, now_s, until_s):
                     found.counts[SESSIONS] = first_session
                     return False

@@ -130,7 +130,9 @@ def task_of_trip(
         flight_after,
         least_s,
     )
-    curve = slice(terms.curve_offsets[model], terms.curve_offsets[model + 1])
+    curves = (terms.curve_offsets.size - 1) // terms.battery_j.size
+    curve_offsets = terms.curve_offsets[model * curves : (model + 1) * curves + 1]
+    curve = slice(curve_offsets[0], curve_offsets[curves])
     source = trips.source[trip]
     finish_at_source_j = terms.to_pad_m[source] * j_per_m[-1] if count == 0 else 0.0
     # See `exact_task`: a drone with less on board is never slower, uses no more energy, and is
@@ -152,6 +154,8 @@ def task_of_trip(
             needs_s * first_s + needs_s_per_j * first_j + least_need,
             finish_j,
             finish_at_source_j,
+            terms.curve_at,
+            curve_offsets - curve_offsets[0],
             terms.curve_s[curve],
             terms.curve_j[curve],
             trips.start_s[trip],

@@ -94,10 +94,16 @@ def test_the_difference_of_the_cells_is_smoothed() -> None:
     assert health.cell_spread_v == pytest.approx(0.1)
 
 
-def recharged(*, factor: float, free_after_s: float = 0.0, until_soc: float = 0.8) -> ChargeRate:
+def recharged(
+    *,
+    factor: float,
+    free_after_s: float = 0.0,
+    until_soc: float = 0.8,
+    power_w: float | None = None,
+) -> ChargeRate:
     """A recharge from 0.2 at so many times the model's rate, beside an occupied pad at first."""
     rate = ChargeRate(DJI_MATRICE_300_RTK)
-    run = make_recharge()
+    run = make_recharge(power_w)
     for at_s in range(0, 20_000, 30):
         charged_s = max(0.0, at_s - free_after_s) * factor
         soc = soc_after_recharge(DJI_MATRICE_300_RTK, 0.2, charged_s)
@@ -109,7 +115,7 @@ def recharged(*, factor: float, free_after_s: float = 0.0, until_soc: float = 0.
     return rate
 
 
-def make_recharge() -> StepRun:
+def make_recharge(power_w: float | None) -> StepRun:
     until_at = START + timedelta(days=1)
     step = RechargeStep(
         step_id=1,
@@ -120,6 +126,7 @@ def make_recharge() -> StepRun:
         not_after_at=until_at,
         planned_start_at=START,
         planned_end_at=until_at,
+        power_w=power_w,
     )
     return StepRun(step, START, soc=0.2, load_kg=0.0, position=Position(-98.0, 30.0))
 
@@ -136,3 +143,8 @@ def test_time_beside_an_occupied_pad_does_not_count_as_slow_charging() -> None:
 
 def test_a_short_recharge_is_not_measured() -> None:
     assert recharged(factor=0.9, until_soc=0.25).factor is None
+
+
+def test_a_recharge_on_a_pad_that_slows_the_drone_is_not_measured() -> None:
+    assert recharged(factor=0.5, power_w=200.0).factor is None
+    assert recharged(factor=0.8, power_w=1_000.0).factor == pytest.approx(0.8, rel=1e-6)

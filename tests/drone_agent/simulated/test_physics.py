@@ -48,6 +48,23 @@ def test_a_flight_against_the_wind_draws_more(drone: Any, steps: Any) -> None:
     assert sample.soc == pytest.approx(1 - 1.5 * 150 * 100 / 360_000)
 
 
+def test_a_pad_with_little_power_charges_as_fast_as_it_can(drone: Any, steps: Any) -> None:
+    (own,) = steps().recharge("shop", until_soc=0.8, duration_s=9000).made
+    limited = own.model_copy(update={"power_w": 20.0})
+    tight = limited.model_copy(update={"not_after_at": own.planned_start_at + timedelta(hours=1)})
+    started_at, battery_j = own.planned_start_at, drone.model.battery_j
+
+    for factor in (1.0, 1.5):
+        physics = Physics(drone.model, Disturbances(charge_time_factor=factor))
+        full, short = (physics.outcome_of(run_of(step, soc=0.4)) for step in (limited, tight))
+        sample = physics.sample(run_of(limited, soc=0.4), started_at + timedelta(hours=0.5))
+
+        assert (full.ended_at - started_at).total_seconds() == pytest.approx(0.4 * battery_j / 20.0)
+        assert short.code == "SHORT_CHARGE"
+        assert short.soc == pytest.approx(0.4 + 72_000 / battery_j)
+        assert sample.soc == pytest.approx(0.4 + 36_000 / battery_j)
+
+
 def test_a_slow_charger_charges_longer_or_short(drone: Any, steps: Any) -> None:
     (ample,) = steps().recharge("shop", until_soc=0.8, duration_s=1800, spare_s=1800).made
     (tight,) = steps().recharge("shop", until_soc=0.8, duration_s=1800).made

@@ -2,7 +2,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skyway.drone.charging import fastest_s_per_soc, recharge_time_s, soc_after_recharge
+from skyway.drone.charging import (
+    fastest_s_per_soc,
+    model_on_pad,
+    recharge_time_s,
+    soc_after_recharge,
+)
 from skyway.drone.model import ChargePoint, DroneModel
 from skyway.drone.models import DJI_MATRICE_300_RTK, PAPER_MATRICE_300
 from skyway.errors import InvalidStateOfCharge
@@ -68,3 +73,22 @@ def test_reading_the_curve_forth_and_back_gives_the_same_charge(soc_from: float,
     duration_s = recharge_time_s(model, soc_from, soc_to)
 
     assert soc_after_recharge(model, soc_from, duration_s) == pytest.approx(soc_to, abs=1e-12)
+
+
+@settings(max_examples=50)
+@given(power_w=st.floats(10, 2_000))
+def test_a_pad_slows_each_piece_of_the_curve_that_needs_more_power(power_w: float):
+    model, battery_j = DJI_MATRICE_300_RTK, DJI_MATRICE_300_RTK.battery_j
+
+    slowed = model_on_pad(model, power_w)
+
+    assert DroneModel.model_validate(slowed.model_dump()) == slowed
+    for before, after in zip(model.charge_curve, model.charge_curve[1:], strict=False):
+        own_s = after.time_s - before.time_s
+        pad_s = (after.soc - before.soc) * battery_j / power_w
+        assert recharge_time_s(slowed, before.soc, after.soc) == pytest.approx(max(own_s, pad_s))
+
+
+def test_a_pad_with_power_enough_leaves_the_model_as_it_is():
+    assert model_on_pad(KINKED, None) is KINKED
+    assert model_on_pad(KINKED, KINKED.battery_j) is KINKED

@@ -32,6 +32,7 @@ from tests.library.planner.oracles.instances import (
     make_busy_problem,
     make_problem,
     make_problem_with_hours,
+    make_problem_with_powers,
     make_stormy_problem,
     make_windowed_problem,
 )
@@ -100,6 +101,7 @@ def trips_of(problem: Problem, *, begins_s: float, count: int = 1) -> Trips:
         make_busy_problem,
         make_windowed_problem,
         make_problem_with_hours,
+        make_problem_with_powers,
         make_stormy_problem,
     ],
 )

@@ -168,6 +168,7 @@ def _flight_steps(
                 not_before_at=ms_to_moment(placed.start_ms),
                 until_soc=step.soc_end,
                 not_after_at=ms_to_moment(placed.end_ms),
+                power_w=step.power_w,
             )
         case Deliver() as step:
             yield from _hand_overs(placed, step, terms=terms, step_id=step_id)

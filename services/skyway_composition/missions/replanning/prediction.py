@@ -12,7 +12,7 @@ from skyway.contracts.flight_step import (
     ReturnStep,
     WaitStep,
 )
-from skyway.drone.charging import recharge_time_s, soc_after_recharge
+from skyway.drone.charging import model_on_pad, recharge_time_s, soc_after_recharge
 from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.drone.model import DroneModel
 from skyway.geo import Position, distance_m
@@ -150,10 +150,11 @@ def _charged(
     until_soc, begun_soc = min(step.until_soc, model.top_soc), max(soc, least_soc)
     if begun_soc >= until_soc:
         return PredictedStep(step, start_ms, start_ms, soc, load)
-    full_ms = start_ms + round(recharge_time_s(model, begun_soc, until_soc) * 1000)
+    charging = model_on_pad(model, step.power_w)
+    full_ms = start_ms + round(recharge_time_s(charging, begun_soc, until_soc) * 1000)
     if full_ms <= not_after_ms:
         return PredictedStep(step, start_ms, full_ms, until_soc, load)
-    short_soc = soc_after_recharge(model, begun_soc, (not_after_ms - start_ms) / 1000)
+    short_soc = soc_after_recharge(charging, begun_soc, (not_after_ms - start_ms) / 1000)
     return PredictedStep(step, start_ms, not_after_ms, short_soc, load, is_short=True)
 
 

@@ -42,14 +42,16 @@ def test_a_flight_lands_unless_another_follows(make: Any) -> None:
 
 
 def test_a_flight_before_a_recharge_lands(make: Any) -> None:
-    charging = Recharge(station_id=B, pad=1, start_s=10, end_s=20, soc_start=0.5, soc_end=0.7)
+    charging = Recharge(
+        station_id=B, pad=1, start_s=10, end_s=20, soc_start=0.5, soc_end=0.7, power_w=400
+    )
 
     flight, recharge = sent(make, fly(A, B, 0, 10), charging)
 
     assert isinstance(flight, FlyStep)
     assert isinstance(recharge, RechargeStep)
     assert flight.lands
-    assert (recharge.pad, recharge.until_soc) == (1, 0.7)
+    assert (recharge.pad, recharge.until_soc, recharge.power_w) == (1, 0.7, 400)
 
 
 def test_a_recharge_may_last_as_long_as_its_pad_is_reserved(make: Any) -> None:

@@ -118,6 +118,15 @@ def test_a_recharge_ends_at_its_planned_charge() -> None:
     assert (charged.soc_end, charged.is_short) == (1.0, False)
 
 
+def test_a_recharge_takes_as_long_as_its_pad_needs() -> None:
+    step = recharge(1, 0.0, 2_000.0, until_soc=1.0)
+    slow = step.model_copy(update={"power_w": 0.1 * MODEL.battery_j / 1_548.0})
+
+    (charged,) = predicted([slow], where(at_s=0.0), 0.0)
+
+    assert seconds(charged)[1] == pytest.approx(1_548.0)
+
+
 def test_a_late_recharge_is_short() -> None:
     (charged,) = predicted([recharge(1, 0.0, 774.0, until_soc=1.0)], where(at_s=0.0), 387.0)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from skyway.drone.charging import recharge_time_s, soc_after_recharge
+from skyway.drone.charging import model_on_pad, recharge_time_s, soc_after_recharge
 from skyway.drone.model import ChargePoint, DroneModel
 
 _CURVE = (ChargePoint(40, 0.05), ChargePoint(500, 0.6), ChargePoint(900, 0.8), ChargePoint(2e3, 1))
@@ -23,6 +23,8 @@ def curved(model: DroneModel) -> DroneModel:
 @pytest.fixture
 def task(curved: DroneModel) -> SimpleNamespace:
     return SimpleNamespace(
+        curve_at=np.zeros(0, np.int32),
+        curve_offsets=np.array([0, len(_CURVE)]),
         curve_s=np.array([point.time_s for point in _CURVE]),
         curve_j=np.array([point.soc * curved.battery_j for point in _CURVE]),
         reserve_j=0.05 * curved.battery_j,
@@ -36,7 +38,9 @@ def test_times_and_levels_equal_those_of_the_drone_model(
 ) -> None:
     charging, battery_j = plain.charging, curved.battery_j
 
-    stay_s = charging.position_of(task, soc * battery_j) - charging.position_of(task, 0.05 * 1e5)
+    stay_s = charging.position_of(task, 0, soc * battery_j) - charging.position_of(
+        task, 0, 0.05 * 1e5
+    )
 
     assert stay_s == pytest.approx(recharge_time_s(curved, 0.05, soc))
     assert charging.level_at(task, 40 + stay_s) == pytest.approx(
@@ -66,15 +70,65 @@ def test_the_fewest_full_sessions_take_the_least_time(
     assert plain.charging.full_sessions_s(task, 95_000.0 + 20_000.0) == pytest.approx(3060.0)
 
 
-def test_a_dominating_label_has_at_least_as_much_charge_at_every_moment(
-    plain: SimpleNamespace, task: SimpleNamespace
+@pytest.fixture
+def task_of_two_curves(task: SimpleNamespace, curved: DroneModel) -> SimpleNamespace:
+    """The second curve is that of pads with 50 W; it is slower up to 60 % of the battery."""
+    times_s, _ = model_on_pad(curved, 50.0).charge_columns
+    return SimpleNamespace(
+        **vars(task)
+        | {
+            "curve_at": np.array([0, 1], np.int32),
+            "curve_offsets": np.array([0, 4, 8]),
+            "curve_s": np.array([*task.curve_s, *(2_001.0 + np.array(times_s))]),
+            "curve_j": np.tile(task.curve_j, 2),
+        }
+    )
+
+
+def test_a_position_belongs_to_one_curve_and_keeps_to_it(
+    plain: SimpleNamespace, task_of_two_curves: SimpleNamespace, curved: DroneModel
 ) -> None:
+    charging, task = plain.charging, task_of_two_curves
+    slow, battery_j = model_on_pad(curved, 50.0), curved.battery_j
+    begun, top = (charging.position_of(task, 1, share * battery_j) for share in (0.1, 1.0))
+    charge = charging.Charge(begun, 0.1 * battery_j, top, battery_j)
+
+    raised = charging.after_raising(task, charge, 0.7 * battery_j)
+
+    assert raised.position - begun == pytest.approx(recharge_time_s(slow, 0.1, 0.7))
+    assert charging.after_staying(task, charge, 300.0).level == pytest.approx(
+        soc_after_recharge(slow, 0.1, 300.0) * battery_j
+    )
+
+
+def test_it_is_worth_staying_on_a_fast_pad_until_the_drone_itself_sets_the_pace(
+    plain: SimpleNamespace, task_of_two_curves: SimpleNamespace
+) -> None:
+    charging, task = plain.charging, task_of_two_curves
+    fast = charging.Charge(100.0, charging.level_at(task, 100.0), 2_000.0, 100_000.0)
+    ends_early = charging.Charge(100.0, charging.level_at(task, 100.0), 300.0, 40_000.0)
+    slow = charging.Charge(2_041.0, 5_000.0, 2_500.0, 20_000.0)
+
+    assert charging.worth_staying_s(task, fast, 1) == 400.0
+    assert charging.worth_staying_s(task, ends_early, 1) == 200.0
+    assert charging.worth_staying_s(task, fast, 0) == 0.0
+    assert charging.worth_staying_s(task, slow, 0) == 0.0
+    assert charging.worth_staying_s(task, slow, 1) == 0.0
+
+
+@pytest.mark.parametrize("curves", ["task", "task_of_two_curves"])
+def test_a_dominating_label_has_at_least_as_much_charge_at_every_moment(
+    plain: SimpleNamespace, request: pytest.FixtureRequest, curves: str
+) -> None:
+    task: SimpleNamespace = request.getfixturevalue(curves)
     random = np.random.default_rng(3)
     rows = [_label(plain, task, random) for _ in range(60)]
     dominating = 0
     for one in rows:
         for other in rows:
             at_s = np.linspace(other[0], other[0] + other[3] - other[1], 25)
+            bends = other[0] + task.curve_s - other[1]
+            at_s = np.append(at_s, bends[(bends > at_s[0]) & (bends < at_s[-1])])
             leads = [
                 _charge_j(plain, task, one, s) - _charge_j(plain, task, other, s) for s in at_s
             ]
@@ -87,7 +141,10 @@ def test_a_dominating_label_has_at_least_as_much_charge_at_every_moment(
 def _label(
     plain: SimpleNamespace, task: SimpleNamespace, random: np.random.Generator
 ) -> NDArray[np.float64]:
-    first, last = np.sort(random.uniform(40, 2000, 2))
+    curve = random.integers(0, len(task.curve_offsets) - 1)
+    begins_s = task.curve_s[task.curve_offsets[curve]]
+    ends_s = task.curve_s[task.curve_offsets[curve + 1] - 1]
+    first, last = np.sort(random.uniform(begins_s, ends_s, 2))
     levels = [plain.charging.level_at(task, position) for position in (first, last)]
     used_j = random.uniform(0, 40_000)
     time_s = random.uniform(0, 800)

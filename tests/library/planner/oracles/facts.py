@@ -42,8 +42,8 @@ class Facts:
     reserve: float
     stop_s: float
     stop_soc: float
-    #: The charge curve's points, seconds and charge.
-    curve: list[tuple[float, float]]
+    #: The charge curve's points at the pads of each station, seconds and charge.
+    curves: list[list[tuple[float, float]]]
     #: Seconds on the ground when packages are taken on; those for the source itself included.
     pick_up_s: float
     dropoff_s: float
@@ -147,7 +147,7 @@ def read_facts(problem: Problem) -> Facts:
         reserve=model.reserve_soc,
         stop_s=model.stop_s,
         stop_soc=model.stop_j / model.battery_j,
-        curve=[(point.time_s, point.soc) for point in model.charge_curve],
+        curves=[_curve_at(problem, name) for name in names],
         pick_up_s=problem.loading_s + (problem.dropoff_s if problem.source in requested else 0.0),
         dropoff_s=problem.dropoff_s,
         latest_s=math.inf if problem.latest_delivery_s is None else problem.latest_delivery_s,
@@ -312,6 +312,20 @@ def _free(problem: Problem, name: StationId) -> list[Interval]:
             if start > until:
                 free.append((until, start))
     return free
+
+
+def _curve_at(problem: Problem, name: StationId) -> list[tuple[float, float]]:
+    """The model's curve, each piece stretched to the share of power that a pad surely has."""
+    model, station = problem.drone.model, problem.network.stations[name]
+    shares_w = [station.properties.get("pad_power_w", math.inf)]
+    if "station_power_w" in station.properties:
+        shares_w.append(station.properties["station_power_w"] / station.pads)
+    curve = [(model.charge_curve[0].time_s, model.charge_curve[0].soc)]
+    for before, after in pairwise(model.charge_curve):
+        rise = after.soc - before.soc
+        slow_s = rise * model.battery_j / min(shares_w)
+        curve.append((curve[-1][0] + max(slow_s, after.time_s - before.time_s), after.soc))
+    return curve
 
 
 def _closed_station(problem: Problem, name: StationId) -> list[Interval]:

@@ -127,7 +127,7 @@ def _run(
         ticks(facts.stop_s),
         facts.stop_soc,
         np.array(facts.finish_soc),
-        np.array(facts.curve),
+        np.array(facts.curves),
         facts.is_full_policy,
         np.array([_free_ticks(pads, tick_s, horizon, is_early=is_early) for pads in facts.free]),
         windows_of,

@@ -88,7 +88,7 @@ def sweep(
     stop_ticks: int,
     stop_soc: float,
     finish_soc: Any,
-    curve: Any,
+    curves: Any,
     is_full_policy: bool,
     pad_free: Any,
     window_of: Any,
@@ -117,6 +117,7 @@ def sweep(
             # The state before the pick-up comes first: loading may take no time.
             state = (turn + states - 1) % states
             for here in range(stations):
+                curve = curves[here]
                 standing = best[tick, LAND, state, here]
                 code = ((tick * 2 + LAND) * states + state) * stations + here
                 if standing > NOWHERE:

@@ -110,6 +110,35 @@ def _both_ways(properties: dict[str, Any]) -> list[list[str]]:
     return [there] if properties.get("one_way") else [there, there[::-1]]
 
 
+def make_problem_with_powers(seed: int, **fields: Any) -> Problem:
+    """A problem on stations whose pads give different powers; many start with little charge."""
+    rng = Random(f"low {seed}")
+    made = as_json(seed)
+    drone = made["drone"]
+    if rng.random() < 0.5:
+        drone = {**drone, "soc": max(drone["model"]["reserve_soc"], round(rng.random() * 0.4, 3))}
+    return Problem.model_validate({**with_powers(seed, {**made, "drone": drone}), **fields})
+
+
+def with_powers(seed: int, made: dict[str, Any]) -> dict[str, Any]:
+    """The problem with power limits of many stations: of each pad, or shared by the pads."""
+    rng = Random(f"powers {seed}")
+    model = made["drone"]["model"]
+    (from_s, low), (until_s, high) = model["charge_curve"][:2]
+    fastest_w = model["battery_j"] * (high - low) / (until_s - from_s)
+    features = []
+    for feature in made["network"]["features"]:
+        properties = dict(feature["properties"])
+        if properties["kind"] == "station" and properties["pads"] and rng.random() < 0.75:
+            power_w = max(10.0, round(fastest_w * rng.choice([0.2, 0.4, 0.7, 1.2]), 2))
+            if rng.random() < 0.6:
+                properties["pad_power_w"] = power_w
+            else:
+                properties["station_power_w"] = power_w * properties["pads"]
+        features.append({**feature, "properties": properties})
+    return {**made, "network": {**made["network"], "features": features}}
+
+
 def make_problem_with_hours(seed: int, **fields: Any) -> Problem:
     """A problem with opening hours of half of its stations, and some windows."""
     rng = Random(f"hours {seed}")

@@ -207,7 +207,7 @@ def _stop(
     """Waiting and sessions; the charge left with, and the times whose sum is the departure."""
     left_soc = programme.real(facts.reserve, 1.0)
     is_charging = programme.binary()
-    top = facts.curve[-1][1]
+    top = facts.curves[0][-1][1]
     programme.require([(left_soc, 1.0), (soc, -1.0)], low=0.0)
     programme.require([(left_soc, 1.0), (soc, -1.0), (is_charging, -1.0)], high=0.0)
     programme.require([(left_soc, 1.0), (is_charging, 1.0 - top)], high=1.0)
@@ -266,9 +266,9 @@ def _charge_curve(
     """The sessions last at least the curve's time from one charge to the other."""
     pieces = [
         (time_s, low, high, (end_s - time_s) / (high - low))
-        for (time_s, low), (end_s, high) in pairwise(facts.curve)
+        for (time_s, low), (end_s, high) in pairwise(facts.curves[0])
     ]
-    most_s = facts.curve[-1][0] + pieces[-1][3]
+    most_s = facts.curves[0][-1][0] + pieces[-1][3]
     end = programme.real(0.0, math.inf)
     for time_s, low, _, s_per_soc in pieces:
         programme.require([(end, 1.0), (left_soc, -s_per_soc)], low=time_s - s_per_soc * low)
