@@ -26,13 +26,13 @@ _Eta = Annotated[
 ]
 _PromisedAt = Annotated[
     FleetMoment | None,
-    Field(description="The first expected moment that the customer was given, fleet time."),
+    Field(description="When the plan of the booking delivers it (P50), fleet time."),
 ]
 _DueAt = Annotated[
     FleetMoment | None,
     Field(
         description="The promise from which lateness counts: the P90 of the booking, or "
-        "`promised_at` if P50 was asked or nothing was forecast. Fleet time."
+        "`promised_at` if P50 was asked or no P90 was known. Fleet time."
     ),
 ]
 _DeliveredAt = Annotated[
