@@ -188,9 +188,7 @@ class PackageStatus(JsonModel):
 class Flags(JsonModel):
     """What may worry the customer now."""
 
-    delayed: Annotated[bool, Field(description="A package is expected later than promised.")] = (
-        False
-    )
+    delayed: Annotated[bool, Field(description="A package is expected after its `due_at`.")] = False
     replanning: Annotated[
         bool, Field(description="A plan no longer holds and there is no new plan yet.")
     ] = False
