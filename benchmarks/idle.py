@@ -1,4 +1,4 @@
-"""`python -m benchmarks idle`: what the processes of a Skyway take while nothing is asked of them.
+"""`python -m benchmarks idle`: processor time and statements of a Skyway without any requests.
 
 A further replica or a further cell costs at least this much, however few deliveries there are. For
 each number of replicas a system is started, with a PostgreSQL and a Mosquitto of its own.

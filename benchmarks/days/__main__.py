@@ -1,9 +1,9 @@
-"""Flies deliveries on the simulator's days, and shows what was promised against what came.
+"""Flies deliveries on the simulator's days, and compares promised with actual arrival times.
 
 `python -m benchmarks days --days calm,windy --deliveries 40 --seeds 1,2` runs a whole Skyway on the
-embedded pair for each day and seed: one provider, drones of the model DJI Matrice 300 RTK all over
-the bundled corridor, requests of one package each. Without `--forecast-error-mps` plans are made in
-still air.
+embedded database and broker for each day and seed. One provider has drones of the model DJI
+Matrice 300 RTK all over the bundled corridor, and each request has one package. Without
+`--forecast-error-mps` plans are made in still air.
 """
 
 import argparse
@@ -25,14 +25,20 @@ _DAYS: Final = "calm,busy,windy,cold,stormy"
 def main() -> int:
     """Fly the days that are asked for, and print a row for each."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks days", description=__doc__)
-    parser.add_argument("--days", default=_DAYS, help="scenarios, with commas between")
-    parser.add_argument("--deliveries", type=int, default=40, help="of each day and seed")
-    parser.add_argument("--drones", type=int, default=30)
-    parser.add_argument("--every-s", type=float, default=180.0, help="fleet time between requests")
-    parser.add_argument("--clock-rate", type=float, default=120.0)
-    parser.add_argument("--seeds", default="1", help="with commas between")
+    parser.add_argument("--days", default=_DAYS, help="scenarios, separated by commas")
+    parser.add_argument("--deliveries", type=int, default=40, help="number for each day and seed")
+    parser.add_argument("--drones", type=int, default=30, help="number of drones")
     parser.add_argument(
-        "--forecast-error-mps", type=float, help="plan with a forecast that is wrong by so much"
+        "--every-s", type=float, default=180.0, help="fleet seconds between two requests"
+    )
+    parser.add_argument(
+        "--clock-rate", type=float, default=120.0, help="fleet seconds in a wall second"
+    )
+    parser.add_argument("--seeds", default="1", help="whole numbers, separated by commas")
+    parser.add_argument(
+        "--forecast-error-mps",
+        type=float,
+        help="plan with a forecast whose wind is wrong by this standard error, metres per second",
     )
     given = parser.parse_args()
     error_mps = given.forecast_error_mps

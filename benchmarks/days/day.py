@@ -136,7 +136,9 @@ class _Player:
                 while not await self._are_ready():  # noqa: ASYNC110
                     await asyncio.sleep(0.5)  # asked of another process
         except TimeoutError as error:
-            raise SkywayError("not all drones were ready in time") from error
+            raise SkywayError(
+                f"not all {self.trial.drones} drones were ready within {_READY_WITHIN_S:g} s"
+            ) from error
 
     async def _are_ready(self) -> bool:
         fleets = await self._call("GET", "/v1/stats/fleets")
@@ -150,7 +152,9 @@ class _Player:
                     await asyncio.sleep(0.2)  # asked of another process
                     delivery = await self._call("GET", f"/v1/deliveries/{delivery_id}")
         except TimeoutError as error:
-            raise SkywayError(f"{delivery_id} is {delivery.get('state')} for ever") from error
+            raise SkywayError(
+                f"{delivery_id} is {delivery.get('state')} after {_END_WITHIN_S:g} s"
+            ) from error
         return delivery
 
     async def _until(self, moment: datetime) -> None:

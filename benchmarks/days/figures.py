@@ -1,4 +1,4 @@
-"""What became of the deliveries of a day: lateness, new plans, and the charge at landings."""
+"""The figures of a day's deliveries: lateness, new plans, and the charge at landings."""
 
 import statistics
 from collections import Counter
@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, Final, Self
 
-#: Charge may be reported so much too low, because sensors err.
+#: A state of charge may be reported so much too low, because sensors err.
 _SENSOR_ERROR_SOC: Final = 0.005
 
-#: Packages that come so much later than promised count as late, minutes.
+#: Packages that come later than `promised_at` by more than this count as late, minutes.
 _LATE_MIN: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class Day:
-    """The figures of a day; lateness is in minutes against the promise at booking."""
+    """The figures of a day; lateness is in minutes after `promised_at`."""
 
     states: Mapping[str, int]
     late_min: Sequence[float]

@@ -3,8 +3,8 @@
 `python -m benchmarks upgrade --from COMMIT` starts that commit's services and drones on PostgreSQL
 and Mosquitto. It migrates the databases, starts the services of this checkout beside the older
 ones, ends the older ones, starts them again on the newer tables, and ends them for good. The drones
-stay as they are. It ends with 1 if a request was not accepted at the first try, if a delivery did
-not end, or if `skyway verify` finds a violation.
+keep the older version. The exit code is 1 if a request was not accepted at the first try, if a
+delivery did not end, or if `skyway verify` finds a violation.
 """
 
 import argparse
@@ -133,11 +133,15 @@ def _counted(what: Counter[str]) -> str:
 def main() -> int:
     """Rehearse the upgrade from the commit that is asked for."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks upgrade", description=__doc__)
-    parser.add_argument("--from", dest="commit", required=True, metavar="COMMIT")
-    parser.add_argument("--seconds", type=float, default=15.0, help="requests in each step")
-    parser.add_argument("--rate-per-s", type=float, default=1.0)
-    parser.add_argument("--drones", type=int, default=150)
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--from", dest="commit", required=True, metavar="COMMIT", help="the older version"
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=15.0, help="how long deliveries are requested in each step"
+    )
+    parser.add_argument("--rate-per-s", type=float, default=1.0, help="requests a second")
+    parser.add_argument("--drones", type=int, default=150, help="number of drones")
+    parser.add_argument("--seed", type=int, default=1, help="of the requests")
     given = parser.parse_args()
     burst = Burst(
         storage="production",

@@ -142,9 +142,10 @@ packages = Table(
     Column("custodian_id", Text, nullable=False),
     Column("custody_seq", Integer, nullable=False),  # of the custodian above
     Column("promised_ms", BigInteger),  # the first ETA of the current attempt
-    # By when nine of ten packages should come, as it was forecast then; null if it was not.
+    # By when nine of ten packages should come, known at the booking; null if it was not known.
     Column("promised_p90_ms", BigInteger),
-    # One of both, as the customer asked: from it lateness counts. Null in rows of an older version.
+    # `promised_ms` or `promised_p90_ms`, as the customer asked: lateness counts from it. Null in
+    # rows of an older version.
     Column("due_ms", BigInteger),
     Column("eta_ms", BigInteger),
     Column("delivered_ms", BigInteger),

@@ -19,7 +19,7 @@ _LARGEST: Final = sys.float_info.max
 
 
 def _is_no_sum(value: Column[float]) -> ColumnElement[bool]:
-    """Whether a value is no sum of what was counted; False if it is null."""
+    """Whether a value is negative or infinite, so no sum of counts; False if it is null."""
     return ~value.between(0, _LARGEST)
 
 

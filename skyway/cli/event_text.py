@@ -78,13 +78,13 @@ def _price(price: EventData | None) -> str:
 
 
 def _against_plan(data: EventData) -> str:
-    promised, actual = (
+    planned, actual = (
         datetime.fromisoformat(data[name]["completed_at"]) for name in ("planned", "actual")
     )
-    late_s = (actual - promised).total_seconds()
+    late_s = (actual - planned).total_seconds()
     if abs(late_s) < _MINUTE_S:
-        return "as promised"
-    return f"{abs(late_s) / _MINUTE_S:.0f} min {'later' if late_s > 0 else 'earlier'} than promised"
+        return "as planned"
+    return f"{abs(late_s) / _MINUTE_S:.0f} min {'later' if late_s > 0 else 'earlier'} than planned"
 
 
 def _why(data: EventData) -> str:

@@ -160,22 +160,25 @@ def weather(
         str | None,
         typer.Argument(
             metavar="[FILE]",
-            help="A forecast as JSON, or a NetCDF file (docs/weather.md); - is standard input. "
-            "Without it the forecast in force is shown.",
+            help="A forecast to use: JSON, or a NetCDF file (docs/weather.md); - is JSON from "
+            "standard input. Without FILE the forecast in force is shown.",
         ),
     ] = None,
     source: Annotated[
-        str | None, typer.Option(help="NetCDF: the source, if it has another name in the file.")
+        str | None,
+        typer.Option(
+            help="Of a NetCDF file: the name of the source, instead of the name in the file."
+        ),
     ] = None,
     remove: Annotated[
-        bool, typer.Option("--remove", help="Remove the forecast: plan in still air again.")
+        bool, typer.Option("--remove", help="Remove the forecast; plans assume still air again.")
     ] = False,
     network_id: _NetworkIdOption = BUNDLED_NETWORK_ID,
     data: DataOption = None,
 ) -> None:
     """Give a network of the running Skyway a forecast, show the one in force, or remove it."""
     if remove and file is not None:
-        raise typer.BadParameter("a FILE has no meaning with --remove")
+        raise typer.BadParameter("--remove takes no FILE")
     folder = data_folder(data)
     body = None if file is None else _forecast(file, network_id, source=source, folder=folder)
     answer = call_gateway(
@@ -192,7 +195,9 @@ def _forecast(file: str, network_id: str, *, source: str | None, folder: DataFol
     """The forecast in a file as JSON; of a NetCDF file the part around the network's stations."""
     if not file.lower().endswith(NETCDF_SUFFIXES):
         if source is not None:
-            raise typer.BadParameter("has a meaning for NetCDF files alone", param_hint="--source")
+            raise typer.BadParameter(
+                "only a NetCDF file can have another source", param_hint="--source"
+            )
         return _text(file).encode()
     answer = call_gateway("GET", _path(network_id), key_name=_OPERATOR_KEY, folder=folder)
     try:

@@ -48,7 +48,9 @@ _PromiseName = Literal["P90", "P50"]
 
 PromiseOption = Annotated[
     _PromiseName,
-    typer.Option(help="Promise when nine of ten packages have come, or half of them."),
+    typer.Option(
+        help="Which arrival time is promised: nine of ten packages come by P90, half by P50."
+    ),
 ]
 
 _WINDOWS = "Windows, in fleet time: 2026-03-02T14:00:00Z, or +2h30m from now"

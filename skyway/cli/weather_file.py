@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 #: How the names of NetCDF files end.
 NETCDF_SUFFIXES: Final = (".nc", ".nc4", ".cdf", ".netcdf")
 
-#: By member of a forecast: its CF standard name, and names that weather services use.
+#: For each member of a forecast: its CF standard name, and other names that weather services use.
 _VARIABLES: Final[Mapping[str, tuple[str, ...]]] = {
     "eastward_wind_mps": ("eastward_wind", "u10", "10u", "uas"),
     "northward_wind_mps": ("northward_wind", "v10", "10v", "vas"),
@@ -40,7 +40,7 @@ _SPEEDS: Final = ("m s-1", "m/s", "m s**-1", "m.s-1", "meters per second")
 _DEGREES: Final = ("degree", "degrees", "degree_true", "degrees_true")
 _TEMPERATURES: Final = (*_KELVIN, "c", "degc", "celsius", "degree_celsius", "degrees_celsius")
 
-#: Digits of values and of axes: forecasts are not more exact.
+#: Decimal places of values and of axes: forecasts are not more exact.
 _DIGITS, _AXIS_DIGITS = 2, 5
 
 Floats = npt.NDArray[np.float64]
@@ -112,7 +112,9 @@ def _found(dataset: "Dataset", names: Sequence[str]) -> "Variable[Any] | None":
 def _axis(dataset: "Dataset", name: str) -> "Variable[Any]":
     axis = _found(dataset, _AXES[name])
     if axis is None or axis.ndim > 1:
-        raise InvalidInput(name, "the file has no such axis; only grids of degrees can be read")
+        raise InvalidInput(
+            name, "the file has no such axis with one dimension: only grids of degrees can be read"
+        )
     return axis
 
 
@@ -140,7 +142,7 @@ def _by_axes(member: str, variable: "Variable[Any]", axes: Mapping[str, "Variabl
     others = [number for number in range(values.ndim) if number not in order]
     if any(values.shape[number] != 1 for number in others):
         names = ", ".join(dimensions[number] for number in others)
-        raise InvalidInput(member, f"has values for several {names}: keep one of them")
+        raise InvalidInput(member, f"has more than one value of {names}: keep one")
     shape = [values.shape[number] for number in order]
     return _in_units(member, variable, values.transpose([*order, *others]).reshape(shape))
 
@@ -153,7 +155,7 @@ def _in_units(member: str, variable: "Variable[Any]", values: Any) -> Any:  # a 
     elif member == "temperature_c":
         allowed = _TEMPERATURES
     if units not in allowed:
-        raise InvalidInput(member, f"has the units {units!r}; there are {', '.join(allowed)}")
+        raise InvalidInput(member, f"has the units {units!r}; allowed are {', '.join(allowed)}")
     return values - _ZERO_C if units in _KELVIN else values
 
 

@@ -26,13 +26,13 @@ _Eta = Annotated[
 ]
 _PromisedAt = Annotated[
     FleetMoment | None,
-    Field(description="The first expected moment that the customer was given, fleet time."),
+    Field(description="When the plan of the booking delivers it (P50), fleet time."),
 ]
 _DueAt = Annotated[
     FleetMoment | None,
     Field(
         description="The promise from which lateness counts: the P90 of the booking, or "
-        "`promised_at` if P50 was asked or nothing was forecast. Fleet time."
+        "`promised_at` if P50 was asked or no P90 was known. Fleet time."
     ),
 ]
 _DeliveredAt = Annotated[
@@ -142,7 +142,7 @@ class StartedData(_FlownBy):
 
 
 class LatePackage(WireModel):
-    """A package that comes later than it was promised."""
+    """A package that comes after its `due_at`."""
 
     package_id: PackageId
     eta_at: _Eta
@@ -177,7 +177,7 @@ class ReplannedPackage(WireModel):
 
 
 class ReplannedData(_FlownBy):
-    """Why there is a new plan, and how much later than promised it delivers."""
+    """Why there is a new plan, and how much later than the plan of the booking it delivers."""
 
     revision: Annotated[int, Field(ge=1, description="The number of the new plan, from 2.")]
     code: _Code
@@ -214,7 +214,7 @@ class CompletedPackage(WireModel):
 class CompletedData(WireModel):
     """The planned and the actual times."""
 
-    planned: Annotated[CompletionTimes, Field(description="As it was promised.")]
+    planned: Annotated[CompletionTimes, Field(description="As the booking planned it (P50).")]
     actual: Annotated[CompletionTimes, Field(description="As it was.")]
     packages: Annotated[
         tuple[CompletedPackage, ...], Field(description="The times of each package.")

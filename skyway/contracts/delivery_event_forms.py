@@ -85,7 +85,7 @@ class DeliveryStartedEvent(_Event):
 
 
 class DeliveryDelayedEvent(_Event):
-    """Packages come later than promised."""
+    """Packages come after their `due_at`."""
 
     type: Annotated[Literal["delivery.delayed"], _About] = "delivery.delayed"
     data: Annotated[DelayedData, _Data]

@@ -114,8 +114,8 @@ class OutOfServiceQuery(WireModel):
 class OutOfServiceAnswer(WireModel):
     """Drones in MAINTENANCE, of a SUSPENDED provider, or not registered any more.
 
-    The drones in `due_drone_ids` are due for maintenance: each flies the missions that it has, and
-    gets no others.
+    The drones in `due_drone_ids` are due for maintenance: they fly the missions that they have, and
+    get no others.
     """
 
     drone_ids: tuple[DroneId, ...]

@@ -62,7 +62,7 @@ class FlyStep(_FlightStep):
         Field(
             gt=0,
             exclude_if=lambda value: value == 1.0,
-            description="What the weather multiplies the time of the flight by, as planned; left "
+            description="The planned time of the flight, divided by its time in still air; left "
             "out if it is 1.",
         ),
     ] = 1.0
@@ -71,7 +71,7 @@ class FlyStep(_FlightStep):
         Field(
             gt=0,
             exclude_if=lambda value: value == 1.0,
-            description="What the weather multiplies the energy of the flight by, beside the time; "
+            description="The planned energy of the flight, divided by power × time of the flight; "
             "left out if it is 1.",
         ),
     ] = 1.0

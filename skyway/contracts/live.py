@@ -184,7 +184,7 @@ class LiveMission(WireModel):
     drone_id: DroneId
     flown_as: Annotated[
         MissionId | None,
-        Field(description="The mission that carries its packages; null if it is this one."),
+        Field(description="The host's mission, which carries its packages; null if this one does."),
     ] = None
     state: MissionState
     revision: int

@@ -113,7 +113,7 @@ class DeliveryMission(WireModel):
     ] = Margins()
     weather: Annotated[
         WeatherNote | None,
-        Field(description="The forecast of the present plan; null if it is planned in still air."),
+        Field(description="The weather forecast that the plan uses; null if it assumes still air."),
     ] = None
     #: AWAITED while the drone stands at the pickup until a loader confirms.
     loading: Annotated[
@@ -192,8 +192,8 @@ class OfferLimits(WireModel):
         Field(
             ge=0,
             description="The lateness that nine of ten packages do not exceed, as a share of the "
-            "planned time: the P90 of the offer was made with it, and that of the booking is. Null "
-            "if it was not known.",
+            "planned time. The P90 of the offer and of its booking follow from it. Null if it was "
+            "not known.",
         ),
     ] = None
 

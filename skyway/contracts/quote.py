@@ -96,7 +96,9 @@ class OfferTerms(WireModel):
     margins: Annotated[Margins, Field(description="What the plan has on top of what it needs.")]
     weather: Annotated[
         WeatherNote | None,
-        Field(description="The forecast of the plans; null if they are made for still air."),
+        Field(
+            description="The weather forecast that the plans use; null if they assume still air."
+        ),
     ] = None
     score: Annotated[float, Field(description="What offers are ranked by; lower is better.")]
     no_shows: Annotated[

@@ -1,4 +1,4 @@
-"""Forecasts as operators send them: a grid, or reports from places; and what is said of them."""
+"""Forecasts as operators send them (a grid, or reports from places), and how they are shown."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -100,7 +100,7 @@ class WeatherGrid(JsonModel):
     ] = None
     gust_mps: Annotated[
         _Values[_Wind] | None,
-        Field(description="Speed of gusts; without them that of the wind."),
+        Field(description="Speed of gusts; without it the speed of the wind counts."),
     ] = None
     temperature_c: Annotated[
         _Values[_Temperature] | None,
@@ -108,13 +108,13 @@ class WeatherGrid(JsonModel):
     ] = None
     error_mps: Annotated[
         _Values[_Error] | None,
-        Field(description="Standard error of the wind; counted as wind against the drone."),
+        Field(description="Standard error of the wind; it counts as wind against the drone."),
     ] = None
 
     @field_validator(*_VARIABLES, mode="before")
     @classmethod
     def _has_its_shape(cls, value: Any, info: ValidationInfo) -> Any:  # any JSON value
-        """Counted before a million values are read."""
+        """Check the number of values before they are read: there may be millions."""
         axes = [info.data.get(name) for name in ("time", "latitude", "longitude")]
         if value is None or None in axes:  # another error names the axis
             return value
@@ -161,7 +161,7 @@ class WeatherGrid(JsonModel):
                 if hypot(east or 0.0, north or 0.0) > MAX_WIND_MPS:
                     where = ", ".join(map(str, at))
                     speed = f"{hypot(east or 0.0, north or 0.0):.0f} m/s at {where}"
-                    detail = f"{speed} exceed the limit of {MAX_WIND_MPS:g} m/s"
+                    detail = f"{speed} exceeds the limit of {MAX_WIND_MPS:g} m/s"
                     raise _fault("eastward_wind_mps", detail)
         return self
 
@@ -172,7 +172,7 @@ def _parts(value: Any, count: int) -> list[Any]:  # any JSON value
         raise PydanticCustomError(
             "shape",
             "needs a list for each time, in it a list for each latitude, and in it a value for "
-            "each longitude: there is {found} where {count} are due",
+            "each longitude: found {found} where {count} values are needed",
             {"found": found, "count": count},
         )
     return list(value)
@@ -254,14 +254,14 @@ class MeasuredWind(WireModel):
 
 
 class WeatherNote(WireModel):
-    """The forecast with which something was planned."""
+    """The weather forecast that a plan uses."""
 
     source: Annotated[str, Field(description="Who measured or computed it.")]
     issued_at: FleetMoment
 
 
 class WeatherInForce(JsonModel):
-    """The forecast with which a network plans."""
+    """The forecast that the plans of a network use."""
 
     network_id: Annotated[NetworkId, Field(description="Id of the network.")]
     source: Annotated[str, Field(description="Who measured or computed the values.")]
@@ -274,7 +274,7 @@ class WeatherInForce(JsonModel):
     phase: Annotated[
         Literal["AHEAD", "VALID", "FADING", "OVER"],
         Field(
-            description="AHEAD: its first time is still to come. VALID: it counts as it is. "
+            description="AHEAD: its first time is still to come. VALID: its values count fully. "
             "FADING: its last time is over, and it counts less and less. OVER: the air counts as "
             "still."
         ),

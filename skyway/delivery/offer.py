@@ -68,8 +68,7 @@ class Tariff(JsonModel):
             le=1,
             allow_inf_nan=False,
             strict=True,
-            description="A delivery that shares its trip with another one costs its price times "
-            "this factor, 0 to 1.",
+            description="A delivery on a shared trip costs its price times this factor, 0 to 1.",
         ),
     ] = 1.0
 

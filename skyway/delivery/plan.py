@@ -52,16 +52,16 @@ class Fly(JsonModel):
         float,
         Field(
             exclude_if=lambda value: value == 1.0,
-            description="What the weather multiplies the time of the flight by, without its "
-            "landing; left out if it is 1.",
+            description="The time of the flight without its landing, divided by its time in still "
+            "air; left out if it is 1.",
         ),
     ] = 1.0
     energy_factor: Annotated[
         float,
         Field(
             exclude_if=lambda value: value == 1.0,
-            description="What the weather multiplies the energy of the flight by, beside the time; "
-            "left out if it is 1.",
+            description="The energy of the flight without its landing, divided by power × time of "
+            "the flight; left out if it is 1.",
         ),
     ] = 1.0
 

@@ -155,20 +155,24 @@ class QoS(JsonModel):
         PromiseLevel,
         Field(
             description="Which arrival time is promised: P90, by which nine of ten packages come, "
-            "or P50, the time of the plan. Before a P90 can be forecast, the plan's time is."
+            "or P50, the time of the plan. P50 is promised too while no P90 is known."
         ),
     ] = "P90"
     pooling: Annotated[
         bool,
         Field(
             strict=True,
-            description="Whether the drone may carry packages of other deliveries too; then the "
-            "`pooled_factor` of the tariff counts. Not with windows or a deadline.",
+            description="Whether the drone may carry packages of other deliveries on this trip; "
+            "then each pays its `pooled_price`. A request with windows or a deadline flies alone.",
         ),
     ] = False
     pooling_wait_s: Annotated[
         float,
-        Field(ge=0, le=3600, description="Seconds that the start may wait for others to join."),
+        Field(
+            ge=0,
+            le=3600,
+            description="Seconds by which the start is delayed, so that others can join.",
+        ),
     ] = 0.0
 
     @model_validator(mode="after")

@@ -2,7 +2,7 @@
 
 The values of a period hold as they are until it ends. After the last period they still count, but
 less and less: the deviation from still air is halved every three hours, and after twelve hours the
-air is still. Our own choice: wind changes within hours, and a plan must not believe an old wind.
+air is still. Our own choice: wind changes within hours, and a plan must not rely on an old wind.
 """
 
 from dataclasses import dataclass, replace
@@ -16,8 +16,8 @@ from skyway.planner.kernels.memory import Floats
 from skyway.planner.weather import Weather
 from skyway.planner.wind import SegmentWind, WindField, nearest_places, without_savings
 
-#: After the last period: the length of each further period, and what its deviation is multiplied
-#: by.
+#: The periods after the last one: the length of each, seconds, and the share of the deviation from
+#: still air that is left in each.
 FADING_S: Final = 10_800.0
 FADING: Final = (0.5, 0.25, 0.125, 0.0625)
 
@@ -26,7 +26,7 @@ FADING: Final = (0.5, 0.25, 0.125, 0.0625)
 _COOL_C: Final = 10.0
 _MORE_PER_DEGREE: Final = 0.01
 
-#: A station this far outside of a grid, or from the nearest place, still has weather; metres.
+#: The farthest that a station may be outside of a grid, or from the nearest place, metres.
 FARTHEST_M: Final = 50_000.0
 
 _M_PER_DEG: Final = 111_195.0
@@ -72,7 +72,7 @@ class Forecast:
         )
 
     def field(self) -> WindField:
-        """The wind with the periods in which it fades."""
+        """The wind in all periods, also those after the last one, in which it fades."""
         cold = _MORE_PER_DEGREE * np.maximum(0.0, _COOL_C - self.temperature_c)
         fading_s = self.edges_s[-1] + FADING_S * np.arange(1, len(FADING) + 1)
         strongest = np.hypot(self.east_mps, self.north_mps)
@@ -90,13 +90,13 @@ class Forecast:
 
     @property
     def strongest_mps(self) -> float:
-        """The strongest wind at any place and time, with its error; gusts do not count."""
+        """The strongest wind plus its standard error, at any place and time; gusts do not count."""
         return float((np.hypot(self.east_mps, self.north_mps) + self.error_mps).max())
 
     def farthest_m(self, network: Network) -> tuple[int, float]:
-        """The station that is farthest from the forecast, by its row, and how far it is.
+        """The row of the station that is farthest from the forecast, and its distance in metres.
 
-        The distance to a grid is that to its border, and 0 within it.
+        The distance to a grid is the distance to its border, and 0 within it.
         """
         at_deg = network.columns.longitude_deg, network.columns.latitude_deg
         if self.grid is None:
@@ -124,5 +124,5 @@ def planned_weather(wind: SegmentWind, model: DroneModel) -> Weather:
 
 
 def _faded(deviation: Floats) -> Floats:
-    """``(p + f, k)``: the deviation from still air, and after its end what is left of it."""
+    """``(p + f, k)``: the deviation from still air in p periods, and in f that fade."""
     return np.concatenate((deviation, *(share * deviation[-1:] for share in FADING)))

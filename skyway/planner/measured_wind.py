@@ -13,19 +13,19 @@ from typing import Final
 import numpy as np
 
 from skyway.planner.forecast import Forecast
-from skyway.planner.wind import nearest_places, shares_of
+from skyway.planner.wind import nearest_places, weights_of
 
-#: Measurements count for so long, and so far; seconds and metres.
+#: How old, and how far from a place, a measurement may be that counts there; seconds and metres.
 RECENT_S: Final = 900.0
 NEAR_M: Final = 50_000.0
 
-#: Corrections are rounded to this and limited to that, metres per second, so that plans change only
-#: when the wind is really another one.
+#: Corrections are multiples of the step and have a largest value, metres per second. Plans then
+#: change only when the wind is clearly different.
 _STEP_MPS: Final = 0.5
 _MOST_MPS: Final = 15.0
 
-#: What is left of a correction after each hour. Our own choice: after some hours the weather is
-#: another one.
+#: What is left of a correction after each hour. Our own choice: after some hours the weather has
+#: changed.
 _LEFT_AN_HOUR: Final = 0.5
 _HOUR_S: Final = 3_600.0
 
@@ -35,7 +35,7 @@ Correction = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """The wind that one drone has measured: where to the air moves."""
+    """The wind that one drone has measured: how fast the air moves to the east and to the north."""
 
     provider_id: str
     longitude_deg: float
@@ -48,7 +48,10 @@ class Measurement:
 def corrections_of(
     forecast: Forecast, measured: Iterable[Measurement], *, now_s: float
 ) -> dict[int, Correction]:
-    """The correction of each place of the forecast that has one, by the place's number."""
+    """The corrections of places of the forecast, by the number of the place, from 0.
+
+    Places without a correction are left out.
+    """
     recent = [each for each in measured if abs(now_s - each.at_s) <= RECENT_S]
     field = forecast.field()
     period = int(np.searchsorted(field.edges_s, now_s, side="right")) - 1
@@ -56,9 +59,9 @@ def corrections_of(
         return {}
     longitude_deg = np.array([each.longitude_deg for each in recent])
     latitude_deg = np.array([each.latitude_deg for each in recent])
-    shares = shares_of(field, longitude_deg=longitude_deg, latitude_deg=latitude_deg)
+    weights = weights_of(field, longitude_deg=longitude_deg, latitude_deg=latitude_deg)
     now = slice(period, period + 1)
-    expected = np.stack((shares.of(field.east_mps[now])[0], shares.of(field.north_mps[now])[0]))
+    expected = np.stack((weights.of(field.east_mps[now])[0], weights.of(field.north_mps[now])[0]))
     measured_mps = np.array([(each.east_mps, each.north_mps) for each in recent]).T
     places, far_m = nearest_places(field, longitude_deg=longitude_deg, latitude_deg=latitude_deg)
     votes: dict[int, dict[str, list[Correction]]] = defaultdict(lambda: defaultdict(list))
@@ -73,7 +76,7 @@ def corrections_of(
 def corrected(
     forecast: Forecast, corrections: Mapping[int, Correction], *, at_s: float
 ) -> Forecast:
-    """The forecast with corrections that were found at this moment; halved with each hour."""
+    """The forecast with corrections that were found at this moment; each hour halves them."""
     places = np.array([*corrections], np.int64)
     late_s = np.maximum(0.0, forecast.edges_s[:-1] - at_s)
     left = np.where(forecast.edges_s[1:] > at_s, _LEFT_AN_HOUR ** (late_s / _HOUR_S), 0.0)
@@ -85,7 +88,7 @@ def corrected(
 
 
 def _decided(by_provider: Mapping[str, Sequence[Correction]]) -> Correction:
-    """The median vote in both directions; the forecast votes for no correction."""
+    """The median vote to the east and to the north; the forecast votes for no correction."""
     east_mps, north_mps = (
         _rounded([0.0, *(median(each[part] for each in given) for given in by_provider.values())])
         for part in (0, 1)
@@ -94,7 +97,7 @@ def _decided(by_provider: Mapping[str, Sequence[Correction]]) -> Correction:
 
 
 def _rounded(votes_mps: Sequence[float]) -> float:
-    """The median of the votes, in steps; of two in the middle the one nearer to the forecast."""
+    """The median vote in steps; of two middle votes the vote nearer to the forecast."""
     ordered = sorted(votes_mps)
     middle = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
     nearer = min(middle, key=abs)

@@ -95,9 +95,9 @@ class Weather:
         )
 
     def shifted(self, by_s: float) -> "Weather":
-        """The same weather for a clock that shows so many seconds more."""
+        """The same weather by a clock that is ahead by so many seconds."""
         moved = replace(self, edges_s=self.edges_s + by_s)
-        # What is least of some periods is the same by every clock.
+        # The least factors of the periods do not depend on the clock.
         moved.__dict__["_least_time"] = self._least_time
         moved.__dict__["_least_energy"] = self._least_energy
         return moved
@@ -185,7 +185,7 @@ class Weather:
         return self.air(int(_rows(self.network, [(from_id, to_id)])[0]), self.period_at(at_s))
 
     def closes(self, from_id: str, to_id: str, *, start_s: float, end_s: float) -> bool:
-        """Whether the segment between these stations is closed at some moment of this time."""
+        """Whether the segment is closed at some moment from `start_s` to `end_s`."""
         segment = int(_rows(self.network, [(from_id, to_id)])[0])
         met = range(self.period_at(start_s), self.period_at(end_s) + 1)
         return any(self.air(segment, period).time_factor == math.inf for period in met)

@@ -24,7 +24,7 @@ _STEP: Final = 0.01
 #: Metres; places nearer than this to the middle of a segment count as if they were so far.
 _NEAREST_M: Final = 100.0
 
-#: The places that count for one point, the nearest ones, and the distances worked out together.
+#: How many nearest places count for one point, and how many distances are computed together.
 _MOST_PLACES: Final = 8
 _TOGETHER: Final = 1_000_000
 
@@ -63,17 +63,20 @@ class WindField:
     grid: tuple[int, int] | None = None
 
 
-class Shares(NamedTuple):
-    """The places that count for each point, and the share of each: ``(j, n)`` both."""
+class PlaceWeights(NamedTuple):
+    """The places that count for each point, and the weight of each: ``(j, n)`` both.
+
+    The weights of a point add up to 1.
+    """
 
     place: Longs
-    share: Floats
+    weight: Floats
 
     def of(self, values: Floats) -> Floats:
         """``(p, n)``: the values at the points, from those at the places, ``(p, k)``."""
-        rows = zip(self.place, self.share, strict=True)
+        rows = zip(self.place, self.weight, strict=True)
         at_points: Floats = sum(
-            (values[:, place] * share for place, share in rows),
+            (values[:, place] * weight for place, weight in rows),
             start=np.zeros((len(values), self.place.shape[1])),
         )
         return at_points
@@ -104,19 +107,19 @@ class SegmentWind:
         east, north = x_m[to_row] - x_m[from_row], y_m[to_row] - y_m[from_row]
         length_m = np.maximum(np.hypot(east, north), 1e-9)
         east, north = east / length_m, north / length_m
-        shares = shares_of(
+        weights = weights_of(
             wind,
             longitude_deg=(columns.longitude_deg[from_row] + columns.longitude_deg[to_row]) / 2,
             latitude_deg=(columns.latitude_deg[from_row] + columns.latitude_deg[to_row]) / 2,
         )
-        to_east, to_north = shares.of(wind.east_mps), shares.of(wind.north_mps)
+        to_east, to_north = weights.of(wind.east_mps), weights.of(wind.north_mps)
         return cls(
             network,
             np.ascontiguousarray(wind.edges_s, np.float64),
-            to_east * east + to_north * north - shares.of(wind.error_mps),
+            to_east * east + to_north * north - weights.of(wind.error_mps),
             np.abs(to_east * north - to_north * east),
-            shares.of(wind.gust_mps),
-            np.minimum(_rounded(shares.of(wind.energy_factor)), LARGEST_FACTOR),
+            weights.of(wind.gust_mps),
+            np.minimum(_rounded(weights.of(wind.energy_factor)), LARGEST_FACTOR),
         )
 
     def weather(self, model: DroneModel, *, limit_mps: float) -> Weather:
@@ -125,7 +128,7 @@ class SegmentWind:
         if model.speed_full_mps != model.speed_empty_mps:
             full = _time_factor(model.speed_full_mps, self.along_mps, self.across_mps)
             time_factor = np.maximum(time_factor, full)
-        # A sum of shares may exceed a limit by rounding alone.
+        # A weighted mean may exceed a limit by rounding alone.
         is_too_strong = self.gust_mps > limit_mps + 1e-9
         is_too_strong |= time_factor > LARGEST_FACTOR
         return Weather(
@@ -174,8 +177,8 @@ def _rounded(factor: Floats) -> Floats:
     return rounded
 
 
-def shares_of(wind: WindField, *, longitude_deg: Floats, latitude_deg: Floats) -> Shares:
-    """The shares of the field's places in the weather of these points.
+def weights_of(wind: WindField, *, longitude_deg: Floats, latitude_deg: Floats) -> PlaceWeights:
+    """The weights of the field's places in the weather of these points.
 
     On a grid the four places around a point count, by how near they are in both directions. Beyond
     the grid its border counts. Without a grid the nearest places count, by their squared distance.
@@ -184,13 +187,13 @@ def shares_of(wind: WindField, *, longitude_deg: Floats, latitude_deg: Floats) -
         return _on_grid(wind, wind.grid, longitude_deg, latitude_deg)
     nearest, far_m = nearest_places(wind, longitude_deg=longitude_deg, latitude_deg=latitude_deg)
     weight = 1.0 / np.maximum(far_m, _NEAREST_M) ** 2
-    return Shares(nearest, weight / weight.sum(axis=0))
+    return PlaceWeights(nearest, weight / weight.sum(axis=0))
 
 
 def nearest_places(
     wind: WindField, *, longitude_deg: Floats, latitude_deg: Floats
 ) -> tuple[Longs, Floats]:
-    """``(j, n)`` both: the nearest places to each point, in no order, and how far they are."""
+    """``(j, n)`` both: the nearest places to each point, unordered, and their distances, metres."""
     count, points = len(wind.longitude_deg), len(longitude_deg)
     kept = min(count, _MOST_PLACES)
     nearest, far_m = np.empty((kept, points), np.int64), np.empty((kept, points))
@@ -209,23 +212,24 @@ def nearest_places(
 
 def _on_grid(
     wind: WindField, grid: tuple[int, int], longitude_deg: Floats, latitude_deg: Floats
-) -> Shares:
+) -> PlaceWeights:
     columns = grid[1]
     south, to_north = _between(wind.latitude_deg[::columns], latitude_deg)
     west, to_east = _between(wind.longitude_deg[:columns], longitude_deg)
     north, east = np.minimum(south + 1, grid[0] - 1), np.minimum(west + 1, columns - 1)
     corners = ((south, west), (south, east), (north, west), (north, east))
-    shares = (
+    weights = (
         (1 - to_north) * (1 - to_east),
         (1 - to_north) * to_east,
         to_north * (1 - to_east),
         to_north * to_east,
     )
-    return Shares(np.array([row * columns + column for row, column in corners]), np.array(shares))
+    places = np.array([row * columns + column for row, column in corners])
+    return PlaceWeights(places, np.array(weights))
 
 
 def _between(axis_deg: Floats, at_deg: Floats) -> tuple[Longs, Floats]:
-    """The number of the last value of an axis up to each point, and the share of the next one."""
+    """The number of the last value of an axis up to each point, and the weight of the next one."""
     number = np.clip(np.searchsorted(axis_deg, at_deg, side="right") - 1, 0, len(axis_deg) - 1)
     if len(axis_deg) == 1:
         return number, np.zeros(len(at_deg))

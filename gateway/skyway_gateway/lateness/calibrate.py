@@ -1,15 +1,16 @@
-"""The lateness that nine of ten packages do not exceed, from packages that have come.
+"""The lateness that nine of ten packages do not exceed, learned from packages that have come.
 
 The method is split conformal prediction (Vovk, Gammerman and Shafer 2005). The score of a package
-is its lateness as a share of its planned time. Of n scores, the one of rank ceil((n + 1) * level)
-is exceeded by at most a share of 1 - level of later packages, if these are like the n packages. The
-weather of a new day is not like yesterday's. So the level adapts: it rises with each package that
-comes later than was forecast, and falls with the others (Gibbs and Candes 2021).
+is its lateness as a share of its planned time. Sort n scores, and take
+the score of rank ceil((n + 1) * level). At most a share of 1 - level of later packages has a larger
+score, if these are like the n packages. The weather of a new day may differ from yesterday's. So
+the level adapts: it rises with each package that comes after its P90, and falls with the others
+(Gibbs and Candes 2021).
 
 A provider with few packages borrows from the other providers of its network, with weights (Barber,
 Candes, Ramdas and Tibshirani 2023). For a new provider all others together weigh as much as
-`BORROWED` packages, and less the more packages of its own it has. Each of the others weighs the
-same. So the forecast shrinks to the network, where the largest provider counts no more than others.
+`BORROWED` packages, and less the more packages of its own it has. Each of the other
+providers weighs the same, so the largest provider counts no more than the others.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,11 +22,11 @@ from skyway.delivery.request import PromiseLevel
 
 #: The share of packages that should come by their P90.
 COVERED: Final = 0.9
-#: With fewer packages nothing is forecast. Our own choice.
+#: With fewer packages no P90 is known. Our own choice.
 FEWEST: Final = 40
-#: All other providers of the network together count like so many packages for a new provider, which
-#: gives it a forecast; half as much after so many packages of its own. Our own choice, as is the
-#: next number.
+#: All other providers of the network together weigh as much as so many packages for a new provider,
+#: which then has a P90. They weigh half as much when the provider has so many packages of its own.
+#: Our own choice, as is the next number.
 BORROWED: Final = FEWEST
 #: The last packages of each other provider that count.
 _OF_OTHERS: Final = 60
@@ -36,8 +37,8 @@ _LEVELS: Final = (0.75, 0.97)
 _ROUNDING: Final = 1e-9
 #: Shorter planned times count as this, seconds: a minute must not become a large share.
 _SHORTEST_S: Final = 300.0
-#: A package that is later by more than this share of its planned time counts as so late: one that
-#: lay for days says nothing about the others. Our own choice.
+#: The largest share of its planned time by which a package counts as late: a package that lay for
+#: days says nothing about the others. Our own choice.
 _LARGEST_SHARE: Final = 3.0
 
 
@@ -66,7 +67,7 @@ def late_share(own: Sequence[Arrival], others: Sequence[Sequence[Arrival]] = ())
         return None
     level = len(own) * _level(own)
     level += borrowed * sum(map(_level, groups)) / max(1, len(groups))
-    # From packages that weigh n no higher level can be forecast than n / (n + 1).
+    # Packages that weigh n support no higher level than n / (n + 1).
     needed = (weight + 1) * min(level / weight, weight / (weight + 1)) - _ROUNDING
     scores = [(_score(each), 1.0) for each in own]
     scores.extend(_shared_evenly(groups, weight=borrowed))
@@ -87,7 +88,7 @@ def p90_of(eta_at: datetime, *, start_at: datetime, share: float | None) -> date
 
 
 def due_of(eta_at: datetime, p90_at: datetime | None, promise: PromiseLevel) -> datetime:
-    """The promise from which lateness counts: the P90 if it was asked and is known."""
+    """The promise from which lateness counts: the P90 if asked and known, else the ETA."""
     return p90_at if p90_at is not None and promise == "P90" else eta_at
 
 

@@ -1,4 +1,4 @@
-"""Forecasts how much later than promised a package may come: from the last ones, in memory."""
+"""How much later than planned a package may come, learned from the last packages."""
 
 from collections import defaultdict, deque
 from collections.abc import Iterable
@@ -36,7 +36,7 @@ def _no_providers() -> _Providers:
 class LatenessForecast:
     """The last arrivals of each provider in each network; `step` reads new ones.
 
-    Each replica reads all arrivals, so all replicas forecast nearly the same.
+    Each replica reads all arrivals, so all replicas find nearly the same lateness.
     """
 
     db: Database
@@ -44,17 +44,17 @@ class LatenessForecast:
     _arrivals: dict[NetworkId | None, _Providers] = field(
         default_factory=lambda: defaultdict(_no_providers)
     )
-    #: What was forecast since the last arrivals in a network.
+    #: The answers of `late_share` since the last arrival in a network.
     _shares: dict[NetworkId | None, dict[ProviderId, float | None]] = field(default_factory=dict)
     #: The packages of the last read, and the last moment in it.
     _seen: frozenset[tuple[str, str]] = frozenset()
     _last_ms: int = 0
 
     def late_share(self, network_id: NetworkId | None, provider_id: ProviderId) -> float | None:
-        """The share of its planned time by which a package may come later; None if not known.
+        """The lateness that nine of ten packages do not exceed, as a share of the planned time.
 
         It is learned from the provider's packages in this network. A provider with few packages
-        borrows from the other providers of the network.
+        borrows from the other providers of the network. None if it is not known.
         """
         shares = self._shares.setdefault(network_id, {})
         if provider_id not in shares:

@@ -52,15 +52,16 @@ _DELIVERED: Final = (
 async def delivered_since(
     connection: AsyncConnection, since_ms: int, *, most: int
 ) -> Sequence[AnyRow]:
-    """The last packages that were delivered at `since_ms` of fleet time or later, oldest first.
+    """The packages that were delivered at `since_ms` of fleet time or later, oldest first.
 
-    Of the `most` last packages, those that are among the last of their provider in their network.
+    The `most` last packages are read. Of each provider in each network at most the last
+    `MOST_OF_PROVIDER` are kept.
     """
     found = await connection.execute(_DELIVERED, {"since_ms": since_ms, "most": most})
     return found.all()
 
 
-#: The spans, up to now, of which the share of packages that came by their P90 is shown.
+#: The spans up to now for which the share of packages that came by their P90 is shown.
 PromiseSpan = Literal["day", "week"]
 _SPANS: Final[dict[PromiseSpan, timedelta]] = {"day": timedelta(days=1), "week": timedelta(days=7)}
 
@@ -70,7 +71,7 @@ _MOST_PAIRS: Final = 500
 
 @dataclass(frozen=True, slots=True)
 class KeptPromises:
-    """How many packages with a P90 a provider has delivered in a network, and how many by it."""
+    """How many packages with a P90 a provider delivered in a network, and how many by then."""
 
     network_id: NetworkId | None
     provider_id: ProviderId

@@ -47,7 +47,7 @@ class OfferedPackage(PackageEta):
         FleetMoment | None,
         Field(
             description="What is promised: `eta_p90_at`, or `eta_at` if `qos.promise` is P50 or "
-            "nothing is forecast."
+            "no P90 is known."
         ),
     ] = None
 

@@ -200,7 +200,7 @@ PACKAGES: Final = (
                 packages.c.promised_p90_ms < packages.c.promised_ms,
             ),
         ),
-        "Set `promised_p90_ms` to null: it is a forecast, and the delivery does without it.",
+        "Set `promised_p90_ms` to null: it is an estimate, and the delivery does not need it.",
     ),
     Rule(
         "a package is due at the moment that was promised",

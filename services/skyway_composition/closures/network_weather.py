@@ -26,7 +26,8 @@ from skyway_composition.closures.read_forecast import (
     place_count,
 )
 
-#: The most factors of time of all drone models that are cached; with those of energy 384 MB.
+#: The most time factors that are cached, of all drone models. With as many energy factors they take
+#: 384 MB.
 _MOST_CACHED: Final = 24_000_000
 
 
@@ -94,7 +95,7 @@ class StoredForecast:
 
 @dataclass(slots=True, eq=False)
 class NetworkWeather:
-    """A network's forecast; the factors of each drone model are made once, and cached."""
+    """A network's forecast; the factors of each drone model are computed once, and cached."""
 
     stored: StoredForecast
     network: Network
@@ -130,20 +131,20 @@ class NetworkWeather:
         return (float(self.forecast.edges_s[-1]) + len(FADING) * FADING_S) * 1000
 
     def note_at(self, at_ms: int) -> WeatherNote | None:
-        """What a plan says that begins at this moment; None if it begins in still air for good."""
+        """The forecast that a plan from this moment names; None if it is over by then."""
         return self.stored.note if at_ms < self.over_ms else None
 
     def least_time_factor(self, model: DroneModel) -> float:
-        """A factor that no flight of this model gets below, found without looking at segments.
+        """A lower bound of the time factors of this model, found without looking at segments.
 
-        The factor of a segment is at least that of the faster load with all the wind behind it.
+        No flight is faster than with the faster load and the strongest wind as a tail wind.
         """
         fastest_mps = max(model.speed_empty_mps, model.speed_full_mps)
         strongest_mps = self.forecast.strongest_mps
         return fastest_mps / (fastest_mps + strongest_mps)
 
     async def of_plan(self, model: DroneModel, start_ms: int) -> Weather | None:
-        """The weather for a plan that begins at this moment; None if the air is still for good."""
+        """The weather for a plan from this moment; None if the forecast is over by then."""
         if start_ms >= self.over_ms:
             return None
         if _key(model) not in self._of_model:
@@ -166,13 +167,13 @@ class NetworkWeather:
 
 
 def _key(model: DroneModel) -> tuple[float, float, float | None]:
-    """What the weather depends on; margins and learned values change none of it."""
+    """The values of a model that change its weather; margins and learned values do not."""
     return model.speed_empty_mps, model.speed_full_mps, model.max_wind_mps
 
 
 @dataclass(frozen=True, slots=True)
 class ClosedNow:
-    """What the weather closes to a drone model at a moment: a number of segments of all."""
+    """How many of all segments the weather closes to a drone model at a moment, and until when."""
 
     closed: int
     segments: int
@@ -187,7 +188,7 @@ class ClosedNow:
 def closed_now(weather: Weather, at_ms: int) -> ClosedNow | None:
     """What this weather, by fleet time, closes at a moment; None if it closes nothing.
 
-    It ends when the weather closes no segment any more.
+    `until_ms` is the moment from which the weather closes no segment.
     """
     period = weather.period_at(at_ms / 1000)
     closed = (weather.time_factor == math.inf).sum(axis=1)

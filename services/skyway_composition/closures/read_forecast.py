@@ -1,4 +1,4 @@
-"""Reads forecasts: which ones a network accepts, their periods, and their values as arrays."""
+"""Reads forecasts: whether a network accepts one, its periods, and its values as arrays."""
 
 import hashlib
 from datetime import timedelta
@@ -19,7 +19,8 @@ MOST_FACTORS: Final = 6_000_000
 #: How long the values of a single time hold, seconds.
 _ONE_HOUR_S: Final = 3_600.0
 
-#: The temperature of values without a temperature, at which flights need no more energy.
+#: Where no temperature is given: a temperature at which flights need no more energy, degrees
+#: Celsius.
 _MILD_C: Final = 15.0
 
 
@@ -30,7 +31,7 @@ def content_of(document: ForecastDocument) -> tuple[bytes, str]:
 
 
 def edges_s(document: ForecastDocument) -> list[float]:
-    """Where the periods of a forecast begin, and last where they end, seconds since 1970."""
+    """When each period of a forecast begins, and when the last one ends, seconds since 1970."""
     if document.grid is not None:
         moments = set(document.grid.time)
     else:
@@ -46,7 +47,7 @@ def accepted(document: ForecastDocument, network: Network, *, now_ms: int) -> Fo
     Raises
     ------
     InvalidInput
-        It is over, it was issued in the future, it is of another area, a place has no report for
+        It is over, it was issued in the future, it is for another area, a place has no report for
         a time, or it has too many times for a network of this size.
     """
     form = "grid" if document.grid is not None else "reports"
@@ -55,7 +56,7 @@ def accepted(document: ForecastDocument, network: Network, *, now_ms: int) -> Fo
         until, now = (ms_to_moment(round(each)).isoformat() for each in (edges[-1] * 1000, now_ms))
         raise InvalidInput(form, f"all values are past: they end at {until}, and now it is {now}")
     if document.issued_at > ms_to_moment(now_ms) + timedelta(hours=1):
-        detail = f"{document.issued_at.isoformat()} is more than an hour in the future"
+        detail = f"{document.issued_at.isoformat()} is more than 1 hour in the future"
         raise InvalidInput("issued_at", detail)
     periods, segments = len(edges) - 1 + len(FADING), len(network.columns.length_m)
     if periods * segments > MOST_FACTORS and periods > 1 + len(FADING):
@@ -74,7 +75,7 @@ def accepted(document: ForecastDocument, network: Network, *, now_ms: int) -> Fo
     if far_m > FARTHEST_M:
         station = network.columns.station_ids[row]
         detail = (
-            f"is of another area: station {station!r} is {far_m / 1000:.0f} km away from it, the "
+            f"station {station!r} is {far_m / 1000:.0f} km away from the area of the forecast, the "
             f"limit is {FARTHEST_M / 1000:g} km"
         )
         raise InvalidInput(form, detail)
@@ -130,15 +131,16 @@ def _of_reports(reports: tuple[PlaceReport, ...], edges: list[float]) -> Forecas
         place = places.setdefault(at_deg, len(places))
         key = times[moment_to_ms(report.valid_at) / 1000], place
         if key in found:
-            raise InvalidInput(f"reports.{number}", "is a second report of its place and time")
+            raise InvalidInput(
+                f"reports.{number}", "has the same place and time as an earlier report"
+            )
         found[key] = report
     missing = next((key for key in np.ndindex(len(times), len(places)) if key not in found), None)
     if missing is not None:
         longitude_deg, latitude_deg = [*places][missing[1]]
         at = ms_to_moment(round(edges[missing[0]] * 1000)).isoformat()
-        detail = (
-            f"the place {latitude_deg}, {longitude_deg} has none for {at}: holes are not filled"
-        )
+        where = f"the place {latitude_deg}, {longitude_deg}"
+        detail = f"{where} has no report for {at}: holes are not filled"
         raise InvalidInput("reports", detail)
 
     def values(name: str, default: float) -> Floats:
@@ -163,7 +165,7 @@ def _of_reports(reports: tuple[PlaceReport, ...], edges: list[float]) -> Forecas
 
 
 def _components(speed_mps: Floats, from_deg: Floats) -> tuple[Floats, Floats]:
-    """Where to the air moves, east and north."""
+    """How fast the air moves to the east and to the north, from speed and direction."""
     from_rad = np.radians(from_deg)
     return -speed_mps * np.sin(from_rad), -speed_mps * np.cos(from_rad)
 

@@ -10,7 +10,7 @@ from skyway.runtime.sql.database import Tx
 from skyway_composition.closures.network_weather import ForecastRow
 from skyway_composition.tables import drone_links, forecasts, is_live, missions
 
-#: What a forecast is known by: its SHA-256, and the measured wind that corrects it.
+#: What identifies a forecast: its SHA-256, and the measured wind that corrects it.
 ForecastKey = tuple[str, str | None]
 
 # Built once: they run whenever conditions change, and building takes longer than running.
@@ -20,14 +20,14 @@ _READ: Final = select(forecasts).where(_OF_NETWORK)
 
 
 async def forecast_key(connection: AsyncConnection, network_id: NetworkId) -> ForecastKey | None:
-    """What the forecast of a network is known by; None without one."""
+    """What identifies the forecast of a network; None without a forecast."""
     found = await connection.execute(_KEY, {"of_network": network_id})
     row = found.one_or_none()
     return None if row is None else (row.sha256, row.measured)
 
 
 async def forecast_row(connection: AsyncConnection, network_id: NetworkId) -> ForecastRow | None:
-    """The forecast of a network; None without one."""
+    """The forecast of a network; None without a forecast."""
     found = await connection.execute(_READ, {"of_network": network_id})
     row = found.one_or_none()
     return None if row is None else ForecastRow(*row)

@@ -125,7 +125,7 @@ def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     async def get_mission(
         mission_id: MissionId, caller: Annotated[Caller, Depends(gate)]
     ) -> MissionProgress:
-        """Show a mission with its progress; for a guest's mission, the one that carries it."""
+        """Show a mission with its progress; for a guest's id, the host's mission."""
         async with db.read() as connection:
             host_id = await store.host_of(connection, mission_id) or mission_id
             record = await store.get(connection, host_id, provider_id=_own(caller))

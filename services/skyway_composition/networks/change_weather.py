@@ -58,7 +58,7 @@ class WeatherChanges:
         row = ForecastRow(network_id, sha256, now_ms, content)
         stored = StoredForecast(network_id, sha256, now_ms, placed)
         weather = await asyncio.to_thread(NetworkWeather.of, stored, skyway.network)
-        # Made here, so that nothing is computed while the network is locked.
+        # Computed before the transaction, so that the network is locked for a short time only.
         for model in await self.impact.models_in_flight(self.db, network_id):
             await asyncio.to_thread(weather.of_model, model)
         async with self.db.write() as tx:
@@ -76,7 +76,9 @@ class WeatherChanges:
         return stored.in_force(now_ms=now_ms)
 
     async def remove(self, network_id: NetworkId) -> None:
-        """Plan in still air again; a network without a forecast stays as it is.
+        """Remove the forecast of a network: plans assume still air again.
+
+        A network without a forecast stays as it is.
 
         Raises
         ------

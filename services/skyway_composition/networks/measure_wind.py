@@ -29,8 +29,8 @@ from skyway_composition.networks.store import lock_version
 
 log = logging.getLogger(__name__)
 
-#: How often a forecast is corrected at most, and how long the same correction counts as new, fleet
-#: milliseconds: each change makes plans of QUEUED missions again.
+#: The least time between two corrections of a forecast, and how long the same correction counts as
+#: new, fleet milliseconds. After each correction QUEUED missions are planned again.
 _AT_MOST_EVERY_MS: Final = 600_000
 _SAME_FOR_MS: Final = 1_800_000
 
@@ -82,7 +82,7 @@ class MeasuredWinds:
 
 
 def _is_news(before: MeasuredWind | None, found: MeasuredWind, *, now_ms: int) -> bool:
-    """Whether a correction changes plans; an old one is renewed, since it counts less and less."""
+    """Whether a correction differs from the stored one, or renews one that is old and has faded."""
     earlier = () if before is None else before.places
     if earlier != found.places:
         return True
@@ -91,7 +91,7 @@ def _is_news(before: MeasuredWind | None, found: MeasuredWind, *, now_ms: int) -
 
 
 def _correction(row: ForecastRow, measured: Sequence[Measurement], *, now_ms: int) -> MeasuredWind:
-    """The correction of a forecast as its source sent it, by these measurements."""
+    """The difference between these measurements and the forecast as its source sent it."""
     forecast = forecast_of(StoredForecast.read(row).document)
     found = corrections_of(forecast, measured, now_s=now_ms / 1000)
     places = tuple((place, east, north) for place, (east, north) in found.items())

@@ -191,7 +191,7 @@ def _of_wind(model_id: DroneModelId, closed: ClosedNow) -> Restriction:
     count = f"{closed.closed} of {closed.segments} segments"
     return Restriction(
         code="TOO_MUCH_WIND",
-        detail=f"{count} have more wind than drones of model {model_id} fly in",
+        detail=f"{count} are closed to drones of model {model_id}: the wind is too strong",
         model_id=model_id,
         until=ms_to_moment(closed.until_ms),
     )

@@ -1,4 +1,4 @@
-"""/v1/networks/{network_id}/weather: the forecast with which a network plans."""
+"""/v1/networks/{network_id}/weather: the forecast that the plans of a network use."""
 
 import asyncio
 from typing import Annotated, Final
@@ -34,7 +34,7 @@ def weather_routes(*, gate: ServiceGate, changes: WeatherChanges) -> ServiceRout
     async def put_network_weather(
         network_id: NetworkId, request: Request, caller: Annotated[Caller, Depends(gate)]
     ) -> WeatherInForce:
-        """Replace the forecast with which the network plans; the same content changes nothing."""
+        """Replace the weather forecast of the network; the same content changes nothing."""
         caller.must_be("operator")
         document = await read_json(request)
         return await changes.put(network_id, await asyncio.to_thread(_read, document))
@@ -43,7 +43,7 @@ def weather_routes(*, gate: ServiceGate, changes: WeatherChanges) -> ServiceRout
     async def get_network_weather(
         network_id: NetworkId, caller: Annotated[Caller, Depends(gate)]
     ) -> WeatherInForce:
-        """Show which forecast the network plans with, and how old it is."""
+        """Show the weather forecast of the network, and how old it is."""
         caller.must_be("customer", "provider", "operator", "service")
         return await changes.in_force(network_id)
 
@@ -51,7 +51,7 @@ def weather_routes(*, gate: ServiceGate, changes: WeatherChanges) -> ServiceRout
     async def delete_network_weather(
         network_id: NetworkId, caller: Annotated[Caller, Depends(gate)]
     ) -> None:
-        """Remove the forecast: the network plans in still air again."""
+        """Remove the weather forecast of the network: plans assume still air again."""
         caller.must_be("operator")
         await changes.remove(network_id)
 

@@ -22,8 +22,8 @@ _HAND_OVER_S: Final = (30.0, 1.5)
 #: Until then the drone can fly another mission first. Our own choice.
 _SEND_AHEAD_S: Final = (600.0, 5.0)
 
-#: A mission that waits for deliveries that share its trip is sent this long before it begins: until
-#: then others can join. Fleet seconds and wall seconds, our own choice.
+#: A mission with `pooling_wait_s` is sent this long before it begins: until then others can join.
+#: Fleet seconds and wall seconds, the longer of both. Our own choice.
 _SEND_WAITING_AHEAD_S: Final = (120.0, 5.0)
 
 #: A mission is booked at most this far ahead behind others, fleet milliseconds: one day.

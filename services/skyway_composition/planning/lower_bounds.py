@@ -130,7 +130,7 @@ def _pace(
     tour_m: float,
     time_factor: float,
 ) -> Sequence[float]:
-    """A model's row of `_Paces`; no weather saves energy, so it shortens times alone."""
+    """A model's row of `_Paces`; weather may save time, but no plan counts on saved energy."""
     fastest_mps = max(model.speed_empty_mps, model.speed_full_mps)
     # Each flight between deliveries carries at least this mass.
     lightest_kg = min(package.mass_kg for package in request.packages)

@@ -230,7 +230,7 @@ def composition_routes(
                 NetworkReference.of(network),
                 size_bytes=len(await request.body()),
             )
-            # The weather of a problem is what the problem says; without it the air is still.
+            # A problem has its own weather; without it plans assume still air.
             return await compose_in(solver, world.in_still_air(), problem)
         return await solver.compose(await reading.run(read_problem, document))
 

@@ -55,21 +55,21 @@ class World:
         return Present(skyway.network_id, skyway.version, self.conditions_version)
 
     async def weather(self, model: DroneModel, start_ms: int) -> Weather | None:
-        """The weather for a plan of this model that begins at this moment; None in still air."""
+        """The weather for a plan of this model from this moment; None if plans assume still air."""
         known = self.conditions.weather
         return None if known is None else await known.of_plan(model, start_ms)
 
     def least_time_factors(
         self, models: Mapping[DroneModelId, DroneModel]
     ) -> dict[DroneModelId, float]:
-        """By model: a factor below which the weather shortens no flight; empty in still air."""
+        """By model: a lower bound of the time factors of its flights; empty in still air."""
         known = self.conditions.weather
         if known is None:
             return {}
         return {model_id: known.least_time_factor(model) for model_id, model in models.items()}
 
     def weather_note(self, at_ms: int) -> WeatherNote | None:
-        """The forecast with which a plan is made that begins at this moment."""
+        """The forecast that a plan from this moment uses; None if plans assume still air."""
         known = self.conditions.weather
         return None if known is None else known.note_at(at_ms)
 

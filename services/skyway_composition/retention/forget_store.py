@@ -84,7 +84,7 @@ _NEEDED: Final = union_all(
         or_(_is_needed_mission, exists().where(outbox.c.stream == guests.c.mission_id)),
     ),
 )
-#: Each delivery that shares its mission, with a guest of the mission.
+#: Each delivery with a shared mission, and a guest of this mission.
 _SHARING: Final = (
     select(missions.c.delivery_id, guests.c.delivery_id.label("guest_id"))
     .join(guests, guests.c.host_id == missions.c.mission_id)

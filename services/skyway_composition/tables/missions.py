@@ -71,7 +71,7 @@ missions = Table(
     Column("traceparent", Text),
     # JSON list of PackageEta: the arrival times with which a QUEUED mission was booked.
     Column("promised", Text),
-    # JSON list of missions.mission.share.Share; null while the mission flies for one delivery only.
+    # JSON list of missions.mission.share.Share; null while the mission is not shared.
     Column("shares", Text),
     # The pickup station, if packages of other deliveries may join a QUEUED mission; else null.
     Column("pooling_at", Text),
@@ -126,7 +126,7 @@ is_under_way: Final = missions.c.state.in_(
 )
 
 #: The deliveries whose packages fly with the mission of another delivery. The gateway sees each as
-#: a mission of its own; the host's row has the rest, in `shares`.
+#: a mission of its own; `shares` of the host's row has all else about it.
 guests = Table(
     "guests",
     metadata,

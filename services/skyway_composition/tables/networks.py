@@ -111,7 +111,7 @@ closures = Table(
     Index("closures_by_station", "station_id"),
 )
 
-#: The forecast with which a network plans; its conditions change with it.
+#: The forecast that the plans of a network use; the network's conditions change with it.
 forecasts = Table(
     "forecasts",
     metadata,

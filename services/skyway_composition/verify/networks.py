@@ -125,7 +125,7 @@ NETWORKS: Final = (
         "a forecast can be read, and its content has its hash",
         _unusable_forecasts,
         "The row was changed by hand. Send the forecast again (PUT /v1/networks/{id}/weather), or "
-        "plan in still air (DELETE).",
+        "remove it (DELETE): plans then assume still air.",
     ),
     Rule(
         "a sealed database refuses changes in each table",

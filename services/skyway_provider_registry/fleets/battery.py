@@ -38,17 +38,18 @@ class NewBattery(JsonModel):
         Field(
             ge=1,
             le=1e12,
-            description="usable energy of the full battery in joules; null: as the model says",
+            description="usable energy of the full battery in joules; null: that of the model's "
+            "battery",
         ),
     ] = None
 
     def first_health(self, model: DroneModel) -> float:
-        """The health with which learning begins: its capacity against the model's, at most 1.
+        """The health with which learning begins: its capacity divided by the model's, at most 1.
 
         Raises
         ------
         InvalidInput
-            The capacity is less than any health that is planned with.
+            The capacity is below the least health that plans use.
         """
         if self.capacity_j is None:
             return HEALTH_BOUNDS[1]
@@ -56,8 +57,8 @@ class NewBattery(JsonModel):
         if self.capacity_j < least_j:
             raise InvalidInput(
                 "capacity_j",
-                f"{self.capacity_j:g} J is less than {least_j:g} J, half the battery of "
-                f"drone model {model.model_id}",
+                f"{self.capacity_j:g} J is below the limit of {least_j:g} J, {HEALTH_BOUNDS[0]:g} "
+                f"of the battery of drone model {model.model_id}",
             )
         return min(HEALTH_BOUNDS[1], self.capacity_j / model.battery_j)
 
@@ -81,7 +82,7 @@ class BatteryChange(JsonModel):
 
 
 class PastInstallation(JsonModel):
-    """Where a battery was, from when to when, and how much it gave there."""
+    """A drone that a battery was in, from when to when, and how much charge it gave there."""
 
     drone_id: Annotated[DroneId, Field(description="the drone that it was in")]
     installed_at: Annotated[Moment, Field(description="when it was installed, fleet time")]

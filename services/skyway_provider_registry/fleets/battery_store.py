@@ -1,4 +1,4 @@
-"""All SQL of batteries: which drone each is in, and what it has given.
+"""All SQL of batteries: which drone each is in, and how many full charges it has given.
 
 Each change of an installation gets the number of its change first (`change_store`). So no other
 change of a battery or a drone comes between its reads and its writes.
@@ -33,7 +33,7 @@ from skyway_provider_registry.tables import drones, presence
 #: The most batteries of a provider: several for each drone that it may have. Our own choice.
 MOST_BATTERIES: Final = 100_000
 
-#: What it gave in earlier installations, and in the present one.
+#: The full charges that a battery has given, in earlier installations and in the present one.
 _given_soc = batteries.c.used_soc + case(
     (batteries.c.drone_id.is_(None), 0.0),
     else_=presence.c.used_soc - batteries.c.installed_used_soc,
@@ -195,7 +195,7 @@ def _installed(row: AnyRow) -> Conflict:
 
 
 async def free(tx: Tx, drone_id: DroneId, *, at: datetime) -> bool:
-    """Remove the battery of a drone, and keep where it was; whether there was one."""
+    """Remove the battery of a drone and store this installation; False if the drone has none."""
     query = select(batteries).where(batteries.c.drone_id == drone_id)
     row = (await tx.execute(query)).one_or_none()
     if row is None:
@@ -227,7 +227,7 @@ async def free(tx: Tx, drone_id: DroneId, *, at: datetime) -> bool:
 
 
 async def _delete_old(tx: Tx, battery_id: BatteryId) -> None:
-    """Delete all past installations of a battery but the newest."""
+    """Keep only the newest past installations of a battery."""
     of_battery = past_installations.c.battery_id == battery_id
     oldest_kept = (
         select(past_installations.c.installed_ms)
@@ -245,7 +245,7 @@ async def _delete_old(tx: Tx, battery_id: BatteryId) -> None:
 
 
 async def _note_change(tx: Tx, drone_id: DroneId, *, at: datetime) -> None:
-    """Let the drone's charge be another one, and forget the health of its unknown battery."""
+    """Allow any charge in the drone's next state, and forget the health of its unknown battery."""
     this = drones.c.drone_id == drone_id
     await tx.execute(update(drones).where(this).values(battery_changed_ms=moment_to_ms(at)))
     await learned_store.forget_health(tx, drone_id)

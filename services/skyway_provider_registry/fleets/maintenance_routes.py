@@ -48,9 +48,9 @@ def maintenance_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) ->
         caller: Annotated[Caller, Depends(gate)],
         requested: MaintenanceRule,
     ) -> ModelMaintenance:
-        """Set after how much flying the provider's drones of a model are due for maintenance.
+        """Set after how many hours or cycles the provider's drones of a model are due.
 
-        The rule counts for what they have flown already, too.
+        What they have flown before counts too.
         """
         caller.must_be("operator", "provider")
         async with db.write() as tx:

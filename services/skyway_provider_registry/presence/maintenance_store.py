@@ -1,4 +1,4 @@
-"""All SQL of maintenance: the rules of providers, and the drones that are due by them."""
+"""All SQL of maintenance: the rules of providers, and the drones that are due."""
 
 from collections.abc import Collection, Sequence
 from datetime import datetime
@@ -61,7 +61,7 @@ _NEWLY_DUE_OF: Final = _NEWLY_DUE.where(in_list(drones.c.drone_id, "drone_ids"))
 
 
 def maintenance_of(row: AnyRow) -> DroneMaintenance:
-    """What a row of a drone and its presence says."""
+    """The maintenance of a drone, from a row of the drone and its presence."""
     return DroneMaintenance.of(
         _wear_of(row),
         maintained_at=_moment(row.maintained_ms),
@@ -78,7 +78,7 @@ async def mark_due(tx: Tx, drone_ids: Collection[DroneId], *, at: datetime) -> d
 
 
 async def record_maintenance(tx: Tx, drone_id: DroneId, *, at: datetime) -> None:
-    """Begin the counters of a drone again: its maintenance was done."""
+    """Begin the counters of a drone at 0 again: its maintenance was done."""
     await touch(tx, drone_id)
     counters = select(presence.c.flown_s, presence.c.used_soc)
     row = (await tx.execute(counters.where(presence.c.drone_id == drone_id))).one()

@@ -32,7 +32,10 @@ class Wear:
 
 
 def wear_between(before: LastSeen, after: DroneState, *, received_at: datetime) -> Wear:
-    """What the drone has flown and used since its state before; charge of one battery only."""
+    """What the drone has flown and used since its last state.
+
+    After a change of battery no charge counts: the two states are of different batteries.
+    """
     longest_s = before.model.battery_j / before.model.power_empty_w
     flown_s = min(before.passed_s(received_at), longest_s) if before.activity == "FLYING" else 0.0
     used_soc = 0.0 if before.has_other_battery else max(0.0, before.soc - after.soc)
@@ -40,7 +43,7 @@ def wear_between(before: LastSeen, after: DroneState, *, received_at: datetime) 
 
 
 class MaintenanceRule(JsonModel):
-    """After how much flying a drone is due for maintenance; the limit that comes first counts."""
+    """After how much flying a drone is due for maintenance; the limit reached first counts."""
 
     every_flight_hours: Annotated[
         float | None,
@@ -68,7 +71,7 @@ class MaintenanceRule(JsonModel):
         return None if self.every_flight_hours is None else self.every_flight_hours * _HOUR_S
 
     def why_due(self, wear: Wear) -> str | None:
-        """Why a drone is due that has flown and used so much since its last maintenance."""
+        """Why this wear since the last maintenance makes a drone due; None if it does not."""
         return "; ".join(self._reasons(wear)) or None
 
     def _reasons(self, wear: Wear) -> Iterator[str]:
@@ -127,7 +130,7 @@ NEVER_FLOWN: Final = DroneMaintenance.of(Wear(), maintained_at=None, due_at=None
 def maintenance_alarm(
     provider_id: ProviderId, drone_id: DroneId, reason: str, *, at: datetime
 ) -> DroneAlarm:
-    """The alarm that a person should look at a drone."""
+    """The alarm that a drone is due for maintenance."""
     return DroneAlarm(
         provider_id=provider_id,
         drone_id=drone_id,

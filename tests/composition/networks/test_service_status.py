@@ -120,7 +120,7 @@ def test_a_closed_place_degrades_the_service(
     assert (found.status, found.restrictions[0].detail) == ("DEGRADED", detail)
 
 
-def test_wind_above_the_limit_of_a_model_degrades_or_pauses_its_drones() -> None:
+def test_too_much_wind_makes_a_network_degraded_or_paused() -> None:
     some, every = (ClosedNow(closed, segments=8, until_ms=2_000_000) for closed in (3, 8))
     counted = NetworkDrones(models=(drones("large"), drones("small")), unplaced=0)
     found = {
@@ -140,7 +140,9 @@ def test_wind_above_the_limit_of_a_model_degrades_or_pauses_its_drones() -> None
     assert [each.status for each in found["one model"].models] == ["OPEN", "PAUSED"]
     (restriction,) = found["some"].restrictions
     assert restriction.code == "TOO_MUCH_WIND"
-    assert restriction.detail == "3 of 8 segments have more wind than drones of model small fly in"
+    assert restriction.detail == (
+        "3 of 8 segments are closed to drones of model small: the wind is too strong"
+    )
     assert restriction.until == datetime(1970, 1, 1, 0, 33, 20, tzinfo=UTC)
 
 

@@ -89,7 +89,9 @@ async def test_a_tail_wind_makes_a_deadline_possible(composition: Any, make: Any
 
 
 @_one
-async def test_the_same_forecast_changes_nothing_and_a_deleted_one_ends(composition: Any) -> None:
+async def test_the_same_forecast_changes_nothing_and_a_deleted_forecast_ends(
+    composition: Any,
+) -> None:
     first = await put(composition, grid(composition))
     (before,) = await composition.rows("SELECT conditions FROM networks")
     composition.clock.advance(timedelta(minutes=10))
@@ -123,12 +125,20 @@ def grid_of(first: Any, composition: Any) -> dict[str, Any]:
 BAD_GRIDS: list[tuple[dict[str, Any], str, str]] = [
     ({"wind_speed_mps": [[[101.0] * 2] * 2] * 6}, "grid.wind_speed_mps.0.0.0", "equal to 100"),
     ({"wind_speed_mps": [[[1.0, None]] * 2] * 6}, "grid.wind_speed_mps", "no value at 0, 0, 1"),
-    ({"wind_speed_mps": [[[1.0] * 2] * 2] * 5}, "grid.wind_speed_mps", "5 values where 6 are due"),
-    ({"wind_speed_mps": [[1.0] * 2] * 6}, "grid.wind_speed_mps", "no list where 2 are due"),
+    (
+        {"wind_speed_mps": [[[1.0] * 2] * 2] * 5},
+        "grid.wind_speed_mps",
+        "5 values where 6 values are needed",
+    ),
+    (
+        {"wind_speed_mps": [[1.0] * 2] * 6},
+        "grid.wind_speed_mps",
+        "no list where 2 values are needed",
+    ),
     ({"wind_speed_mps": None}, "grid", "wind_speed_mps and wind_from_deg"),
     ({"temperature_c": [[[61.0] * 2] * 2] * 6}, "grid.temperature_c.0.0.0", "equal to 60"),
     ({"latitude": [1.0, -1.0]}, "grid.latitude", "must rise"),
-    ({"latitude": [40.0, 41.0]}, "grid", "is of another area: station 'a' is 4448 km away"),
+    ({"latitude": [40.0, 41.0]}, "grid", "station 'a' is 4448 km away from the area"),
     ({"latitude": [0.001 * row for row in range(9_000)]}, "grid.wind_speed_mps", "108000 values"),
     ({"time": ["2020-01-01T00:00:00Z"] * 6}, "grid.time", "must rise"),
 ]
@@ -163,8 +173,8 @@ async def test_forecasts_that_no_plan_could_use_are_refused(composition: Any) ->
         (grid(composition) | {"issued_at": future.isoformat()}, "issued_at", "in the future"),
         (both, "forecast", "either a grid or reports"),
         (unknown, "reports.1.station_id", "no station 'nowhere'"),
-        (hole, "reports", "has none for"),
-        (twice, "reports.1", "second report"),
+        (hole, "reports", "has no report for"),
+        (twice, "reports.1", "as an earlier report"),
         (nowhere, "reports.0", "needs a station_id, or latitude and longitude"),
         ([], "forecast", "dictionary"),
     ):

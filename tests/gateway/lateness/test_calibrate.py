@@ -78,14 +78,14 @@ def test_about_nine_of_ten_packages_come_by_their_p90_although_the_weather_chang
 
 
 @pytest.mark.parametrize("size", [20, 300, 5_000])
-def test_the_largest_provider_does_not_decide_what_a_new_one_gets(size: int) -> None:
+def test_the_largest_provider_does_not_decide_the_p90_of_a_new_one(size: int) -> None:
     large, small = come(size, lambda _: 0.0), come(20, lambda _: 500.0)
 
     # Both weigh the same, so more than one of ten packages comes late.
     assert late_share([], [large, small]) == pytest.approx(0.5)
 
 
-def test_a_provider_is_forecast_by_its_own_packages_the_more_it_has_of_them() -> None:
+def test_the_more_packages_a_provider_has_the_less_other_providers_count() -> None:
     punctual, late = come(300, lambda _: 0.0), come(300, lambda _: 500.0)
     few = come(5, lambda number: 100.0 * number)
 
@@ -95,7 +95,7 @@ def test_a_provider_is_forecast_by_its_own_packages_the_more_it_has_of_them() ->
     assert late_share(punctual, [late]) == 0.0
 
 
-def test_others_with_few_packages_are_no_forecast() -> None:
+def test_few_packages_of_all_providers_together_give_no_late_share() -> None:
     assert late_share([], [come(10, float)] * 3) is None
     assert late_share(come(10, float), [come(10, float)] * 3) is not None
     assert late_share([], []) is None
@@ -106,7 +106,7 @@ def test_others_with_few_packages_are_no_forecast() -> None:
     own=st.lists(st.floats(-1e3, 1e4), max_size=80),
     others=st.lists(st.lists(st.floats(-1e3, 1e4), max_size=80), max_size=4),
 )
-def test_a_forecast_is_a_lateness_that_was_seen_and_covers_enough_of_it(
+def test_the_late_share_is_a_score_that_was_seen_and_covers_enough_packages(
     own: list[float], others: list[list[float]]
 ) -> None:
     groups = [[Arrival(1000.0, each, None) for each in some] for some in (own, *others)]

@@ -46,7 +46,7 @@ def write(
 
 
 @pytest.mark.parametrize("form", ["NETCDF4", "NETCDF3_CLASSIC"])
-def test_a_netcdf_file_is_cut_turned_and_converted(tmp_path: Path, form: str) -> None:
+def test_a_netcdf_file_is_cut_sorted_and_converted_to_our_units(tmp_path: Path, form: str) -> None:
     write(tmp_path / "model.nc", form=form)
 
     found = read_netcdf(str(tmp_path / "model.nc"), stations=STATIONS, source=None)

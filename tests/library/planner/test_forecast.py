@@ -14,7 +14,7 @@ from skyway.ids import StationId
 from skyway.network.network import Network, Segment, Station
 from skyway.planner.forecast import FADING, FADING_S, Forecast, planned_weather
 from skyway.planner.weather import Weather
-from skyway.planner.wind import SegmentWind, shares_of
+from skyway.planner.wind import SegmentWind, weights_of
 from tests.library.planner.conftest import MODEL
 
 A, B = StationId("a"), StationId("b")
@@ -73,24 +73,24 @@ def test_a_grid_counts_between_its_points_in_proportion(
 
     field = grid(*shape, linear).field()
 
-    shares = shares_of(field, longitude_deg=np.array(at[:1]), latitude_deg=np.array(at[1:]))
+    weights = weights_of(field, longitude_deg=np.array(at[:1]), latitude_deg=np.array(at[1:]))
 
-    assert shares.of(field.east_mps)[0, 0] == pytest.approx(linear(*at), abs=1e-9)
+    assert weights.of(field.east_mps)[0, 0] == pytest.approx(linear(*at), abs=1e-9)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 3), (3, 1), (2, 2)])
 def test_beyond_a_grid_its_border_counts(shape: tuple[int, int]) -> None:
     field = grid(*shape, lambda x, y: x + 10 * y).field()
 
-    shares = shares_of(
+    weights = weights_of(
         field, longitude_deg=np.array([-9.0, 9.0]), latitude_deg=np.array([-9.0, 9.0])
     )
 
     corners = field.east_mps[0, [0, -1]]
-    assert shares.of(field.east_mps)[0].tolist() == pytest.approx(corners.tolist())
+    assert weights.of(field.east_mps)[0].tolist() == pytest.approx(corners.tolist())
 
 
-def test_of_many_places_the_nearest_count() -> None:
+def test_only_the_nearest_of_many_places_count() -> None:
     many = grid(20, 20, lambda x, y: x)
     field = Forecast(
         many.longitude_deg,
@@ -103,10 +103,10 @@ def test_of_many_places_the_nearest_count() -> None:
         many.error_mps,
     ).field()
 
-    shares = shares_of(field, longitude_deg=np.array([0.7]), latitude_deg=np.array([0.5]))
+    weights = weights_of(field, longitude_deg=np.array([0.7]), latitude_deg=np.array([0.5]))
 
-    assert shares.place.shape == (8, 1)
-    assert shares.of(field.east_mps)[0, 0] == pytest.approx(0.7, abs=0.05)
+    assert weights.place.shape == (8, 1)
+    assert weights.of(field.east_mps)[0, 0] == pytest.approx(0.7, abs=0.05)
 
 
 def test_an_old_forecast_counts_less_and_less(network: Network, model: DroneModel) -> None:

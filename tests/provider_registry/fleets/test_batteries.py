@@ -81,7 +81,9 @@ async def test_health_and_cycles_go_with_the_battery(
     assert (await drone.planned()).state_of_health == pytest.approx(0.85)
 
 
-async def test_a_drone_without_a_registered_battery_has_an_unknown_one(drone: FlyingDrone) -> None:
+async def test_a_change_of_battery_forgets_the_health_of_an_unknown_battery(
+    drone: FlyingDrone,
+) -> None:
     for _ in range(5):
         await drone.flies(make_health(use=1.1, health=0.8))
     await drone.reports("ENDED", "COMPLETED")
@@ -167,7 +169,7 @@ async def test_a_removed_drone_frees_its_battery(drone: FlyingDrone) -> None:
     assert (await drone.provider_calls("GET", f"/batteries/{battery}")).status_code == 404
 
 
-async def test_only_the_newest_installations_are_kept(drone: FlyingDrone) -> None:
+async def test_only_the_newest_past_installations_are_kept(drone: FlyingDrone) -> None:
     await drone.reports("ENDED", "COMPLETED")
     battery = await register(drone, "S-1")
     for _ in range(MOST_INSTALLATIONS + 2):

@@ -89,7 +89,7 @@ async def test_a_drone_that_is_due_gets_no_missions_until_its_maintenance_is_rec
     assert await broken_rules(drone.db, RULES) == []
 
 
-async def test_the_alarm_is_raised_once_for_each_need(drone: FlyingDrone) -> None:
+async def test_the_alarm_is_raised_once_each_time_a_drone_becomes_due(drone: FlyingDrone) -> None:
     await put_rule(drone, every_cycles=0.5)
     for _ in range(4):
         await drone.flies(make_health(), soc_after=0.6)
@@ -157,7 +157,7 @@ async def test_a_bad_rule_is_refused(drone: FlyingDrone, limits: dict[str, objec
     assert (await drone.provider_calls("GET", "/maintenance-rules")).json()["items"] == []
 
 
-async def test_rules_and_records_are_for_the_own_fleet(drone: FlyingDrone, api: Any) -> None:
+async def test_providers_maintain_only_their_own_fleet(drone: FlyingDrone, api: Any) -> None:
     other = await api.provider()
     own = f"/v1/providers/{drone.drone['provider_id']}"
     unknown = await drone.provider_calls("PUT", "/maintenance-rules/pigeon", {"every_cycles": 5})

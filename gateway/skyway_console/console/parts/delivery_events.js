@@ -58,12 +58,12 @@ export function DeliveryEvents({path}) {
     </ol>`;
 }
 
-// What another plan changes for the packages: how much later than promised each one comes.
+// What a new plan changes for the packages: how much later than `promised_at`, the plan of the booking, each one comes.
 const delays = (packages = []) => packages
   .filter(({later_s}) => typeof later_s === "number")
   .map(({package_id, later_s}) => later_s > 0
-    ? `${package_id} ${durationText(later_s)} later than promised`
-    : `${package_id} as promised`)
+    ? `${package_id} ${durationText(later_s)} later than planned`
+    : `${package_id} as planned`)
   .join(", ");
 
 // "package.delivered" is "Package delivered".

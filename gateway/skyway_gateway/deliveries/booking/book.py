@@ -103,10 +103,10 @@ class Booker:
     async def candidates_of(
         self, line: Sequence[QueuedDelivery]
     ) -> Mapping[DeliveryId, Candidates]:
-        """Candidates for requests that wait in line, asked for the last of them first.
+        """Candidates for requests of one line; the registry is asked for the last request first.
 
-        So a drone that comes online meanwhile is a candidate for those in front too. Nothing if
-        the registry is away: then each round asks for itself, and postpones its delivery.
+        So a drone that comes online meanwhile is a candidate for the requests in front too. Empty
+        if the registry is away: then each round asks again, and postpones its delivery.
         """
         found = {}
         try:

@@ -61,7 +61,7 @@ def booking_request(delivery: Delivery, shortlist: Shortlist) -> BookMissions:
 def _request(delivery: Delivery) -> DeliveryRequest:
     """The request with only the packages that wait, and the remaining price limit.
 
-    A request that waits for others to share its trip begins after that.
+    A request with `pooling_wait_s` begins after this wait.
     """
     waiting = {package.package_id for package in delivery.waiting_packages}
     request = delivery.request

@@ -140,7 +140,7 @@ class BookingLoop:
 
 
 def _lines(due: Sequence[QueuedDelivery]) -> list[list[QueuedDelivery]]:
-    """The requests that wait in one network, by class and asking; new deliveries each alone."""
+    """The waiting requests of each network by class, then by age; each new delivery by itself."""
     alone = [[queued] for queued in due if not queued.is_waiting]
     waiting = defaultdict[NetworkId | None, list[QueuedDelivery]](list)
     for queued in sorted(due, key=_asking_order):

@@ -60,8 +60,9 @@ def after_booking(
 ) -> Progress:
     """The delivery with its new missions: their ETAs are promised to the customer.
 
-    Packages that no mission carries wait for the next attempt. Nine of ten packages come later
-    than planned by at most `late_share` of the planned time; None if that is not known. Lateness
+    Packages that no mission carries wait for the next attempt. `late_share` is the
+    lateness that nine of ten packages do not exceed, as a share of the planned time; None if it is
+    not known. Lateness
     counts from their P90, unless the customer asked for P50 or no P90 is known.
     """
     # Each mission starts as BOOKED, however far it has come: its reports follow in order.

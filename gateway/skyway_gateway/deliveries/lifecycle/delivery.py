@@ -129,20 +129,21 @@ class PackageStatus(JsonModel):
         Field(description="The mission that carries the package; null while it waits for one."),
     ] = None
     promised_at: Annotated[
-        FleetMoment | None, Field(description="The first ETA that the customer was given.")
+        FleetMoment | None,
+        Field(description="When the plan of its last booking delivers it (P50); null before that."),
     ] = None
     promised_p90_at: Annotated[
         FleetMoment | None,
         Field(
-            description="The moment by which nine of ten packages come, as it was forecast with "
-            "`promised_at`; null before enough packages of the network have come."
+            description="The moment by which nine of ten such packages come (P90), known at "
+            "the booking; null before enough packages of the network have come."
         ),
     ] = None
     due_at: Annotated[
         FleetMoment | None,
         Field(
             description="The promise from which lateness counts: `promised_p90_at`, or "
-            "`promised_at` if the request's `qos.promise` is P50 or nothing was forecast."
+            "`promised_at` if the request's `qos.promise` is P50 or no P90 was known."
         ),
     ] = None
     eta_at: Annotated[
@@ -154,7 +155,7 @@ class PackageStatus(JsonModel):
     eta_p90_at: Annotated[
         FleetMoment | None,
         Field(
-            description="The moment by which it comes in nine of ten cases, as it is forecast now; "
+            description="The moment by which it comes in nine of ten cases (P90), as known now; "
             "null without `eta_at` or `promised_p90_at`."
         ),
     ] = None
@@ -187,9 +188,7 @@ class PackageStatus(JsonModel):
 class Flags(JsonModel):
     """What may worry the customer now."""
 
-    delayed: Annotated[bool, Field(description="A package is expected later than promised.")] = (
-        False
-    )
+    delayed: Annotated[bool, Field(description="A package is expected after its `due_at`.")] = False
     replanning: Annotated[
         bool, Field(description="A plan no longer holds and there is no new plan yet.")
     ] = False

@@ -227,7 +227,7 @@ class Bookings:
     async def _shared(
         self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers, best: FoundOffer
     ) -> Callable[[], Awaitable[Booking | None]] | None:
-        """What joins a waiting mission, if that is better than all these offers; else None."""
+        """The function that joins a waiting mission; None if an offer is better."""
         if self.shared is None:
             return None
         found = await self.shared.find(delivery_id, requested, offers)

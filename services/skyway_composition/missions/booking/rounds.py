@@ -72,8 +72,8 @@ Look = Callable[[], Awaitable[FirstLook]]
 Commit = Callable[[Tx, FoundOffer], Awaitable[DoneT]]
 
 
-#: Plans how a request can join a waiting mission; gives what commits that, if it is better than all
-#: these offers, of which the best was found.
+#: Finds a waiting mission that the request can join, if that is better than all these offers.
+#: Returns the function that commits it. The found offer is the best of these offers.
 Join = Callable[[Offers, FoundOffer], Awaitable[Callable[[], Awaitable[DoneT | None]] | None]]
 
 

@@ -1,4 +1,4 @@
-"""What booking needs of shared trips; `missions.calendar` has the parts that find and join them."""
+"""The shared trips that booking can join; `missions.calendar` finds them."""
 
 from typing import Protocol
 
@@ -23,4 +23,4 @@ class SharedTrips(Protocol):
     async def find(
         self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers
     ) -> SharedTrip | None:
-        """The best shared trip, if it is better than all these offers; else None."""
+        """The best shared trip; None if an offer is better."""

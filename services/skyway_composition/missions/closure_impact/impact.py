@@ -56,9 +56,10 @@ _CODES: Final[Mapping[ClosureKind, str]] = {
     "GROUND_STOP": "GROUND_STOP",
 }
 
-#: Why missions get other plans when a forecast comes.
+#: Why missions get new plans when a new forecast closes segments to their drones.
 _TOO_MUCH_WIND: Final = Trouble(
-    code="WEATHER_AHEAD", detail="the forecast has more wind on the way than the drone may fly in"
+    code="WEATHER_AHEAD",
+    detail="the forecast has more wind on the way than the limit of the drone model",
 )
 
 
@@ -123,7 +124,7 @@ class MissionImpact:
         return tuple(dict.fromkeys(models.values()))
 
     async def apply_weather(self, tx: Tx, network_id: NetworkId, weather: WeatherOfModels) -> int:
-        """Request other plans for missions with flights that the weather closes to their drones."""
+        """Request new plans for missions with flights on segments closed by the weather."""
         found = await _closed_by_weather(tx.connection, network_id, weather, now_ms=self._now_ms)
         if not found.hits:
             return 0
@@ -210,7 +211,7 @@ async def _flights(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:
 async def _closed_by_weather(
     reader: Reader, network_id: NetworkId, weather: WeatherOfModels, *, now_ms: int
 ) -> HitMissions:
-    """The first flight of each mission that the weather closes to the mission's drone."""
+    """The first flight of each mission on a segment that the weather closes to its drone."""
     proposed = await store.proposals(reader, network_id)
     flights = [
         *(flight for owner, each in proposed for flight in flights_of(owner, each)),

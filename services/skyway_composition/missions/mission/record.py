@@ -169,7 +169,7 @@ class MissionRecord:
 
     @property
     def without_reports(self) -> "MissionRecord":
-        """The record without what only reports change."""
+        """The record without the values that change with each report."""
         shares = tuple(each.model_copy(update={"report_seq": 0}) for each in self.shares)
         return replace(self, report_seq=0, reported_activity=None, shares=shares)
 

@@ -18,13 +18,17 @@ from skyway.json_model import JsonModel
 class Share(JsonModel):
     """A delivery's share of a mission; the host's share has the id of the mission itself.
 
-    A guest's mission id is only for reports: the gateway sees a mission of its own.
+    A guest's share has a mission id of its own, under which the gateway gets its reports.
     """
 
     mission_id: MissionId
     delivery_id: DeliveryId
-    attempt: Annotated[int, Field(ge=1, description="The booking that made it.")]
-    trip: Annotated[int, Field(ge=1, description="The trip within its booking.")] = 1
+    attempt: Annotated[
+        int, Field(ge=1, description="The number of the booking that made it, from 1.")
+    ]
+    trip: Annotated[
+        int, Field(ge=1, description="The number of the trip within its booking, from 1.")
+    ] = 1
     price: Annotated[Price, Field(description="What it costs alone.")]
     pooled_price: Annotated[Price, Field(description="What it costs on a shared trip.")]
     packages: Annotated[
@@ -45,7 +49,7 @@ class Share(JsonModel):
         return self.pooled_price if self.is_pooled else self.price
 
     def own(self, package_ids: Iterable[PackageId]) -> tuple[PackageId, ...]:
-        """The customer's ids of those packages of this share that are among these."""
+        """The customer's ids of those packages that belong to this share; others are left out."""
         return tuple(self.packages[each] for each in package_ids if each in self.packages)
 
     def flying(self, package_ids: Iterable[PackageId]) -> tuple[PackageId, ...]:
@@ -59,7 +63,7 @@ SHARES: TypeAdapter[tuple[Share, ...]] = TypeAdapter(tuple[Share, ...])
 
 
 def shares_json(shares: tuple[Share, ...]) -> str | None:
-    """The shares of a mission as they are stored; None while it flies for one delivery only."""
+    """The shares of a mission as they are stored; None if the mission is not shared."""
     return SHARES.dump_json(shares).decode() if shares else None
 
 

@@ -18,7 +18,7 @@ _OF_PACKAGES: Final = ("LOADED", "DELIVERED", "RETURNING", "RETURNED", "RELEASED
 #: These reports concern all deliveries, but their reason may lie with one of them.
 _OF_ALL: Final = ("REPLANNING", "REPLANNED", "REFUSED")
 
-#: Evidence that says nothing of the packages of others.
+#: Members of the evidence that say nothing about packages of others.
 _OF_THE_DRONE: Final = ("place", "flown")
 
 
@@ -31,14 +31,14 @@ def owner_of(record: MissionRecord, package_id: PackageId) -> tuple[DeliveryId, 
 
 
 def flown_for(record: MissionRecord, delivery_id: DeliveryId) -> Share | None:
-    """The share of a delivery; None if the mission flies for one delivery only, or others."""
+    """The share of a delivery; None if the mission is not shared, or flies for other deliveries."""
     return next((each for each in record.shares if each.delivery_id == delivery_id), None)
 
 
 def own_ids(
     record: MissionRecord, delivery_id: DeliveryId, package_ids: Iterable[PackageId]
 ) -> tuple[PackageId, ...]:
-    """The customer's ids of those of these packages that belong to the delivery."""
+    """The customer's ids of the packages that belong to the delivery; others are left out."""
     share = flown_for(record, delivery_id)
     return tuple(package_ids) if share is None else share.own(package_ids)
 
@@ -101,7 +101,7 @@ def _own_etas(share: Share, etas: Sequence[PackageEta]) -> tuple[PackageEta, ...
 
 
 def _own_plan(record: MissionRecord, share: Share) -> Plan:
-    """The plan with the share's packages only; hand-overs to others are stops without a reason."""
+    """The plan with the share's packages only; hand-overs to others are shown as waiting."""
     plan = record.mission.plan
     steps = _up_to_last_hand_over([*_own_steps(record, share)])
     own = [each for each in plan.deliveries if each.package_id in share.packages]
@@ -195,7 +195,7 @@ Fields = Mapping[str, Any]
 
 
 def own_fields(record: MissionRecord, share: Share, kind: str, fields: Fields) -> Fields | None:
-    """The members of a report as this share gets them; None if the report is only about others."""
+    """The members of a report for this share; None if the report is only about other shares."""
     named = tuple(fields.get("package_ids", ()))
     own = share.own(named)
     if kind in _OF_PACKAGES and named and not own:

@@ -140,7 +140,7 @@ async def get(
 
 
 async def host_of(connection: AsyncConnection, mission_id: MissionId) -> MissionId | None:
-    """The mission that carries the packages of this guest; None if it is no guest's mission."""
+    """The host's mission that carries this guest's packages; None if the id is no guest's."""
     found = await connection.execute(
         select(guests.c.host_id).where(guests.c.mission_id == mission_id)
     )

@@ -177,7 +177,7 @@ def report_in(
         is_host = share.mission_id == record.mission_id
         last = record.report_seq if is_host else share.report_seq
         if own is not None:
-            # A guest that has just joined only waits: its arrival times are no news.
+            # A guest that has just joined knows its arrival times from its booking.
             has_joined = record.mission.state == "QUEUED" and last == 0 and not is_host
             of_share = "QUEUED" if has_joined else kind
             sent = _sent(mint, record, share, of_share, last + 1, own)
@@ -215,7 +215,7 @@ def _sent(
 
 
 def _send(tx: Tx, record: MissionRecord, sent: MissionReport, *, traceparent: str | None) -> None:
-    """Send a report to the gateway; the registry knows a shared mission by its host only."""
+    """Send a report to the gateway; the registry gets only the reports of the host."""
     with in_trace_of(traceparent):
         tx.report("gateway", MISSION_REPORTS, sent, stream=sent.mission_id)
         is_of_drone = record.mission.state == "QUEUED" or sent.kind in _OF_THE_DRONE

@@ -35,8 +35,8 @@ _REPORTED_LATENESS: Final = timedelta(seconds=60)
 #: A smaller shortfall of charge is rounding, or is covered by the margin. Our own choice.
 _LEAST_SHORTFALL_SOC: Final = 0.001
 
-#: The share of the planned margin that the rest of a plan must still have: a margin is there to be
-#: used. If all of it had to be left, each gust would cost a new plan. Our own choice.
+#: The share of the planned margin that the rest of a plan must still have. If the whole margin had
+#: to be left, each gust would cause a new plan. Our own choice.
 _MARGIN_LEFT: Final = 2 / 3
 
 #: Longest time until a drone's report arrives, for `fleet_margin`. Our own choice.
@@ -197,8 +197,8 @@ def _trouble(
     `ahead` is predicted with the margin on all flights, `likely` without: the margin may cover the
     charge that a tolerated delay costs. A landing under way cannot be changed, so it is no trouble.
     If the drone will arrive at a pad below its reserve, the steps after it are checked later, when
-    its charge is reported. A drone in flight gets no other plan for a flight after its next session
-    either: what it meets until then may be the last gust, and on the pad it can charge longer.
+    its charge is reported. A drone in flight also gets no new plan for a flight after its next
+    charging session: the gusts may be over by then, and on the pad it can charge longer.
     """
     least_soc = record.candidate.model.reserve_soc - _LEAST_SHORTFALL_SOC
     tolerated_s = record.mission.margins.tolerated_lateness_s

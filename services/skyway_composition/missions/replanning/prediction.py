@@ -130,7 +130,7 @@ def _of_step(
 def _flown(
     step: FlyStep, length_m: float, start_ms: int, *, soc: float, model: DroneModel, load: Load
 ) -> tuple[int, float]:
-    """When a flight over this length ends in its planned weather, and with which charge."""
+    """When a flight of this length ends in its planned weather, and with which charge."""
     in_air_m = length_m * step.time_factor
     duration_s = flight_time_s(model, length_m=in_air_m, load_kg=load.mass_kg)
     energy_j = flight_energy_j(model, length_m=in_air_m, load_kg=load.mass_kg)

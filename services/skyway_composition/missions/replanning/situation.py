@@ -118,8 +118,9 @@ class Situation:
 def factor_beyond(record: MissionRecord, state: DroneState | None, *, in_air: float) -> float:
     """The energy use in a drone's report relative to its plan; 1 before a report.
 
-    The drone compares with its model in still air. Its plan counts already what was learned about
-    the drone, and the weather: `in_air` times the energy for its next flights.
+    The drone compares its use with its model in still air. Its plan already includes what was
+    learned about the drone, and the weather, which multiplies the energy of its next flights by
+    `in_air`.
     """
     if state is None or state.health is None:
         return 1.0

@@ -1,8 +1,8 @@
 """Finds a waiting mission that carries a new request's packages too: the request joins it.
 
-The mission of another delivery is planned again with the packages of both. The request joins if the
-shared trip is better by its own QoS than the best trip of its own, and if no promise that was given
-gets later by more than the tolerance.
+The mission of another delivery is planned again with the packages of both. The request joins if its
+own QoS ranks the shared trip before its best offer alone, and if no package on the drone comes
+later than its promise by more than the tolerance.
 """
 
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ from skyway_composition.missions.calendar.dispatching import store
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
 from skyway_composition.missions.calendar.dispatching.find_order import free_to_take_off
 from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Moments, fleet_of
-from skyway_composition.missions.calendar.dispatching.join_host import Joint
+from skyway_composition.missions.calendar.dispatching.join_host import JoinedTrip
 from skyway_composition.missions.calendar.dispatching.judgement import judge
 from skyway_composition.missions.calendar.dispatching.plan_orders import plan_orders
 from skyway_composition.missions.mission.record import MissionRecord
@@ -35,10 +35,11 @@ from skyway_composition.planning.offer import Offer, Offers
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
-#: Until a new plan is saved and a drone is reached: fleet seconds, wall seconds.
+#: A new plan may begin so much later than now: until then it is saved and reaches the drone. Fleet
+#: seconds and wall seconds; the longer of both counts.
 _SETTLED_S: Final = (60.0, 2.0)
 
-#: How many waiting missions a request is compared with, those that begin first. Our own choice.
+#: How many waiting missions a request is compared with: those that begin first. Our own choice.
 _MOST_HOSTS: Final = 5
 
 #: The most deliveries that share a trip, as in the search of `skyway.dispatch`.
@@ -46,8 +47,8 @@ MOST_SHARES: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
-class _Joining:
-    """A request that may join, its best own offer, and the best own offer of each provider."""
+class _JoiningRequest:
+    """A request that may join, its best offer alone, and the best offer alone of each provider."""
 
     delivery_id: DeliveryId
     requested: BookMissions
@@ -73,8 +74,8 @@ class HostFinder:
 
     async def find(
         self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers
-    ) -> Joint | None:
-        """The best shared trip, if it is better than all trips of the request's own; else None."""
+    ) -> JoinedTrip | None:
+        """The best shared trip, if it ranks before the request's best offer alone; else None."""
         asked = _asked(delivery_id, requested, offers)
         if asked is None:
             return None
@@ -91,26 +92,26 @@ class HostFinder:
                 provider_ids=asked.of_provider.keys(),
                 limit=_MOST_HOSTS,
             )
-        joints = [await self._joint(asked, host, world, times) for host in hosts]
-        found = [each for each in joints if each is not None]
+        trips = [await self._joined_trip(asked, host, world, times) for host in hosts]
+        found = [each for each in trips if each is not None]
         values = [asked.best.values, *(_values(asked, each) for each in found)]
         first = rank_offers(values, asked.request.qos.ranking)[0]
         return found[first - 1] if first else None
 
-    async def _joint(
-        self, asked: _Joining, host: MissionRecord, world: World, times: Moments
-    ) -> Joint | None:
-        """The shared trip with this mission; None if it has no plan, or breaks a promise."""
+    async def _joined_trip(
+        self, asked: _JoiningRequest, host: MissionRecord, world: World, times: Moments
+    ) -> JoinedTrip | None:
+        """The shared trip with this mission; None if it has no plan or breaks a promise."""
         fleet = free_to_take_off(await self._fleet_of(host, times), world, times)
         if host not in fleet.waiting or not fleet.is_planned_in(world.present):
             return None
-        joined = self._joined(asked, host)
-        if joined is None:
+        together = self._together(asked, host)
+        if together is None:
             return None
         moved = await plan_orders(
             self.solver,
             world,
-            _with_mission(fleet, joined),
+            _with_mission(fleet, together),
             fleet.orders,
             times=times,
             clock=self.clock,
@@ -124,7 +125,7 @@ class HostFinder:
         )
         if judgement.late:
             return None
-        return Joint(BetterOrder(fleet, world, times, moved, judgement), joined.shares[-1])
+        return JoinedTrip(BetterOrder(fleet, world, times, moved, judgement), together.shares[-1])
 
     async def _fleet_of(self, host: MissionRecord, times: Moments) -> Fleet:
         """The calendar of the mission's drone; no calendar if nothing in it may change now."""
@@ -134,7 +135,7 @@ class HostFinder:
             links = await links_to(connection, [host.drone_id])
         return fleet_of(records, links, left_out=held, times=times)
 
-    def _joined(self, asked: _Joining, host: MissionRecord) -> MissionRecord | None:
+    def _together(self, asked: _JoiningRequest, host: MissionRecord) -> MissionRecord | None:
         """The mission with the packages of both, to be planned again; None if they do not fit."""
         request, solo = asked.request, asked.of_provider[host.mission.provider_id]
         shares = host.shares or (_share_of(host),)
@@ -178,7 +179,9 @@ class HostFinder:
         return Moments(now_ms, settled_ms, hand_over_time_ms(self.clock))
 
 
-def _asked(delivery_id: DeliveryId, requested: BookMissions, offers: Offers) -> _Joining | None:
+def _asked(
+    delivery_id: DeliveryId, requested: BookMissions, offers: Offers
+) -> _JoiningRequest | None:
     """The request, if it may share a trip and one drone can fly it alone; else None.
 
     A drone that has refused a delivery must not get it again, so only first attempts join.
@@ -192,7 +195,7 @@ def _asked(delivery_id: DeliveryId, requested: BookMissions, offers: Offers) -> 
     of_provider: dict[ProviderId, Offer] = {}
     for each in whole:
         of_provider.setdefault(each.provider_id, each)
-    return _Joining(delivery_id, requested, offers.ranked[0], of_provider)
+    return _JoiningRequest(delivery_id, requested, offers.ranked[0], of_provider)
 
 
 def _share_of(host: MissionRecord) -> Share:
@@ -226,18 +229,18 @@ def _with_mission(fleet: Fleet, changed: MissionRecord) -> Fleet:
     )
 
 
-def _values(asked: _Joining, joint: Joint) -> OfferValues:
+def _values(asked: _JoiningRequest, trip: JoinedTrip) -> OfferValues:
     """What the request's ranking looks at: its own arrival, price, and the energy that it adds."""
-    record, before = joint.record, joint.host_before
+    record, before = trip.record, trip.host_before
     solo = asked.of_provider[record.mission.provider_id].values
     own = [
-        each.eta_at for each in record.mission.packages if each.package_id in joint.guest.packages
+        each.eta_at for each in record.mission.packages if each.package_id in trip.guest.packages
     ]
     energy_j = (record.mission.plan.energy_j or 0.0) - (before.mission.plan.energy_j or 0.0)
     return replace(
         solo,
         time_s=(moment_to_ms(max(own)) - asked.best.begins_ms) / 1000,
-        price=joint.guest.pooled_price.amount,
+        price=trip.guest.pooled_price.amount,
         energy_j=max(0.0, energy_j),
         drone_id=record.drone_id,
     )

@@ -169,5 +169,5 @@ def _standing(link: DroneLink | None, times: Moments) -> Slot | None:
 
 
 def plan_of(record: MissionRecord | None) -> MissionRecord | None:
-    """The record without what only reports change."""
+    """The record without the values that change with each report."""
     return None if record is None else record.without_reports

@@ -17,15 +17,15 @@ from skyway_composition.missions.mission.store import save_request
 
 
 @dataclass(frozen=True, slots=True)
-class Joint:
-    """A shared trip: new plans of one drone, in which a waiting mission carries a guest too."""
+class JoinedTrip:
+    """A shared trip: the new calendar of a drone, whose waiting mission carries a guest too."""
 
     better: BetterOrder
     guest: Share
 
     @property
     def record(self) -> MissionRecord:
-        """The mission with the packages of all, as it is planned now."""
+        """The host's mission with the packages of all its deliveries, as it is planned now."""
         return next(
             each.record
             for moved in self.better.moved.values()
@@ -35,7 +35,7 @@ class Joint:
 
     @property
     def host_before(self) -> MissionRecord:
-        """The mission as it was before."""
+        """The host's mission as it was before the guest joined."""
         waiting = self.better.fleet.waiting
         return next(each for each in waiting if each.mission_id == self.record.mission_id)
 

@@ -55,7 +55,7 @@ async def hosts_at(
     provider_ids: Collection[ProviderId],
     limit: int,
 ) -> list[MissionRecord]:
-    """QUEUED missions of these providers that begin at a station and may be shared, first to last.
+    """QUEUED missions of these providers that begin at this station and may be shared, by start.
 
     At most `limit`.
     """
@@ -85,7 +85,7 @@ async def open_missions_on(connection: AsyncConnection, drone_id: DroneId) -> li
 
 
 async def save_promises(tx: Tx, record: MissionRecord) -> None:
-    """Save the promised arrival times of a mission whose packages have become more."""
+    """Save the promised arrival times of a mission that carries packages of a new guest."""
     await tx.execute(
         update(missions)
         .where(missions.c.mission_id == record.mission_id)
