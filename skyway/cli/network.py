@@ -179,6 +179,8 @@ def weather(
     """Give a network of the running Skyway a forecast, show the one in force, or remove it."""
     if remove and file is not None:
         raise typer.BadParameter("--remove takes no FILE")
+    if source is not None and file is None:
+        raise typer.BadParameter("it needs a NetCDF file", param_hint="--source")
     folder = data_folder(data)
     body = None if file is None else _forecast(file, network_id, source=source, folder=folder)
     answer = call_gateway(

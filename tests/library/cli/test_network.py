@@ -261,10 +261,11 @@ def test_weather_sends_a_forecast_and_shows_the_one_in_force(
     ]
 
 
-def test_weather_refuses_a_file_together_with_remove(tmp_path: Path) -> None:
-    result = runner.invoke(network_app, ["weather", "forecast.json", "--remove"])
+def test_weather_refuses_arguments_that_would_be_ignored(tmp_path: Path) -> None:
+    for arguments in (["forecast.json", "--remove"], ["--source", "our roofs"]):
+        result = runner.invoke(network_app, ["weather", *arguments])
+        assert result.exit_code == 2, arguments
 
-    assert result.exit_code == 2
     missing = runner.invoke(network_app, ["weather", str(tmp_path / "missing.json")])
     assert missing.exit_code == 2
     assert "missing.json" in missing.stderr
