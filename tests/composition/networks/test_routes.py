@@ -100,6 +100,19 @@ async def test_a_wrong_setting_is_named(
     assert answer.json()["errors"][0]["field"] == field
 
 
+async def test_a_power_of_zero_is_named(composition: Any, make: Any) -> None:
+    network = make.network()
+    network["features"][1]["properties"]["station_power_w"] = 0
+
+    answer = await composition("operator:op", "PUT", PATH, network)
+
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0] == {
+        "field": "features.1.properties.station_power_w",
+        "detail": "0 is below 10",
+    }
+
+
 async def test_a_body_that_is_not_a_network_is_refused(composition: Any) -> None:
     listed = await composition("operator:op", "PUT", PATH, [1])
     broken = await composition("operator:op", "PUT", PATH, {"type": "FeatureCollection"})

@@ -53,6 +53,24 @@ async def test_a_drone_that_cannot_fly_home_stays_at_a_station_with_pads(
     assert trip.home_recharge.station_id == "c"
 
 
+async def test_a_standby_charges_as_long_as_the_pad_at_home_needs(
+    composition: Any, make: Any
+) -> None:
+    network = make.network()
+    network["features"][0]["properties"]["pad_power_w"] = 50
+    await composition.publish(network)
+
+    candidate = make.candidate()
+    trip = await trip_of(composition, make.request("c"), candidate)
+
+    assert isinstance(trip, Trip)
+    charge = trip.home_recharge
+    assert charge is not None
+    assert (charge.station_id, charge.power_w) == ("a", 50)
+    needed_j = (charge.soc_end - charge.soc_start) * candidate.model.battery_j
+    assert charge.end_s - charge.start_s == pytest.approx(needed_j / 50)
+
+
 async def test_a_drone_that_cannot_stay_flies_to_the_nearest_pad(
     composition: Any, make: Any
 ) -> None:
