@@ -163,9 +163,13 @@ class HostFinder:
             each.model_copy(update={"package_id": flown}) for flown, each in flying.items()
         )
         etas = tuple(PackageEta(package_id=each, eta_at=host.mission.start_at) for each in flying)
+        # A guest may begin before it has waited for others, but not before its packages are there.
+        ready = [host.request.earliest_pickup_at, asked.requested.ready_at]
+        earliest_at = max((each for each in ready if each is not None), default=None)
+        update = {"packages": host.request.packages + added, "earliest_pickup_at": earliest_at}
         return replace(
             host,
-            request=host.request.model_copy(update={"packages": host.request.packages + added}),
+            request=host.request.model_copy(update=update),
             mission=host.mission.model_copy(update={"packages": host.mission.packages + etas}),
             shares=(*shares, guest),
         )

@@ -14,7 +14,7 @@ from skyway_composition.missions.booking.shared_trip import SharedTrip, SharedTr
 from skyway_composition.missions.calendar.dispatching.find_host import MOST_SHARES
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.share_views import missions_seen
+from skyway_composition.missions.mission.share_views import missions_seen, own_fields
 from skyway_composition.missions.tracking import track_of
 from skyway_composition.retention.forget_store import delete_deliveries, needed_among
 from skyway_composition.tables import custody, deliveries, guests, missions, outbox
@@ -53,7 +53,9 @@ def asks(*to: str, wait_s: float = 1200.0, mass_kg: float = 0.4, **members: Any)
 
 async def book(world: BusyWorld, delivery_id: str, request: DeliveryRequest) -> None:
     waiting = request.begun_after_wait(world.clock.now())
-    assert await world.book(delivery_id, waiting, loading="AUTOMATIC") == "BOOKED"
+    ready_at = request.earliest_pickup_at
+    booked = await world.book(delivery_id, waiting, loading="AUTOMATIC", ready_at=ready_at)
+    assert booked == "BOOKED"
     await world.keep_calendars()
 
 
@@ -128,11 +130,14 @@ async def test_a_customer_sees_the_drone_and_the_way_with_its_own_packages(
     while not (await kinds_of(world, "dlv2"))["LOADED"]:
         await pass_minutes(world, 1)
 
-    for share, stations in zip(record.shares, ({"a", "b"}, {"a", "b", "c"}), strict=True):
+    for share, last in zip(record.shares, ("b", "c"), strict=True):
         (tracked,) = (await track_of(world.db, share.delivery_id)).missions
         assert tracked.mission_id == share.mission_id
-        assert {each for step in tracked.steps for each in step.package_ids} <= {"p1", "p2"}
-        assert {step.station_id for step in tracked.steps} <= stations
+        own = {*share.packages.values()}
+        for kind in ("PICK_UP", "DELIVER"):
+            steps = [each for each in tracked.steps if each.kind == kind]
+            assert {each for step in steps for each in step.package_ids} == own
+        assert (tracked.steps[-1].kind, tracked.steps[-1].station_id) == ("DELIVER", last)
         assert tracked.position is not None
     async with world.db.read() as connection:
         versions = {each.mission_id: each.version for each in await open_missions(connection)}
@@ -144,6 +149,47 @@ async def test_a_customer_sees_the_drone_and_the_way_with_its_own_packages(
     assert {each for step in host.steps for each in step.package_ids} == {"p1"}
     assert {each for step in guest.steps for each in step.package_ids} == {"p1", "p2"}
     assert guest.is_carrying
+
+
+@_on_sqlite
+async def test_a_customer_reads_no_reason_that_names_packages_of_others(world: BusyWorld) -> None:
+    record = await book_both(world)
+    host, guest = record.shares
+    told = {"code": "IMPLAUSIBLE", "detail": "p1 of a secret customer", "package_ids": ()}
+    for kind in ("ACTIVITY", "ENDED", "REPLANNED"):
+        fields = own_fields(record, guest, kind, told)
+        assert fields is not None
+        assert "secret" not in fields["detail"]
+        assert "IMPLAUSIBLE" in fields["detail"]
+    both = (*host.packages, *guest.packages)
+    for kind, code, package_ids, is_told in (
+        ("RELEASED", "CANCELLED", tuple(guest.packages), True),
+        ("RELEASED", "CANCELLED", both, False),
+        ("RETURNING", "PACKAGES_CANCELLED", tuple(guest.packages), False),
+    ):
+        why = {"code": code, "detail": "a secret wish", "package_ids": package_ids}
+        fields = own_fields(record, guest, kind, why)
+        assert fields is not None
+        assert ("secret" in fields["detail"]) == is_told
+
+
+@_on_sqlite
+@pytest.mark.parametrize(("later_s", "joins"), [(20, True), (3600, False)])
+async def test_a_guest_is_never_picked_up_before_its_packages_are_there(
+    world: BusyWorld, later_s: int, joins: bool
+) -> None:
+    await book(world, "dlv1", asks("b"))
+    (alone,) = await world.planned()
+    ready_at = alone.mission.start_at + timedelta(seconds=later_s)
+    await book(world, "dlv2", asks("b", wait_s=0.0, earliest_pickup_at=ready_at))
+
+    starts = {
+        str(seen.delivery_id): seen.start_at
+        for record in await world.planned()
+        for seen in missions_seen(record)
+    }
+    assert starts["dlv2"] >= ready_at
+    assert (starts["dlv1"] == starts["dlv2"]) == joins
 
 
 @_on_sqlite
