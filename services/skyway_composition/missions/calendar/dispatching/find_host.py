@@ -193,10 +193,12 @@ def _asked(delivery_id: DeliveryId, requested: BookMissions, offers: Offers) -> 
     whole = [each for each in offers.ranked if len(each.parts) == 1]
     if not whole:
         return None
-    of_provider: dict[ProviderId, Offer] = {}
+    best, of_provider = offers.ranked[0], dict[ProviderId, Offer]()
     for each in whole:
-        of_provider.setdefault(each.provider_id, each)
-    return _Joining(delivery_id, requested, offers.ranked[0], of_provider)
+        # A guest that is left alone pays the price alone, which must not be above the best offer's.
+        if request.qos.ranking.price == 0 or each.price.amount <= best.price.amount:
+            of_provider.setdefault(each.provider_id, each)
+    return _Joining(delivery_id, requested, best, of_provider) if of_provider else None
 
 
 def _share_of(host: MissionRecord) -> Share:

@@ -16,12 +16,13 @@ from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import missions_seen, own_fields
 from skyway_composition.missions.tracking import track_of
+from skyway_composition.planning.offer import Offers
 from skyway_composition.retention.forget_store import delete_deliveries, needed_among
 from skyway_composition.tables import custody, deliveries, guests, missions, outbox
 from skyway_composition.verify.rules import RULES
 from sqlalchemy import delete, select
 
-from skyway.contracts.mission import Mission
+from skyway.contracts.mission import BookMissions, Mission
 from skyway.contracts.mission_reports import MissionReport
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
@@ -280,6 +281,37 @@ async def test_a_request_that_cannot_share_or_gains_nothing_flies_alone(
 
     assert all(each.shares == () for each in await world.planned())
     assert before in await world.planned()
+
+
+@_on_sqlite
+@pytest.mark.parametrize(("objective", "joins"), [("cheapest", False), ("greenest", True)])
+async def test_a_guest_that_may_be_left_alone_pays_no_more_than_its_best_offer(
+    world: BusyWorld, objective: str, joins: bool
+) -> None:
+    await book(world, "dlv1", asks("b"))
+    found = finder_of(world)
+    joints: list[SharedTrip | None] = []
+
+    class WithACheaperOffer:
+        """Finds shared trips for requests with a slightly cheaper offer of another provider."""
+
+        async def find(
+            self, delivery_id: DeliveryId, requested: BookMissions, offers: Offers
+        ) -> SharedTrip | None:
+            (part,) = offers.ranked[0].parts
+            price = part.price.model_copy(update={"amount": part.price.amount - 1})
+            candidate = part.candidate.model_copy(update={"provider_id": "prv_other"})
+            other = replace(part, price=price, candidate=candidate)
+            cheaper = replace(offers.ranked[0], parts=(other,))
+            offers = replace(offers, ranked=(cheaper, *offers.ranked))
+            joints.append(await found.find(delivery_id, requested, offers))
+            return None
+
+    world.bookings = replace(world.bookings, shared=WithACheaperOffer())
+    qos = {"objective": objective, "pooling": True, "pooling_wait_s": 1200.0}
+    await book(world, "dlv2", asks("b", qos=qos))
+
+    assert [each is not None for each in joints] == [joins]
 
 
 @_on_sqlite
