@@ -18,7 +18,7 @@ _OF_PACKAGES: Final = ("LOADED", "DELIVERED", "RETURNING", "RETURNED", "RELEASED
 #: These reports say why the trip is not flown as planned; the others say what has happened.
 _OF_THE_PLAN: Final = ("REPLANNING", "REPLANNED", "REFUSED")
 
-#: Whoever cancels packages gives the reason; all other reasons may lie with another customer.
+#: The one who cancels packages gives the reason. Other reasons may lie with another customer.
 _OWN_REASONS: Final = ("CANCELLED", "CANCELLED_BY_OPERATOR")
 
 #: Evidence that says nothing of the packages of others.
