@@ -216,6 +216,13 @@ class BookMissions(WireModel):
             description="When the customer asked. Of one class, who asked first is planned first."
         ),
     ] = None
+    ready_at: Annotated[
+        FleetMoment | None,
+        Field(
+            description="The customer's own `earliest_pickup_at`; that of `request` may be later, "
+            "to wait for others to share the trip."
+        ),
+    ] = None
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:

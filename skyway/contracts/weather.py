@@ -40,7 +40,8 @@ _Temperature = Annotated[float, Field(ge=-90, le=60, strict=True)]
 _Error = Annotated[float, Field(ge=0, le=50, strict=True)]
 
 _T = TypeVar("_T")
-_Row = Annotated[tuple[_T, ...], Field(max_length=MAX_VALUES)]
+#: Lists are read up to their first error: a million errors would take gigabytes.
+_Row = Annotated[tuple[_T, ...], Field(max_length=MAX_VALUES, fail_fast=True)]
 #: One variable of a grid: by time, latitude and longitude.
 _Values = _Row[_Row[_Row[_T | None]]]
 
@@ -51,12 +52,27 @@ def _rising(axis: tuple[Any, ...]) -> tuple[Any, ...]:  # moments or numbers
     return axis
 
 
+_Axis = Annotated[_Row[_T], Field(min_length=1), AfterValidator(_rising)]
+
+
 def _fault(field: str, detail: str) -> PydanticCustomError:
     """A fault that a whole model finds in one of its fields."""
     return PydanticCustomError("forecast", "{field}: {detail}", {"field": field, "detail": detail})
 
 
-class WeatherGrid(JsonModel):
+class _FewMembers(JsonModel):
+    """An object that is refused before a million unknown members are read."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_few_members(cls, value: Any) -> Any:  # any JSON value
+        if isinstance(value, dict) and len(value) > len(cls.model_fields):
+            detail = f"{len(value)} members exceed the limit of {len(cls.model_fields)}"
+            raise PydanticCustomError("too_many", "{detail}", {"detail": detail})
+        return value
+
+
+class WeatherGrid(_FewMembers):
     """Values for each time, latitude and longitude: lists in lists in a list, in this order.
 
     The wind is given by its speed and direction, or by its two components.
@@ -67,21 +83,14 @@ class WeatherGrid(JsonModel):
         Field(
             min_length=1,
             max_length=MAX_TIMES,
+            fail_fast=True,
             description="From when values hold, rising: until the next time, and the last ones as "
             "long as those before them, or an hour if there is one time only.",
         ),
         AfterValidator(_rising),
     ]
-    latitude: Annotated[
-        tuple[_Latitude, ...],
-        Field(min_length=1, max_length=MAX_VALUES, description="Degrees north, rising."),
-        AfterValidator(_rising),
-    ]
-    longitude: Annotated[
-        tuple[_Longitude, ...],
-        Field(min_length=1, max_length=MAX_VALUES, description="Degrees east, rising."),
-        AfterValidator(_rising),
-    ]
+    latitude: Annotated[_Axis[_Latitude], Field(description="Degrees north, rising.")]
+    longitude: Annotated[_Axis[_Longitude], Field(description="Degrees east, rising.")]
     wind_speed_mps: Annotated[
         _Values[_Wind] | None,
         Field(description="Speed of the wind."),
@@ -186,7 +195,7 @@ def _places(values: Any) -> Iterator[tuple[tuple[int, int, int], float | None]]:
                 yield (time, row, column), value
 
 
-class PlaceReport(JsonModel):
+class PlaceReport(_FewMembers):
     """What a station of the network, or another place, reports for one time."""
 
     station_id: Annotated[
@@ -214,7 +223,7 @@ class PlaceReport(JsonModel):
         return self
 
 
-class ForecastDocument(JsonModel):
+class ForecastDocument(_FewMembers):
     """The body of PUT /v1/networks/{network_id}/weather: a grid, or reports from places."""
 
     source: Annotated[
@@ -234,6 +243,7 @@ class ForecastDocument(JsonModel):
         Field(
             min_length=1,
             max_length=MAX_REPORTS,
+            fail_fast=True,
             description="Reports from places; each place reports for each time.",
         ),
     ] = None

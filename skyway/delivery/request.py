@@ -168,11 +168,7 @@ class QoS(JsonModel):
     ] = False
     pooling_wait_s: Annotated[
         float,
-        Field(
-            ge=0,
-            le=3600,
-            description="Seconds by which the start is delayed, so that others can join.",
-        ),
+        Field(ge=0, le=3600, description="Seconds that the start is delayed for others to join."),
     ] = 0.0
 
     @model_validator(mode="after")

@@ -269,6 +269,7 @@ class BusyWorld:
         *,
         loading: str,
         drones: Sequence[FlownDrone] | None = None,
+        ready_at: datetime | None = None,
     ) -> str:
         """Book one of these drones (None: of all) as the gateway does; returns the outcome."""
         self.requests.setdefault(delivery_id, request)
@@ -292,7 +293,9 @@ class BusyWorld:
             if each.logbook.mission is not None or each.logbook.station_id is not None
         ]
         shortlist = Shortlist.of(candidates)
-        requested = BookMissions(attempt=attempt, request=request, shortlist=shortlist)
+        requested = BookMissions(
+            attempt=attempt, request=request, shortlist=shortlist, ready_at=ready_at
+        )
         self._bookings_under_way += 1
         try:
             return (await self.bookings.book(DeliveryId(delivery_id), requested)).outcome

@@ -16,6 +16,10 @@ from skyway.units import moment_to_ms, ms_to_moment
 #: The most segments times periods of a network: 6 million factors of time and of energy are 96 MB.
 MOST_FACTORS: Final = 6_000_000
 
+#: How far ahead the values of a forecast may end. Our own choice: no forecast of wind is of use so
+#: long before, and later moments are soon beyond the calendar.
+_FARTHEST_AHEAD: Final = timedelta(days=60)
+
 #: How long the values of a single time hold, seconds.
 _ONE_HOUR_S: Final = 3_600.0
 
@@ -47,14 +51,18 @@ def accepted(document: ForecastDocument, network: Network, *, now_ms: int) -> Fo
     Raises
     ------
     InvalidInput
-        It is over, it was issued in the future, it is for another area, a place has no report for
-        a time, or it has too many times for a network of this size.
+        It is over, it ends or was issued too far in the future, it is for another area, a place has
+        no report for a time, or it has too many times for a network of this size.
     """
     form = "grid" if document.grid is not None else "reports"
     edges = edges_s(document)
     if edges[-1] * 1000 <= now_ms:
         until, now = (ms_to_moment(round(each)).isoformat() for each in (edges[-1] * 1000, now_ms))
         raise InvalidInput(form, f"all values are past: they end at {until}, and now it is {now}")
+    if edges[-1] > now_ms / 1000 + _FARTHEST_AHEAD.total_seconds():
+        days = f"{(edges[-1] - now_ms / 1000) / 86_400:.0f} days"
+        detail = f"values that hold for {days} exceed the limit of {_FARTHEST_AHEAD.days} days"
+        raise InvalidInput(form, detail)
     if document.issued_at > ms_to_moment(now_ms) + timedelta(hours=1):
         detail = f"{document.issued_at.isoformat()} is more than 1 hour in the future"
         raise InvalidInput("issued_at", detail)

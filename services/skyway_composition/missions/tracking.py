@@ -58,9 +58,7 @@ async def track_of(db: Database, delivery_id: DeliveryId) -> Track:
         flown = [
             _flown(
                 record,
-                share_views.own_steps(
-                    record, delivery_id, await steps_of(connection, record.mission_id)
-                ),
+                await steps_of(connection, record.mission_id),
                 await link_to(connection, record.drone_id),
                 carried,
                 seen_as=share_views.mission_for(record, delivery_id),

@@ -18,6 +18,9 @@ from skyway_provider_registry.presence.jump import Ahead, LastSeen
 from skyway_provider_registry.presence.store import touch
 from skyway_provider_registry.tables import drone_models, drones, presence, waiting_alarms
 
+#: How long a state is on its way at most, fleet milliseconds. Our own choice.
+_ON_ITS_WAY_MS: Final = 60_000
+
 #: Each batch of states runs this statement, so it is built once. A drone in maintenance may be
 #: carried, and after a renewal of credentials its earlier states may be anybody's.
 _LAST_SEEN: Final = (
@@ -88,11 +91,19 @@ def _last_seen(row: Row[*tuple[Any, ...]], models: Mapping[DroneModelId, DroneMo
         model=models[row.model_id],
         activity=row.activity,
         mission_id=row.mission_id,
-        # The state may have been on its way when the battery was changed.
-        has_other_battery=(
-            row.battery_changed_ms is not None and row.state_at_ms <= row.battery_changed_ms
-        ),
+        has_other_battery=row.battery_changed_ms is not None
+        and _is_before(row, row.battery_changed_ms, received_ms=received_ms),
     )
+
+
+def _is_before(row: Row[*tuple[Any, ...]], changed_ms: int, *, received_ms: int) -> bool:
+    """Whether the last state is about the battery before the change.
+
+    It may have been on its way then. The drone's own moment counts only so far: with a clock that
+    is an hour late each charge would be that of another battery.
+    """
+    was_on_its_way = row.state_at_ms <= changed_ms and received_ms <= changed_ms + _ON_ITS_WAY_MS
+    return received_ms <= changed_ms or was_on_its_way
 
 
 async def put_in_maintenance(tx: Tx, alarms: Sequence[DroneAlarm]) -> None:

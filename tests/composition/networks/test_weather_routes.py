@@ -5,8 +5,10 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from skyway.contracts.flight_step import FlyStep
+from skyway.contracts.weather import ForecastDocument
 from skyway.units import moment_to_ms
 
 OPERATOR = "operator:op"
@@ -141,6 +143,12 @@ BAD_GRIDS: list[tuple[dict[str, Any], str, str]] = [
     ({"latitude": [40.0, 41.0]}, "grid", "station 'a' is 4448 km away from the area"),
     ({"latitude": [0.001 * row for row in range(9_000)]}, "grid.wind_speed_mps", "108000 values"),
     ({"time": ["2020-01-01T00:00:00Z"] * 6}, "grid.time", "must rise"),
+    (
+        {"time": [f"{year}-01-01T00:00:00Z" for year in range(2021, 9_000, 1_300)]},
+        "grid",
+        "limit of 60 days",
+    ),
+    ({f"unknown_{n}": 1 for n in range(99)}, "grid", "members exceed the limit of 10"),
 ]
 
 
@@ -154,6 +162,18 @@ async def test_a_bad_forecast_is_refused_with_its_field_and_limit(composition: A
         assert fault["field"] == field, fault
         assert detail in fault["detail"], fault
     assert (await composition(OPERATOR, "GET", PATH)).status_code == 404
+
+
+def test_a_list_of_wrong_values_is_read_up_to_the_first_of_them() -> None:
+    """A million errors would take gigabytes before the first one is shown."""
+    wrong = ["wrong"] * 1_000
+    for member, known in (("latitude", {}), ("wind_speed_mps", {"latitude": [0.0]})):
+        times = {"time": ["2026-03-02T09:00:00Z"], "longitude": [0.01 * n for n in range(1_000)]}
+        grid = times | known | {member: wrong if member == "latitude" else [[wrong]]}
+        body = {"source": "s", "issued_at": "2026-03-02T09:00:00Z", "grid": grid}
+        with pytest.raises(ValidationError) as refused:
+            ForecastDocument.model_validate(body)
+        assert refused.value.error_count() < 10
 
 
 @_one

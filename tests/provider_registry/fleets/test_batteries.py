@@ -154,6 +154,27 @@ async def test_another_charge_after_a_change_is_no_jump_and_no_use(drone: Flying
     assert alarm.code == "DRONE_JUMPED"
 
 
+@pytest.mark.parametrize("late_s", [0.0, 86_400.0])
+async def test_a_late_clock_does_not_make_each_charge_that_of_another_battery(
+    drone: FlyingDrone, late_s: float
+) -> None:
+    await drone.reports("ENDED", "COMPLETED")
+    await install(drone, await register(drone, "S-1"))
+    for _ in range(2):
+        at = drone.clock.now() - timedelta(seconds=late_s)
+        await drone.does("IDLE", after_s=100.0, soc=0.3, at=at)
+    used = (await drone.call("GET")).json()["maintenance"]["cycles"]
+
+    at = drone.clock.now() - timedelta(seconds=late_s)
+    await drone.does("IDLE", after_s=10.0, soc=0.1, at=at)
+    assert (await drone.call("GET")).json()["maintenance"]["cycles"] == pytest.approx(used + 0.2)
+    await drone.does("IDLE", after_s=10.0, soc=1.0, at=at)
+
+    async with drone.db.read() as connection:
+        ((alarm, _network),) = await jump_store.waiting(connection, limit=10)
+    assert alarm.code == "DRONE_JUMPED"
+
+
 async def test_a_removed_drone_frees_its_battery(drone: FlyingDrone) -> None:
     await drone.reports("ENDED", "COMPLETED")
     battery = await register(drone, "S-1")

@@ -55,6 +55,7 @@ def booking_request(delivery: Delivery, shortlist: Shortlist) -> BookMissions:
         shortlist=shortlist,
         offer=_limits(delivery),
         asked_at=delivery.created_at,
+        ready_at=delivery.request.earliest_pickup_at,
     )
 
 

@@ -8,7 +8,7 @@ counts from the next look on, for deliveries that wait already too.
 import asyncio
 import logging
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Final, Never
@@ -121,9 +121,21 @@ class BookingLoop:
         """Book the deliveries of a line in turn when there is a free place."""
         # One COMMIT may accept more deliveries than there are free places.
         async with self._places:
-            found = await booker.candidates_of(line) if len(line) > 1 else {}
+            found = await self._candidates_of(booker, line) if len(line) > 1 else {}
             for queued in line:
                 await self._book_one(booker, queued, found.get(queued.delivery.delivery_id))
+
+    async def _candidates_of(
+        self, booker: Booker, line: Sequence[QueuedDelivery]
+    ) -> Mapping[DeliveryId, Candidates]:
+        """The candidates of a line; nothing if that fails: then each round asks for itself."""
+        try:
+            return await booker.candidates_of(line)
+        except Exception as error:
+            count("skyway_loop_failures", "steps of loops that failed", loop="book")
+            if not self._missing.note(error):
+                log.exception("candidates of a line could not be read")
+            return {}
 
     async def _book_one(
         self, booker: Booker, queued: QueuedDelivery, candidates: Candidates | None

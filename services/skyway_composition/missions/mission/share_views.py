@@ -15,8 +15,11 @@ from skyway_composition.missions.mission.step_store import StepRecord
 #: These reports are only about the packages that they name.
 _OF_PACKAGES: Final = ("LOADED", "DELIVERED", "RETURNING", "RETURNED", "RELEASED")
 
-#: These reports concern all deliveries, but their reason may lie with one of them.
-_OF_ALL: Final = ("REPLANNING", "REPLANNED", "REFUSED")
+#: These reports say why the trip is not flown as planned; the others say what has happened.
+_OF_THE_PLAN: Final = ("REPLANNING", "REPLANNED", "REFUSED")
+
+#: The one who cancels packages gives the reason. Other reasons may lie with another customer.
+_OWN_REASONS: Final = ("CANCELLED", "CANCELLED_BY_OPERATOR")
 
 #: Members of the evidence that say nothing about packages of others.
 _OF_THE_DRONE: Final = ("place", "flown")
@@ -208,9 +211,13 @@ def own_fields(record: MissionRecord, share: Share, kind: str, fields: Fields) -
     }
     if fields.get("mission") is not None:
         changed["mission"] = mission_of(record, share)
-    if kind in _OF_ALL:
+    is_own_reason = own and len(own) == len(named) and fields.get("code") in _OWN_REASONS
+    if fields.get("detail") is not None and not is_own_reason:
         # The reason may lie with another customer's packages, and name them.
-        changed["detail"] = f"the shared trip cannot be flown as planned: {fields.get('code')}"
+        about = "the shared trip"
+        if kind in _OF_THE_PLAN:
+            about = "the shared trip cannot be flown as planned"
+        changed["detail"] = f"{about}: {fields.get('code')}"
     return {**fields, **changed}
 
 

@@ -38,6 +38,8 @@ class Booker:
         self.held.put_nowait(deliveries)
 
     async def candidates_of(self, line: Sequence[Any]) -> dict[str, Any]:
+        if any("unknown" in queued.delivery.delivery_id for queued in line):
+            raise RuntimeError(line)
         return {}
 
     async def book_or_retry(self, queued: Any, candidates: Any) -> None:
@@ -216,6 +218,18 @@ async def test_requests_that_wait_in_one_network_are_booked_one_after_the_other(
         booker.gate.set()
         await until(lambda: len(booker.booked) == 4)
         assert booker.booked[2:] == ["slow urgent of n", "standard of n"]
+
+    await _run(booker, 5, test)
+
+
+async def test_a_line_is_booked_when_its_candidates_cannot_be_read(until: Until) -> None:
+    booker = Booker(["unknown of n", "standard of n", "slow new"])
+
+    async def test() -> None:
+        await until(lambda: booker.booked == ["standard of n", "unknown of n"])
+        assert booker.under_way == {"slow new"}
+        booker.gate.set()
+        await until(lambda: len(booker.booked) == 3)
 
     await _run(booker, 5, test)
 

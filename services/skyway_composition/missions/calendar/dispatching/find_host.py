@@ -164,9 +164,13 @@ class HostFinder:
             each.model_copy(update={"package_id": flown}) for flown, each in flying.items()
         )
         etas = tuple(PackageEta(package_id=each, eta_at=host.mission.start_at) for each in flying)
+        # A guest may begin before it has waited for others, but not before its packages are there.
+        ready = [host.request.earliest_pickup_at, asked.requested.ready_at]
+        earliest_at = max((each for each in ready if each is not None), default=None)
+        update = {"packages": host.request.packages + added, "earliest_pickup_at": earliest_at}
         return replace(
             host,
-            request=host.request.model_copy(update={"packages": host.request.packages + added}),
+            request=host.request.model_copy(update=update),
             mission=host.mission.model_copy(update={"packages": host.mission.packages + etas}),
             shares=(*shares, guest),
         )
@@ -192,10 +196,12 @@ def _asked(
     whole = [each for each in offers.ranked if len(each.parts) == 1]
     if not whole:
         return None
-    of_provider: dict[ProviderId, Offer] = {}
+    best, of_provider = offers.ranked[0], dict[ProviderId, Offer]()
     for each in whole:
-        of_provider.setdefault(each.provider_id, each)
-    return _JoiningRequest(delivery_id, requested, offers.ranked[0], of_provider)
+        # A guest that is left alone pays the full price, which must not be above the best offer's.
+        if request.qos.ranking.price == 0 or each.price.amount <= best.price.amount:
+            of_provider.setdefault(each.provider_id, each)
+    return _JoiningRequest(delivery_id, requested, best, of_provider) if of_provider else None
 
 
 def _share_of(host: MissionRecord) -> Share:

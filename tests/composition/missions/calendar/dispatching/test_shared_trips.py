@@ -14,7 +14,7 @@ from skyway_composition.missions.booking.shared_trip import SharedTrip, SharedTr
 from skyway_composition.missions.calendar.dispatching.find_host import MOST_SHARES
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.share_views import missions_seen
+from skyway_composition.missions.mission.share_views import missions_seen, own_fields
 from skyway_composition.missions.tracking import track_of
 from skyway_composition.retention.forget_store import delete_deliveries, needed_among
 from skyway_composition.tables import custody, deliveries, guests, missions, outbox
@@ -53,7 +53,9 @@ def asks(*to: str, wait_s: float = 1200.0, mass_kg: float = 0.4, **members: Any)
 
 async def book(world: BusyWorld, delivery_id: str, request: DeliveryRequest) -> None:
     waiting = request.begun_after_wait(world.clock.now())
-    assert await world.book(delivery_id, waiting, loading="AUTOMATIC") == "BOOKED"
+    ready_at = request.earliest_pickup_at
+    booked = await world.book(delivery_id, waiting, loading="AUTOMATIC", ready_at=ready_at)
+    assert booked == "BOOKED"
     await world.keep_calendars()
 
 
@@ -128,11 +130,12 @@ async def test_a_customer_sees_the_drone_and_the_way_with_its_own_packages(
     while not (await kinds_of(world, "dlv2"))["LOADED"]:
         await pass_minutes(world, 1)
 
-    for share, stations in zip(record.shares, ({"a", "b"}, {"a", "b", "c"}), strict=True):
+    for share, last in zip(record.shares, ("b", "c"), strict=True):
         (tracked,) = (await track_of(world.db, share.delivery_id)).missions
         assert tracked.mission_id == share.mission_id
-        assert {each for step in tracked.steps for each in step.package_ids} <= {"p1", "p2"}
-        assert {step.station_id for step in tracked.steps} <= stations
+        delivered = [each.package_ids for each in tracked.steps if each.kind == "DELIVER"]
+        assert {*sum(delivered, ())} == {*share.packages.values()}
+        assert (tracked.steps[-1].kind, tracked.steps[-1].station_id) == ("DELIVER", last)
         assert tracked.position is not None
     async with world.db.read() as connection:
         versions = {each.mission_id: each.version for each in await open_missions(connection)}
@@ -144,6 +147,39 @@ async def test_a_customer_sees_the_drone_and_the_way_with_its_own_packages(
     assert {each for step in host.steps for each in step.package_ids} == {"p1"}
     assert {each for step in guest.steps for each in step.package_ids} == {"p1", "p2"}
     assert guest.is_carrying
+
+
+@_on_sqlite
+async def test_a_customer_reads_no_reason_that_names_packages_of_others(world: BusyWorld) -> None:
+    record = await book_both(world)
+    host, guest = record.shares
+    own = tuple(guest.packages)
+    for kind, code, package_ids, is_shown in (
+        ("ACTIVITY", "IMPLAUSIBLE", (), False),
+        ("RELEASED", "CANCELLED", own, True),
+        ("RELEASED", "CANCELLED", (*host.packages, *own), False),
+        ("RETURNING", "PACKAGES_CANCELLED", own, False),
+    ):
+        why = {"code": code, "detail": "a secret wish", "package_ids": package_ids}
+        fields = own_fields(record, guest, kind, why)
+        assert fields is not None
+        assert ("secret" in fields["detail"]) == is_shown
+
+
+@_on_sqlite
+@pytest.mark.parametrize(("later_s", "joins"), [(20, True), (3600, False)])
+async def test_a_guest_is_never_picked_up_before_its_packages_are_there(
+    world: BusyWorld, later_s: int, joins: bool
+) -> None:
+    await book(world, "dlv1", asks("b"))
+    (alone,) = await world.planned()
+    ready_at = alone.mission.start_at + timedelta(seconds=later_s)
+    await book(world, "dlv2", asks("b", wait_s=0.0, earliest_pickup_at=ready_at))
+
+    seen = [one for record in await world.planned() for one in missions_seen(record)]
+    starts = {str(each.delivery_id): each.start_at for each in seen}
+    assert starts["dlv2"] >= ready_at
+    assert (starts["dlv1"] == starts["dlv2"]) == joins
 
 
 @_on_sqlite
@@ -234,6 +270,33 @@ async def test_a_request_that_cannot_share_or_gains_nothing_flies_alone(
 
     assert all(each.shares == () for each in await world.planned())
     assert before in await world.planned()
+
+
+@_on_sqlite
+@pytest.mark.parametrize(("objective", "joins"), [("cheapest", False), ("greenest", True)])
+async def test_a_guest_that_may_be_left_alone_pays_no_more_than_its_best_offer(
+    world: BusyWorld, objective: str, joins: bool
+) -> None:
+    await book(world, "dlv1", asks("b"))
+    found = finder_of(world)
+    joints: list[SharedTrip | None] = []
+
+    class WithACheaperOffer:
+        """Finds shared trips for requests with a slightly cheaper offer of another provider."""
+
+        async def find(self, of: Any, requested: Any, offers: Any) -> None:
+            (part,) = offers.ranked[0].parts
+            price = part.price.model_copy(update={"amount": part.price.amount - 1})
+            candidate = part.candidate.model_copy(update={"provider_id": "prv_other"})
+            parts = (replace(part, price=price, candidate=candidate),)
+            ranked = (replace(offers.ranked[0], parts=parts), *offers.ranked)
+            joints.append(await found.find(of, requested, replace(offers, ranked=ranked)))
+
+    world.bookings = replace(world.bookings, shared=WithACheaperOffer())
+    qos = {"objective": objective, "pooling": True, "pooling_wait_s": 1200.0}
+    await book(world, "dlv2", asks("b", qos=qos))
+
+    assert [each is not None for each in joints] == [joins]
 
 
 @_on_sqlite
