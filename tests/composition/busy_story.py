@@ -22,6 +22,7 @@ from tests.composition.left_packages import left_to_book
 
 #: A zone without stations; the segment from a to b leads through it.
 _ZONE: Final = [[0.04, -0.01], [0.06, -0.01], [0.06, 0.01], [0.04, 0.01], [0.04, -0.01]]
+BETWEEN_A_AND_B: Final = Area.model_validate({"coordinates": [_ZONE]})
 
 #: Each action; more frequent actions are listed more often.
 ACTIONS: Final = (
@@ -259,7 +260,7 @@ class Story:
             case "SEGMENT":
                 members |= {"station_id": station, "to_station_id": other}
             case "ZONE":
-                members["area"] = Area.model_validate({"coordinates": [_ZONE]})
+                members["area"] = BETWEEN_A_AND_B
             case _:
                 members["reason"] = "fog"
         note(f"  {kind} {station} {other}")

@@ -4,8 +4,9 @@ A version never changes, and the stations are those of the current version. No l
 was closed before the plan was made (I11).
 
 A mission that a closure hits has a trouble, waits stuck, or has a proposal until it has another
-plan. A mission that was given up lands where it can, closed or not. Ground stops are left out: they
-forbid the next take-off only, and composition enforces them every second.
+plan. A drone that took off before it heard of the closure flies to the end of its segment. A
+mission that was given up lands where it can, closed or not. Ground stops are left out: they forbid
+the next take-off only, and composition enforces them every second.
 """
 
 import hashlib
@@ -27,6 +28,7 @@ from skyway_composition.closures.read_forecast import forecast_of
 from skyway_composition.closures.store import in_force
 from skyway_composition.tables import (
     closures,
+    drone_links,
     forecasts,
     is_live,
     mission_steps,
@@ -198,8 +200,9 @@ async def _met_by_plans(survey: Survey) -> set[str]:
 async def _met_by(survey: Survey, network_id: str, conditions: Conditions) -> set[str]:
     of_network = and_(_has_its_plan, missions.c.network_id == network_id)
     flights = await survey.rows(
-        select(mission_steps, missions.c.body)
+        select(mission_steps, missions.c.body, drone_links.c.state)
         .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
+        .outerjoin(drone_links, drone_links.c.drone_id == missions.c.drone_id)
         .where(of_network, mission_steps.c.status == "PLANNED", mission_steps.c.kind == "FLY")
     )
     held = await survey.rows(
@@ -234,12 +237,20 @@ def _lands_at(row: Any, closure: Closure, stations: Iterable[Any]) -> bool:  # o
 
 
 def _flies(row: Any, closure: Closure, segments: Iterable[Any]) -> bool:  # of mission_steps
-    is_there = (row.from_station_id, row.to_station_id) in segments
+    is_there = (row.from_station_id, row.to_station_id) in segments and not _is_begun(row)
     begins_before = row.planned_start_ms <= closure.from_ms < row.planned_end_ms
     is_planned_later = row.planned_start_ms > closure.made_ms
     return is_there and (
         _begins_within(row.planned_start_ms, closure) or (begins_before and is_planned_later)
     )
+
+
+def _is_begun(row: Any) -> bool:  # of mission_steps, with the drone's last state
+    """Whether the drone has taken off: it may have missed the plan that avoids the closure."""
+    state = json.loads(row.state or "{}")
+    under_way = state.get("step_id")
+    is_on_mission = state.get("mission_id") == row.mission_id and under_way is not None
+    return is_on_mission and bool(under_way >= row.step_id)
 
 
 def _begins_within(moment_ms: int, closure: Closure) -> bool:

@@ -1,12 +1,15 @@
 """A story test: in random orders of actions no invariant of missions and pads breaks."""
 
 import asyncio
+from datetime import timedelta
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.composition.busy_story import ACTIONS, Story
+from skyway.delivery.request import DeliveryRequest
+from tests.composition.busy_story import ACTIONS, BETWEEN_A_AND_B, Story
+from tests.composition.busy_world import BusyWorld
 
 _SEEDS = st.integers(0, 10_000)
 _ACTIONS = st.lists(st.tuples(st.sampled_from(ACTIONS), _SEEDS), min_size=25, max_size=45)
@@ -44,3 +47,30 @@ def test_the_same_actions_lead_to_the_same_reports(migrated_url: str) -> None:
         assert once == again
 
     play_twice()
+
+
+@pytest.mark.databases("sqlite")
+async def test_a_flight_that_began_before_its_drone_heard_of_a_closure_breaks_no_rule(
+    migrated_url: str,
+) -> None:
+    request = DeliveryRequest.model_validate(
+        {
+            "pickup": {"station_id": "a"},
+            "packages": [{"package_id": "p1", "mass_kg": 0.4, "destination": {"station_id": "b"}}],
+        }
+    )
+    async with BusyWorld(migrated_url) as world:
+        await world.book(world.new_delivery(), request, loading="AUTOMATIC")
+        await world.keep_calendars()
+        while not any(each.is_handing_over for each in world.drones):
+            await world.pass_time(timedelta(seconds=30))
+        # The new plan is lost, and the drone takes off as soon as it has loaded.
+        for drone in world.drones:
+            drone.drops_instructions = True
+        closure = await world.close("ZONE", area=BETWEEN_A_AND_B)
+        for _ in range(20):
+            await world.pass_time(timedelta(minutes=1))
+            await world.check()
+
+        await world.reopen(closure)
+        await world.end()
