@@ -51,9 +51,11 @@ class Followed:
         """How many deliveries were dispatched."""
         return len(self.of(DeliveryEventType.DISPATCHED))
 
-    def are_settled(self, deliveries: int) -> bool:
-        """Whether so many deliveries are dispatched, or have ended without a dispatch."""
-        return len(self.of(DeliveryEventType.DISPATCHED).keys() | self.ended) >= deliveries
+    def are_settled(
+        self, deliveries: int, kind: DeliveryEventType = DeliveryEventType.DISPATCHED
+    ) -> bool:
+        """Whether so many deliveries had an event of this kind, or have ended without it."""
+        return len(self.of(kind).keys() | self.ended) >= deliveries
 
 
 @asynccontextmanager

@@ -28,6 +28,7 @@ from skyway.cli.gateway import GatewayApi, read_keys
 from skyway.cli.system.children import REPLICATED, Ports, replica_name
 from skyway.cli.system.running_system import System, running_system
 from skyway.cli.system.secrets import read_secret
+from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.errors import SkywayError
 from skyway.runtime.metrics import METRICS_KEY
 
@@ -38,8 +39,9 @@ _IDLE_S: Final = 8.0
 _MEASURED_FOR_S: Final = 5.0
 
 #: The first requests compile and fill caches, and a burst must not pay for that: small waves are
-#: sent until all requests of one wave are dispatched almost immediately. Each replica has caches
-#: and statements of its own, and requests are not shared evenly.
+#: sent until all requests of one wave are planned almost immediately. A mission that waits for its
+#: drone may be dispatched much later. Each replica has caches and statements of its own, and
+#: requests are not shared evenly.
 _WAVE_S: Final = 3.0
 _WAVE_PER_S: Final = 4.0
 _WARM_WITHIN_S: Final = 2.0
@@ -150,16 +152,29 @@ async def _warm_up(system: System, world: World, city: Place, *, burst: Burst) -
             sent = await send(system.urls["gateway"], world, requests)
             requests_sent += len(sent.asked_at)
             ended_s = time.monotonic()
-            await _until_settled(followed, requests_sent, within_s=burst.longest_wait_s)
+            await _until_settled(
+                followed,
+                requests_sent,
+                within_s=burst.longest_wait_s,
+                kind=DeliveryEventType.PLANNED,
+            )
             is_quick = time.monotonic() - ended_s < _WARM_WITHIN_S
             if is_quick and requests_sent >= _LEAST_FOR_EACH_REPLICA * burst.replicas:
                 return
     raise SkywayError(f"the system was not warm after {_MOST_WAVES} waves of requests")
 
 
-async def _until_settled(followed: Followed, requests_sent: int, *, within_s: float) -> None:
+async def _until_settled(
+    followed: Followed,
+    requests_sent: int,
+    *,
+    within_s: float,
+    kind: DeliveryEventType = DeliveryEventType.DISPATCHED,
+) -> None:
     ends_s = time.monotonic() + within_s
-    while not followed.are_settled(requests_sent) and time.monotonic() < ends_s:  # noqa: ASYNC110
+    while (  # noqa: ASYNC110
+        not followed.are_settled(requests_sent, kind) and time.monotonic() < ends_s
+    ):
         await asyncio.sleep(0.1)  # many events from outside decide this; there is no single one
 
 
