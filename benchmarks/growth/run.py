@@ -35,10 +35,12 @@ _PORTS: Final = Ports(gateway=0, broker=0)
 
 async def run(size: Size, load: Burst) -> Outcome:
     """What the load costs in a system of this size."""
+    # The same stations are served at each size, else the drones of a larger network fly longer.
+    served = load.stations
     profile = None if load.profile is None else load.profile / size.name
     load = replace(load, stations=size.stations, profile=profile)
     options = () if profile is None else SERVER_OPTIONS
-    city = City.of(stations=size.stations, seed=load.seed)
+    city = City.of(stations=size.stations, seed=load.seed, served=served)
     with (
         data_folder() as folder,
         storage_pair(load.storage, folder, postgresql_options=options) as servers,

@@ -2,9 +2,11 @@
 
 import json
 import random
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
+
+import numpy as np
 
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.ids import StationId
@@ -55,21 +57,25 @@ class Place(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class City:
-    """A network, and who is near whom in it."""
+    """A network, the stations with drones and customers, and who is near whom."""
 
     network: Network
+    served: Sequence[StationId] = field(repr=False)
     near: dict[StationId, list[StationId]] = field(repr=False)
 
     @classmethod
-    def of(cls, *, stations: int, seed: int) -> "City":
-        """The synthetic city of this size."""
+    def of(cls, *, stations: int, seed: int, served: int | None = None) -> "City":
+        """The synthetic city of this size; only so many stations in its middle are served."""
         network = synthetic_city(stations=stations, seed=seed, pads=_PADS, spacing_m=_SPACING_M)
-        return cls.on(network)
+        return cls.on(network, served=served)
 
     @classmethod
-    def on(cls, network: Network) -> "City":
-        """The city of a network."""
-        return cls(network, _near(network))
+    def on(cls, network: Network, *, served: int | None = None) -> "City":
+        """The city of a network; None serves all its stations."""
+        ids = network.columns.station_ids
+        if served is None or served >= len(ids):
+            return cls(network, ids, _near(network))
+        return cls(network, _most_central(network, served), _near(network))
 
     def documents(self) -> Mapping[str, dict[str, Any]]:
         """The GeoJSON to publish, with the defaults of all settings."""
@@ -81,7 +87,7 @@ class City:
 
     def fleet(self, number: int, *, providers: int, drones: int) -> list[dict[str, Any]]:
         """The drones of one provider: every n-th of all, so that each is at home all over."""
-        ids = self.network.columns.station_ids
+        ids = self.served
         return [
             {
                 "model_id": DJI_MATRICE_300_RTK.model_id,
@@ -100,7 +106,7 @@ class City:
 
     def request(self, chance: random.Random) -> bytes:
         """One request from anywhere in the city, as JSON."""
-        pickup = chance.choice(self.network.columns.station_ids)
+        pickup = chance.choice(self.served)
         count = min(chance.choices(*_PACKAGES)[0], len(self.near[pickup]))
         packages = [
             {
@@ -113,6 +119,16 @@ class City:
         qos = {"objective": chance.choices(*_OBJECTIVES)[0]}
         body = {"pickup": {"station_id": pickup}, "packages": packages, "qos": qos}
         return json.dumps(body).encode()
+
+
+def _most_central(network: Network, count: int) -> list[StationId]:
+    """So many stations around the middle of a network, in the order of their ids."""
+    columns = network.columns
+    away = np.hypot(
+        columns.longitude_deg - columns.longitude_deg.mean(),
+        columns.latitude_deg - columns.latitude_deg.mean(),
+    )
+    return sorted(columns.station_ids[row] for row in np.argsort(away, kind="stable")[:count])
 
 
 def _near(network: Network) -> dict[StationId, list[StationId]]:

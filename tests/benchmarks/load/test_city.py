@@ -42,3 +42,14 @@ def test_requests_are_valid_and_stay_near(city: City) -> None:
         request = DeliveryRequest.model_validate(json.loads(due.body))
         near = city.near[request.pickup.station_id]
         assert {package.destination.station_id for package in request.packages} <= set(near)
+
+
+def test_only_the_middle_of_a_larger_city_has_drones_and_pickups() -> None:
+    city = City.of(stations=400, seed=1, served=50)
+
+    homes = {each["home_station_id"] for each in city.fleet(0, providers=1, drones=100)}
+    sent = [json.loads(due.body) for due in city.requests(rate_per_s=50, seconds=20, seed=3)]
+    assert len(city.network.stations) == 400
+    assert homes == {*city.served}
+    assert len(homes) == 50
+    assert {each["pickup"]["station_id"] for each in sent} <= homes
