@@ -31,6 +31,9 @@ class DispatchPolicy:
         While requests still come, a trip waits for more requests until its oldest one is so old.
     energy_s_per_kwh
         The price of energy while requests still come: later requests need the charge.
+    promise_tolerance_s
+        The first plan of a request is its promise, and later plans deliver at most so much later.
+        None: there are no promises.
     """
 
     name: str
@@ -38,6 +41,7 @@ class DispatchPolicy:
     pooling: bool = False
     most_wait_s: float = 0.0
     energy_s_per_kwh: float = 0.0
+    promise_tolerance_s: float | None = None
 
 
 def _first_come(problem: FleetProblem, _seed: int) -> Schedule:

@@ -40,12 +40,16 @@ class _Drone:
 
 @dataclass(slots=True)
 class RollingHour:
-    """The state of one hour; `delivered_ms` is by the number of the request."""
+    """The state of one hour; `delivered_ms` and `promised_ms` are by the number of the request.
+
+    The promise is when the first plan of the request delivers it.
+    """
 
     case: FleetCase
     policy: DispatchPolicy
     seed: int
     delivered_ms: dict[int, int] = field(default_factory=dict)
+    promised_ms: dict[int, int] = field(default_factory=dict)
     energy_j: float = 0.0
     _drones: list[_Drone] = field(init=False)
     _pads: list[HeldPad] = field(default_factory=list)
@@ -111,10 +115,26 @@ class RollingHour:
             ],
         )
         planned = [
-            each.model_copy(update={"planned": self._planned_trip(int(each.request_id), now_ms)})
+            each.model_copy(
+                update={
+                    "planned": self._planned_trip(int(each.request_id), now_ms),
+                    "promised_s": self._promised_s(int(each.request_id), now_ms),
+                }
+            )
             for each in problem.requests
         ]
-        return problem.model_copy(update={"requests": tuple(planned)})
+        changed: dict[str, object] = {"requests": tuple(planned)}
+        if self.policy.promise_tolerance_s is not None:
+            # What is promised counts from the first plan on, not from the arrival order.
+            changed |= {"baseline": "current plan", "promise_tolerance_s": 0.0}
+        return problem.model_copy(update=changed)
+
+    def _promised_s(self, number: int, now_ms: int) -> float | None:
+        """The latest delivery that keeps the promise; None without promises."""
+        tolerance_s = self.policy.promise_tolerance_s
+        if tolerance_s is None or number not in self.promised_ms:
+            return None
+        return (self.promised_ms[number] - now_ms) / 1000 + tolerance_s
 
     def _planned_trip(self, number: int, now_ms: int) -> CurrentTrip | None:
         if number not in self._planned:
@@ -143,6 +163,8 @@ class RollingHour:
         waiting: set[int] = set()
         for number, trip in sorted(schedule.trips, key=lambda each: each.trip.slot.at_ms):
             start_ms = now_ms + trip.slot.at_ms
+            for each, moment_ms in zip(trip.pool, trip.delivered_ms, strict=True):
+                self.promised_ms.setdefault(requests[each].number, now_ms + moment_ms)
             if waits_for_more(problem, trip.pool, most_wait_s=most_wait_s):
                 waiting.add(number)
             if number in waiting:
