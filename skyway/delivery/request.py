@@ -170,6 +170,15 @@ class QoS(JsonModel):
         float,
         Field(ge=0, le=3600, description="Seconds that the start is delayed for others to join."),
     ] = 0.0
+    may_be_later_s: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=14_400,
+            description="Seconds by which the delivery may come later than first planned, so that "
+            "the dispatcher can plan many deliveries better together. `due_at` counts them.",
+        ),
+    ] = 0.0
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> Self:

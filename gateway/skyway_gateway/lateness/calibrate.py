@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Final
 
-from skyway.delivery.request import PromiseLevel
+from skyway.delivery.request import QoS
 
 #: The share of packages that should come by their P90.
 COVERED: Final = 0.9
@@ -87,9 +87,14 @@ def p90_of(eta_at: datetime, *, start_at: datetime, share: float | None) -> date
     return eta_at + timedelta(seconds=later_by_s(planned_s, share))
 
 
-def due_of(eta_at: datetime, p90_at: datetime | None, promise: PromiseLevel) -> datetime:
-    """The promise from which lateness counts: the P90 if asked and known, else the ETA."""
-    return p90_at if p90_at is not None and promise == "P90" else eta_at
+def due_of(eta_at: datetime, p90_at: datetime | None, qos: QoS) -> datetime:
+    """The promise from which lateness counts: the P90 if asked and known, else the ETA.
+
+    What the customer allows (`may_be_later_s`) is added, up to the deadline.
+    """
+    promised_at = p90_at if p90_at is not None and qos.promise == "P90" else eta_at
+    due_at = promised_at + timedelta(seconds=qos.may_be_later_s)
+    return due_at if qos.deadline_at is None else max(promised_at, min(due_at, qos.deadline_at))
 
 
 def _score(arrival: Arrival) -> float:

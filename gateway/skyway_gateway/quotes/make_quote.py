@@ -202,7 +202,7 @@ class QuoteMaker:
         packages = []
         for each in terms.packages:
             p90_at = p90_of(each.eta_at, start_at=start_at, share=share)
-            due_at = due_of(each.eta_at, p90_at, request.qos.promise)
+            due_at = due_of(each.eta_at, p90_at, request.qos)
             packages.append(OfferedPackage(**dict(each), eta_p90_at=p90_at, due_at=due_at))
         return Offer(
             **(dict(terms) | {"packages": tuple(packages)}),

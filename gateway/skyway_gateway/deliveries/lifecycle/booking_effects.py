@@ -76,7 +76,7 @@ def after_booking(
             "mission_id": mission.mission_id,
             "promised_at": eta.eta_at,
             "promised_p90_at": p90_at,
-            "due_at": due_of(eta.eta_at, p90_at, delivery.request.qos.promise),
+            "due_at": due_of(eta.eta_at, p90_at, delivery.request.qos),
             "eta_at": eta.eta_at,
         }
 

@@ -4,6 +4,7 @@ It must deliver earlier by more than the price of its moves, and no promise may 
 than the tolerance.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -69,14 +70,19 @@ def promised_ms(record: MissionRecord) -> Mapping[PackageId, int]:
 def latest_ms(record: MissionRecord, *, tolerance_s: float) -> dict[PackageId, int]:
     """The latest delivery of each package that another order may have.
 
-    It is the promise with the tolerance, or the present plan if that is later.
+    It is the promise with the tolerance, or the present plan if that is later. A customer may allow
+    more (`may_be_later_s`), up to the deadline, but not for the others on a shared mission.
     """
     promised, planned = promised_ms(record), _etas_ms(record)
-    allowed_ms = round(tolerance_s * 1000)
-    return {
-        package_id: max(promised[package_id] + allowed_ms, at_ms)
-        for package_id, at_ms in planned.items()
-    }
+    qos, tolerance_ms = record.request.qos, round(tolerance_s * 1000)
+    allowed_ms = 0 if record.shares else round(qos.may_be_later_s * 1000)
+    deadline_ms = math.inf if qos.deadline_at is None else moment_to_ms(qos.deadline_at)
+
+    def latest(promise_ms: int, planned_ms: int) -> int:
+        allowed = min(promise_ms + allowed_ms, deadline_ms)
+        return round(max(promise_ms + tolerance_ms, allowed, planned_ms))
+
+    return {each: latest(promised[each], at_ms) for each, at_ms in planned.items()}
 
 
 def _ends_ms(record: MissionRecord, etas_ms: Mapping[PackageId, int]) -> int:

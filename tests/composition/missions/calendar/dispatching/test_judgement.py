@@ -1,11 +1,13 @@
 """Whether another order is worth adopting."""
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
 from skyway_composition.missions.calendar.dispatching.judgement import judge
 from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.share import Share
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.mission import Mission, PackageEta
@@ -16,7 +18,7 @@ _NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
 
 def make_record(
-    *, eta_min: float, promised_min: float, drone: str = "drn_1", priority: str = "STANDARD"
+    *, eta_min: float, promised_min: float, drone: str = "drn_1", **qos: object
 ) -> MissionRecord:
     """A waiting mission with one package; minutes count from noon."""
 
@@ -35,7 +37,7 @@ def make_record(
         {
             "pickup": {"station_id": "a"},
             "packages": [{"package_id": "p1", "mass_kg": 1, "destination": {"station_id": "b"}}],
-            "qos": {"priority": priority},
+            "qos": qos,
         }
     )
     return MissionRecord(
@@ -88,3 +90,34 @@ def test_a_promise_holds_within_the_tolerance_and_a_late_mission_gets_no_later(
     judgement = judge([(before, after)], tolerance_s=60)
 
     assert (judgement.late == {"drn_1"}) == is_late
+
+
+@pytest.mark.parametrize(
+    ("qos", "new_min", "is_late"),
+    [
+        ({"may_be_later_s": 600}, 70, False),
+        ({"may_be_later_s": 600}, 70.1, True),
+        ({"may_be_later_s": 30}, 61, False),
+        ({"may_be_later_s": 600, "deadline_at": _NOON + timedelta(minutes=65)}, 65, False),
+        ({"may_be_later_s": 600, "deadline_at": _NOON + timedelta(minutes=65)}, 65.1, True),
+    ],
+)
+def test_a_customer_may_allow_more_than_the_tolerance_but_not_after_the_deadline(
+    qos: dict[str, object], new_min: float, is_late: bool
+) -> None:
+    before = make_record(eta_min=60, promised_min=60, **qos)
+    after = make_record(eta_min=new_min, promised_min=60, **qos)
+
+    assert bool(judge([(before, after)], tolerance_s=60).late) == is_late
+
+
+def test_on_a_shared_mission_no_customer_allows_lateness_for_the_others() -> None:
+    before, after = (
+        replace(
+            make_record(eta_min=eta_min, promised_min=60, may_be_later_s=600),
+            shares=(Share.model_construct(packages={PackageId("p1"): PackageId("p1")}),),
+        )
+        for eta_min in (60, 65)
+    )
+
+    assert judge([(before, after)], tolerance_s=60).late == {"drn_1"}
