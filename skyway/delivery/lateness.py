@@ -15,10 +15,7 @@ providers weighs the same, so the largest provider counts no more than the other
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
 from typing import Final
-
-from skyway.delivery.request import PromiseLevel
 
 #: The share of packages that should come by their P90.
 COVERED: Final = 0.9
@@ -77,19 +74,6 @@ def late_share(own: Sequence[Arrival], others: Sequence[Sequence[Arrival]] = ())
 def later_by_s(planned_s: float, share: float) -> float:
     """How much later a package with this planned time may come, seconds."""
     return share * max(planned_s, _SHORTEST_S)
-
-
-def p90_of(eta_at: datetime, *, start_at: datetime, share: float | None) -> datetime | None:
-    """The P90 of a package that is planned to come at `eta_at`; None if no share is known."""
-    if share is None:
-        return None
-    planned_s = (eta_at - start_at).total_seconds()
-    return eta_at + timedelta(seconds=later_by_s(planned_s, share))
-
-
-def due_of(eta_at: datetime, p90_at: datetime | None, promise: PromiseLevel) -> datetime:
-    """The promise from which lateness counts: the P90 if asked and known, else the ETA."""
-    return p90_at if p90_at is not None and promise == "P90" else eta_at
 
 
 def _score(arrival: Arrival) -> float:

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from skyway_gateway.lateness.calibrate import BORROWED, FEWEST, Arrival, late_share, later_by_s
+
+from skyway.delivery.lateness import BORROWED, FEWEST, Arrival, late_share, later_by_s
 
 
 def come(

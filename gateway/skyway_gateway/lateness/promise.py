@@ -1,0 +1,19 @@
+"""The promised moments of a package, from the lateness that was learned."""
+
+from datetime import datetime, timedelta
+
+from skyway.delivery.lateness import later_by_s
+from skyway.delivery.request import PromiseLevel
+
+
+def p90_of(eta_at: datetime, *, start_at: datetime, share: float | None) -> datetime | None:
+    """The P90 of a package that is planned to come at `eta_at`; None if no share is known."""
+    if share is None:
+        return None
+    planned_s = (eta_at - start_at).total_seconds()
+    return eta_at + timedelta(seconds=later_by_s(planned_s, share))
+
+
+def due_of(eta_at: datetime, p90_at: datetime | None, promise: PromiseLevel) -> datetime:
+    """The promise from which lateness counts: the P90 if asked and known, else the ETA."""
+    return p90_at if p90_at is not None and promise == "P90" else eta_at
