@@ -83,7 +83,7 @@ class _Player:
         started_at = await self._now()
         await self._forecast(network, started_at)
         ids = []
-        for number, body in enumerate(_requests(network, self.trial.deliveries, chance)):
+        for number, body in enumerate(requests_in(network, self.trial.deliveries, chance)):
             await self._until(started_at + timedelta(seconds=number * self.trial.every_s))
             answer = await self._call("POST", "/v1/deliveries", body)
             ids.append(answer["delivery_id"])
@@ -111,7 +111,7 @@ class _Player:
     async def _start_fleet(self, network: Network, chance: random.Random) -> None:
         terms = {"name": "Weather Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
         provider_id = (await self._call("POST", "/v1/providers", terms))["provider_id"]
-        homes = chance.choices(_connected(network), k=self.trial.drones)
+        homes = chance.choices(connected(network), k=self.trial.drones)
         model_id = DJI_MATRICE_300_RTK.model_id
         own = FleetKeys([{"model_id": model_id, "home_station_id": home} for home in homes])
         path = f"/v1/providers/{provider_id}/drones"
@@ -168,9 +168,9 @@ class _Player:
         return await self.api.call(method, path, key=self.key, body=body)
 
 
-def _requests(network: Network, count: int, chance: random.Random) -> list[dict[str, Any]]:
+def requests_in(network: Network, count: int, chance: random.Random) -> list[dict[str, Any]]:
     """Requests of one package each, between stations that are not too near and not too far."""
-    stations = _connected(network)
+    stations = connected(network)
     requests: list[dict[str, Any]] = []
     while len(requests) < count:
         pickup, destination = chance.sample(stations, 2)
@@ -187,7 +187,7 @@ def _requests(network: Network, count: int, chance: random.Random) -> list[dict[
     return requests
 
 
-def _connected(network: Network) -> list[StationId]:
+def connected(network: Network) -> list[StationId]:
     """The stations of the largest part of the network in which all are reached from all."""
     graph = networkx.DiGraph((each.from_id, each.to_id) for each in network.segments)
     parts = sorted(networkx.strongly_connected_components(graph), key=len)
