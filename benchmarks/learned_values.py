@@ -18,9 +18,11 @@ from typing import Final
 from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps
 from skyway_composition.planning.problem_for import with_margin
 from skyway_drone_agent.analysis.analysis import Analysis, Assessment
+from skyway_drone_agent.analysis.leg import leg_of
 from skyway_drone_agent.flying.step_checks import shortfall_of
 from skyway_drone_agent.messages.state import health_of
 from skyway_drone_agent.simulated.disturbances import Disturbances, changed, read_scenario
+from skyway_drone_agent.vehicle import LoadedFlights
 from skyway_provider_registry.presence.learning import Learned
 
 from benchmarks.telemetry_thinning.flown import START, Flown, Moment
@@ -186,8 +188,12 @@ def _open_ended(step: FlightStep) -> FlightStep:
 
 def _refuses(steps: Sequence[FlightStep], seen: Assessment) -> bool:
     """Whether the drone would refuse this mission for lack of energy."""
-    factor = seen.consumption_factor
-    short = shortfall_of(steps, model=MODEL, soc=seen.soc, packages=(), consumption_factor=factor)
+
+    def use(flights: LoadedFlights) -> float:
+        legs = [leg_of(step, model=MODEL, load_kg=load_kg) for step, load_kg in flights]
+        return seen.reach.factor_over(legs)
+
+    short = shortfall_of(steps, model=MODEL, soc=seen.soc, packages=(), energy_use=use)
     return short is not None
 
 

@@ -3,7 +3,9 @@
 `python -m benchmarks days --days calm,windy --deliveries 40 --seeds 1,2` runs a whole Skyway on the
 embedded database and broker for each day and seed. One provider has drones of the model DJI
 Matrice 300 RTK all over the bundled corridor, and each request has one package. Without
-`--forecast-error-mps` plans are made in still air.
+`--forecast-error-mps` plans are made in still air. `python -m tests.composition.virtual_day` has
+the same options: composition and the agents fly in virtual time, so the figures depend only on the
+seed.
 """
 
 import argparse
@@ -11,10 +13,11 @@ import asyncio
 import functools
 import operator
 import sys
-from typing import Final
+from collections.abc import Callable, Coroutine
+from typing import Any, Final
 
 from benchmarks.days.day import Trial, fly
-from benchmarks.days.figures import HEADER
+from benchmarks.days.figures import HEADER, Day
 from benchmarks.planner.machine import Machine
 from benchmarks.planner.table import Table
 from skyway.errors import SkywayError
@@ -22,7 +25,7 @@ from skyway.errors import SkywayError
 _DAYS: Final = "calm,busy,windy,cold,stormy"
 
 
-def main() -> int:
+def main(fly_day: Callable[[Trial], Coroutine[Any, Any, Day]] = fly) -> int:
     """Fly the days that are asked for, and print a row for each."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks days", description=__doc__)
     parser.add_argument("--days", default=_DAYS, help="scenarios, separated by commas")
@@ -54,7 +57,7 @@ def main() -> int:
         for scenario in given.days.split(","):
             flown = [
                 asyncio.run(
-                    fly(
+                    fly_day(
                         Trial(
                             scenario=scenario,
                             deliveries=given.deliveries,

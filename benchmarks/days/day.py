@@ -56,7 +56,7 @@ async def _play(trial: Trial, player: Player) -> Day:
     await player.call("PUT", f"/v1/networks/{_NETWORK_ID}", write_network(network))
     chance = random.Random(trial.seed)
     await player.start_fleet(
-        chance.choices(_connected(network), k=trial.drones),
+        chance.choices(connected(network), k=trial.drones),
         DJI_MATRICE_300_RTK.model_id,
         terms={"name": "Weather Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}},
         day=("--scenario", trial.scenario, "--seed", str(trial.seed)),
@@ -72,7 +72,7 @@ async def _play(trial: Trial, player: Player) -> Day:
         )
         await player.call("PUT", f"/v1/networks/{_NETWORK_ID}/weather", forecast)
     ids = []
-    for number, body in enumerate(_requests(network, trial.deliveries, chance)):
+    for number, body in enumerate(requests_in(network, trial.deliveries, chance)):
         await player.until(started_at + timedelta(seconds=number * trial.every_s))
         ids.append((await player.call("POST", "/v1/deliveries", body))["delivery_id"])
     deliveries = [await player.ended(each) for each in ids]
@@ -86,9 +86,9 @@ async def _play(trial: Trial, player: Player) -> Day:
     return figures_of(deliveries, missions, alarms["items"], reserve_soc=reserve_soc)
 
 
-def _requests(network: Network, count: int, chance: random.Random) -> list[dict[str, Any]]:
+def requests_in(network: Network, count: int, chance: random.Random) -> list[dict[str, Any]]:
     """Requests of one package each, between stations that are not too near and not too far."""
-    stations = _connected(network)
+    stations = connected(network)
     requests: list[dict[str, Any]] = []
     while len(requests) < count:
         pickup, destination = chance.sample(stations, 2)
@@ -105,7 +105,7 @@ def _requests(network: Network, count: int, chance: random.Random) -> list[dict[
     return requests
 
 
-def _connected(network: Network) -> list[StationId]:
+def connected(network: Network) -> list[StationId]:
     """The stations of the largest part of the network in which all are reached from all."""
     graph = networkx.DiGraph((each.from_id, each.to_id) for each in network.segments)
     parts = sorted(networkx.strongly_connected_components(graph), key=len)

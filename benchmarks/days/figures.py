@@ -3,12 +3,12 @@
 import statistics
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any, Final, Self
 
 #: A state of charge may be reported so much too low, because sensors err.
-_SENSOR_ERROR_SOC: Final = 0.005
+SENSOR_ERROR_SOC: Final = 0.005
 
 #: Packages that come later than `promised_at` by more than this count as late, minutes.
 _LATE_MIN: Final = 10.0
@@ -30,6 +30,10 @@ class Day:
     #: Drones that came down away from every station.
     down: int
     violations: str = ""
+    #: How often missions got a new plan, and how often they ended early, by reason; only of days
+    #: in virtual time.
+    replanned_by: Mapping[str, int] = field(default_factory=dict)
+    ended_by: Mapping[str, int] = field(default_factory=dict)
 
     def with_violations(self, violations: str) -> Self:
         """With what `skyway verify` says."""
@@ -47,6 +51,8 @@ class Day:
             landings_below_reserve=self.landings_below_reserve + other.landings_below_reserve,
             down=self.down + other.down,
             violations=self.violations if self.violations == other.violations else "differ",
+            replanned_by=Counter(self.replanned_by) + Counter(other.replanned_by),
+            ended_by=Counter(self.ended_by) + Counter(other.ended_by),
         )
 
     def row(self) -> tuple[str, ...]:
@@ -62,6 +68,8 @@ class Day:
             f"{self.landings_below_reserve} of {self.landings}",
             f"{self.down}",
             self.violations,
+            _by_reason(self.replanned_by),
+            _by_reason(self.ended_by),
         )
 
 
@@ -75,6 +83,8 @@ HEADER: Final = (
     "landings below the reserve",
     "down outside a station",
     "verify",
+    "new plans by reason",
+    "missions that failed, by reason",
 )
 
 
@@ -94,7 +104,7 @@ def figures_of(
         if package["delivered_at"] and package["promised_at"]
     ]
     socs = [soc for mission in missions for soc in _socs_at_landings(mission["steps"])]
-    low = [soc for soc in socs if soc < reserve_soc - _SENSOR_ERROR_SOC]
+    low = [soc for soc in socs if soc < reserve_soc - SENSOR_ERROR_SOC]
     flown = [each["mission"] for each in missions if each["mission"]["state"] != "REFUSED"]
     return Day(
         states=Counter(each["state"] for each in deliveries),
@@ -112,6 +122,11 @@ def figures_of(
             {each["drone_id"] for each in critical_alarms if each["code"] == "FORCED_LANDING"}
         ),
     )
+
+
+def _by_reason(counted: Mapping[str, int]) -> str:
+    """The reasons with their numbers, the most frequent first."""
+    return ", ".join(f"{number} {code}" for code, number in Counter(counted).most_common())
 
 
 def _socs_at_landings(steps: Iterable[Mapping[str, Any]]) -> list[float]:

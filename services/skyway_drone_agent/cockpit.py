@@ -80,14 +80,14 @@ class Cockpit:
             vehicle=vehicle,
             answers=acks,
             events=events,
-            consumption_factor=lookout.consumption_factor,
+            energy_use=lookout.energy_use,
         )
         pilot = Pilot(
             recorder,
             vehicle,
             clock,
             gates=lambda: _gates(recorder, link_monitor, cloud_monitor, guard=guard),
-            consumption_factor=lookout.consumption_factor,
+            energy_use=lookout.energy_use,
             events=writer,
         )
         parts = (acks, events, link_monitor, state, telemetry, guard)

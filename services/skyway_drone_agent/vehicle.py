@@ -1,7 +1,7 @@
 """The drone as the agent sees it: its steps, sensors, battery, and the interface of a vehicle."""
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from itertools import pairwise
@@ -11,6 +11,13 @@ from skyway.contracts.flight_step import FlightStep, FlyStep
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import StationId
+
+#: Flights, each with what is on board, kilograms.
+LoadedFlights = Sequence[tuple[FlyStep, float]]
+
+#: The energy that the drone uses for flights in the wind that it feels, as a multiple of its
+#: model's energy. Without flights, what it uses in still air.
+EnergyUse = Callable[[LoadedFlights], float]
 
 #: Open-circuit voltage of a lithium-polymer cell by state of charge: a rounded discharge curve at
 #: 25 degrees C, strictly rising.

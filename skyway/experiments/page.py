@@ -26,6 +26,7 @@ from skyway.experiments.paper_recharging import paper_recharging
 from skyway.experiments.recharging import recharging
 from skyway.experiments.report import Section, duration
 from skyway.experiments.scale import scale
+from skyway.experiments.weather import weather
 from skyway.experiments.widening import widening
 
 PARTS: Mapping[str, Callable[[Laboratory], Section]] = MappingProxyType(
@@ -43,6 +44,7 @@ PARTS: Mapping[str, Callable[[Laboratory], Section]] = MappingProxyType(
         "dispatch": dispatch,
         "ablations": ablations,
         "flown": flown,
+        "weather": weather,
         "scale": scale,
     }
 )

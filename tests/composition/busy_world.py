@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import Any, Self
@@ -58,7 +58,7 @@ from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received
-from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from tests.broken_rules import broken_rules
 from tests.composition.busy_network import MODEL, NETWORK_ID, PLACES, add_network
@@ -75,9 +75,6 @@ _LONGEST_STRIDE = timedelta(minutes=8)
 #: Instructions to a connected drone arrive within this time.
 _DROPS_FOR = timedelta(minutes=1)
 
-#: How often drones in flight check for failures; a quarter of a second of wall time at `_RATE`.
-_FLIGHT_STRIDE = timedelta(seconds=15)
-
 #: Silent turns of the event loop until the agents have nothing to do; 7 turns once preceded news.
 _CALM_TURNS = 12
 
@@ -87,6 +84,9 @@ _OVER_WITHIN = timedelta(hours=30)
 
 class BusyWorld:
     """Composition and its drones; time passes only when the test moves the clock."""
+
+    #: How often drones in flight check for failures; a quarter of a second of wall time at `_RATE`.
+    flight_stride = timedelta(seconds=15)
 
     def __init__(self, url: str, *, rate: float = _RATE) -> None:
         self.clock = ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC), rate=rate)
@@ -108,15 +108,22 @@ class BusyWorld:
         async with self.db.write() as tx:
             for table in reversed(metadata.sorted_tables):
                 await tx.execute(delete(table))
-            await add_network(tx, now_ms=self.now_ms)
-        for number, home in enumerate("aabc", 1):
-            drone = FlownDrone(
-                f"drn_{number}", model=MODEL, home=home, position=PLACES[home], clock=self.clock
-            )
+            await self.add_network(tx)
+        for drone in self.make_drones():
             self.drones.append(drone)
             await drone.start()
         await self.converse()
         return self
+
+    async def add_network(self, tx: Tx) -> None:
+        await add_network(tx, now_ms=self.now_ms)
+
+    def make_drones(self) -> Iterator[FlownDrone]:
+        """The drones of this world, at home."""
+        for number, home in enumerate("aabc", 1):
+            yield FlownDrone(
+                f"drn_{number}", model=MODEL, home=home, position=PLACES[home], clock=self.clock
+            )
 
     async def __aexit__(self, *_: object) -> None:
         for drone in self.drones:
@@ -128,15 +135,9 @@ class BusyWorld:
         """Restart composition as after kill -9: new objects on the same database."""
         db, clock, mint, stuck = self.db, self.clock, self.mint, Wake()
         networks, parts = PreparedNetworks(db), (db, clock, mint, stuck)
+        shared = HostFinder(db, networks, self.solver, clock, mint, tolerance_s=60.0)
         self.bookings = Bookings(
-            db,
-            networks,
-            self.solver,
-            clock,
-            mint,
-            Wake(),
-            pause=self._pause,
-            shared=HostFinder(db, networks, self.solver, clock, mint, tolerance_s=60.0),
+            db, networks, self.solver, clock, mint, Wake(), pause=self._pause, shared=shared
         )
         foresight = Foresight(db, networks, self.solver, clock)
         impact = MissionImpact(clock, mint, stuck, foresight)
@@ -179,7 +180,7 @@ class BusyWorld:
             drops_instructions = any(each.drops_instructions for each in self.drones)
             may_fail = any(each.may_fail_any_time for each in self.drones)
             calm_stride = _DROPS_FOR if drops_instructions else _LONGEST_STRIDE
-            stride = _FLIGHT_STRIDE if may_fail else calm_stride
+            stride = self.flight_stride if may_fail else calm_stride
             self.clock.advance(min([until, now + stride, *moments]) - now)
             if may_fail and await self._is_calm(since=looked_at):
                 continue
@@ -279,7 +280,7 @@ class BusyWorld:
                 {
                     "provider_id": each.drone.provider_id,
                     "drone_id": each.drone_id,
-                    "model": MODEL,
+                    "model": each.drone.model,
                     "soc": each.logbook.soc,
                     # Where a drone with missions begins the next one, its calendar says.
                     "station_id": each.logbook.station_id or each.drone.home_station_id,

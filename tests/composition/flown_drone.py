@@ -246,7 +246,9 @@ class FlownDrone:
 
     async def start(self) -> None:
         kind = _Forgetful if self.is_forgetful else SimulatedVehicle
-        vehicle = kind(self.drone.model, self.clock, disturbances=self.disturbances)
+        vehicle = kind(
+            self.drone.model, self.clock, disturbances=self.disturbances, drone_id=self.drone_id
+        )
         agent = DroneAgent(
             self.drone,
             journal=self.journal,
@@ -305,7 +307,8 @@ class FlownDrone:
         run = run_under_way(self.logbook)
         if run is None or getattr(run.step, "awaits_confirmation", False):
             return None
-        return Physics(self.drone.model, self.disturbances).outcome_of(run).ended_at
+        physics = Physics(self.drone.model, self.disturbances, drone_id=self.drone_id)
+        return physics.outcome_of(run).ended_at
 
     def next_begin(self) -> datetime | None:
         """When the next step may begin."""

@@ -1,4 +1,5 @@
 """How much later than planned packages come, learned from packages that have come.
 
-`calibrate` is a pure decision, `forecast` keeps the last packages in memory, `store` is the SQL.
+`skyway.delivery.lateness` is the pure decision. `forecast` keeps the last packages in memory,
+`promise` makes moments of the lateness, `store` is the SQL.
 """

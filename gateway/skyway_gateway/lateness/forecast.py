@@ -5,12 +5,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
+from skyway.delivery.lateness import Arrival, late_share
 from skyway.ids import NetworkId, ProviderId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Database
 from skyway_gateway.lateness import store
-from skyway_gateway.lateness.calibrate import Arrival, late_share
 from skyway_gateway.lateness.store import MOST_OF_PROVIDER
 
 #: The most packages of one read. A start reads more: the last ones of each provider in each network

@@ -11,13 +11,19 @@ from skyway.geo import Position
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_drone_agent.analysis.battery_charge import BatteryEstimate, first_charge
 from skyway_drone_agent.analysis.battery_health import BatteryHealth, ChargeRate
-from skyway_drone_agent.analysis.flight_estimates import EnergyUseMonitor, Velocity, WindEstimate
+from skyway_drone_agent.analysis.flight_estimates import (
+    AHEAD_SMOOTHED_OVER_S,
+    GUSTS_SMOOTHED_OVER_S,
+    EnergyUseMonitor,
+    Velocity,
+    WindEstimate,
+)
 from skyway_drone_agent.analysis.landings import NO_LANDINGS, LandingSource, RememberedLandings
-from skyway_drone_agent.analysis.leg import Leg, LegCache, off_course_m
+from skyway_drone_agent.analysis.leg import Leg, LegCache, leg_of, off_course_m
 from skyway_drone_agent.analysis.reach import EnergyToLand, LandingInReach, NextLanding, Reach
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.logbook import Logbook, doing_now, run_under_way
-from skyway_drone_agent.vehicle import BatteryPack, Reading, StepRun, Vehicle
+from skyway_drone_agent.vehicle import BatteryPack, LoadedFlights, Reading, StepRun, Vehicle
 
 #: The pack of all models.
 _PACK: Final = BatteryPack()
@@ -87,6 +93,7 @@ class Analysis:
         "_charge",
         "_charge_rate",
         "_energy",
+        "_gusts",
         "_health",
         "_landings",
         "_legs",
@@ -110,7 +117,8 @@ class Analysis:
         self._health = BatteryHealth(pack, rated_j=model.battery_j, state_of_health=state_of_health)
         self._charge_rate = ChargeRate(model)
         self._energy = EnergyUseMonitor(power_w=model.power_empty_w)
-        self._wind = WindEstimate()
+        self._gusts = WindEstimate(smoothed_over_s=GUSTS_SMOOTHED_OVER_S)
+        self._wind = WindEstimate(smoothed_over_s=AHEAD_SMOOTHED_OVER_S)
         self._landings = RememberedLandings(book)
         self._legs = LegCache(model)
         self._needs = EnergyToLand()
@@ -122,10 +130,11 @@ class Analysis:
         leg = self._legs.leg(step, load_kg=logbook.load_kg) if step else None
         charge = self._learn(reading, run, leg, soc=logbook.soc)
         self._charge_rate.update(reading, run, soc=charge.soc)
+        gust_mps = self._gusts.update(reading, is_flying=leg is not None)
         wind_mps = self._wind.update(reading, is_flying=leg is not None)
         if logbook.mission is not None:
             self._energy.begin(logbook.mission.mission_id, reading.at)
-        self._energy.update(reading, leg, wind_mps=wind_mps)
+        self._energy.update(reading, leg, wind_mps=gust_mps)
         reach = Reach(
             model=self._model,
             soc=charge.soc,
@@ -239,9 +248,14 @@ class Lookout:
         fresh = fleet_margin(self._clock, fleet_s=_FRESH_FLEET_S, wall_s=_FRESH_WALL_S)
         return self._not_older_than(fresh)
 
-    def consumption_factor(self) -> float:
-        """Used energy of flights as a multiple of the planned energy, by the newest assessment."""
-        return self.newest().consumption_factor
+    def energy_use(self, flights: LoadedFlights) -> float:
+        """The energy of these flights, each with its load in kilograms, by the model's energy.
+
+        The wind of the newest assessment counts; without flights the factor in still air.
+        """
+        model = self._vehicle.model
+        legs = [leg_of(step, model=model, load_kg=load_kg) for step, load_kg in flights]
+        return self.newest().reach.factor_over(legs)
 
     def _not_older_than(self, age: timedelta) -> Assessment:
         logbook, now = self._recorder.logbook, self._clock.now()

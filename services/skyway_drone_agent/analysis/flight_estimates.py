@@ -15,8 +15,12 @@ _LEAST_SHARE: Final = 0.1
 #: East and north, metres per second.
 Velocity = tuple[float, float]
 
-#: Seconds over which gusts are smoothed: a kilometre or so of flight.
-_WIND_SMOOTHED_OVER_S: Final = 45.0
+#: Seconds over which gusts are smoothed, for the wind of the moment: a kilometre or so of flight.
+GUSTS_SMOOTHED_OVER_S: Final = 45.0
+
+#: The same for the wind on the flights ahead. A gust is over after some minutes, so it must not
+#: count for the next half hour.
+AHEAD_SMOOTHED_OVER_S: Final = 600.0
 
 #: A slower drone hovers, climbs or stands: its speeds say little about the wind on the way.
 _LEAST_AIR_SPEED_MPS: Final = 3.0
@@ -49,11 +53,12 @@ def ground_speed_mps(air_speed_mps: float, bearing_rad: float, wind_mps: Velocit
 
 
 class WindEstimate:
-    """The smoothed wind; only readings in flight count."""
+    """The wind, smoothed over so many seconds; only readings in flight count."""
 
-    __slots__ = ("_felt_at", "_weight_s", "_wind_mps")
+    __slots__ = ("_felt_at", "_smoothed_over_s", "_weight_s", "_wind_mps")
 
-    def __init__(self) -> None:
+    def __init__(self, *, smoothed_over_s: float) -> None:
+        self._smoothed_over_s = smoothed_over_s
         self._wind_mps: Velocity = (0.0, 0.0)
         self._weight_s = 0.0
         self._felt_at: datetime | None = None
@@ -69,9 +74,9 @@ class WindEstimate:
         return None if self._felt_at is None else self._wind_mps
 
     def _feel(self, reading: Reading, *, since_s: float) -> None:
-        """Add a reading: first a plain mean, then the last minute counts most."""
-        kept = math.exp(-since_s / _WIND_SMOOTHED_OVER_S) if self._weight_s else 0.0
-        new_s = _WIND_SMOOTHED_OVER_S * (1.0 - kept) if self._weight_s else 1.0
+        """Add a reading: first a plain mean, then the last ones count most."""
+        kept = math.exp(-since_s / self._smoothed_over_s) if self._weight_s else 0.0
+        new_s = self._smoothed_over_s * (1.0 - kept) if self._weight_s else 1.0
         self._weight_s = self._weight_s * kept + new_s
         share = new_s / self._weight_s
         east, north = self._wind_mps

@@ -11,16 +11,15 @@
 Every beginning and end is in the journal first.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Final
 
 from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep, RechargeStep
-from skyway_drone_agent.flying.step_checks import shortfall_of, stretch_of
+from skyway_drone_agent.flying.step_checks import as_modelled, shortfall_of, stretch_of
 from skyway_drone_agent.journal.logbook import CurrentMission, Logbook, run_to_cut, run_under_way
 from skyway_drone_agent.journal.mission_changes import lands_on_the_spot
-from skyway_drone_agent.vehicle import StepRun, Vehicle
+from skyway_drone_agent.vehicle import EnergyUse, StepRun, Vehicle
 
 _ALWAYS: Final = datetime.min.replace(tzinfo=UTC)
 
@@ -98,7 +97,7 @@ def next_act(
     now: datetime,
     gates: Gates,
     agent_started_at: datetime,
-    consumption_factor: Callable[[], float] = lambda: 1.0,
+    energy_use: EnergyUse = as_modelled,
 ) -> Act:
     """What to do now; a `StepRun` is a step under way, to be performed to its end."""
     mission = logbook.mission
@@ -131,7 +130,7 @@ def next_act(
         earliest,
         vehicle=vehicle,
         gates=gates,
-        consumption_factor=consumption_factor,
+        energy_use=energy_use,
     )
 
 
@@ -142,7 +141,7 @@ def _next_on_the_ground(
     *,
     vehicle: Vehicle,
     gates: Gates,
-    consumption_factor: Callable[[], float],
+    energy_use: EnergyUse,
 ) -> Act:
     step = mission.steps[0]
     match step:
@@ -155,7 +154,7 @@ def _next_on_the_ground(
                 earliest,
                 vehicle=vehicle,
                 gates=gates,
-                consumption_factor=consumption_factor,
+                energy_use=energy_use,
             )
         case RechargeStep() if earliest >= step.not_after_at:
             return Fail(step, earliest, code="PAD_LOST")
@@ -184,7 +183,7 @@ def _take_off_or_not(
     *,
     vehicle: Vehicle,
     gates: Gates,
-    consumption_factor: Callable[[], float],
+    energy_use: EnergyUse,
 ) -> Act:
     if gates.take_off_at is None:
         return Stand(until=None)
@@ -194,7 +193,7 @@ def _take_off_or_not(
         model=vehicle.model,
         soc=logbook.soc,
         packages=logbook.packages,
-        consumption_factor=consumption_factor(),
+        energy_use=energy_use,
     )
     if shortfall is not None:
         energy = {"need_j": shortfall.need_j, "have_j": shortfall.have_j}

@@ -31,7 +31,7 @@ from skyway_drone_agent.journal.journal import JournalUnwritable
 from skyway_drone_agent.journal.logbook import Escape, Logbook, end_of, run_under_way
 from skyway_drone_agent.journal.records import StepBegun
 from skyway_drone_agent.link.events import EventWriter
-from skyway_drone_agent.vehicle import Outcome, StepRun, Vehicle
+from skyway_drone_agent.vehicle import EnergyUse, Outcome, StepRun, Vehicle
 
 #: Seconds between two attempts to write the journal: of fleet time, or of wall time if longer.
 _WRITE_AGAIN_S = 1.0
@@ -50,14 +50,14 @@ class Pilot:
         clock: FleetClock,
         *,
         gates: Callable[[], Gates],
-        consumption_factor: Callable[[], float],
+        energy_use: EnergyUse,
         events: EventWriter,
     ) -> None:
         self._recorder = recorder
         self._vehicle = vehicle
         self._clock = clock
         self._gates = gates
-        self._consumption_factor = consumption_factor
+        self._energy_use = energy_use
         self._events = events
         self._news = recorder.watch()
         self._standing = NewsOrMoment(self._news, clock)
@@ -83,7 +83,7 @@ class Pilot:
             now=self._clock.now(),
             gates=self._gates(),
             agent_started_at=self._started_at,
-            consumption_factor=self._consumption_factor,
+            energy_use=self._energy_use,
         )
         match act:
             case Stand(until=until):

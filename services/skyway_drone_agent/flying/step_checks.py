@@ -1,7 +1,7 @@
 """Whether the steps of a mission can be flown: they fit together, and the battery lasts."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 from skyway.contracts.flight_step import (
@@ -17,6 +17,7 @@ from skyway.drone.flight import flight_energy_j
 from skyway.drone.model import DroneModel
 from skyway.ids import PackageId
 from skyway_drone_agent.journal.logbook import end_of, start_of
+from skyway_drone_agent.vehicle import EnergyUse, LoadedFlights
 
 #: Share of the battery by which a stretch may fall short: a thousand times the planner's own
 #: tolerance, so that no plan it verified is refused for rounding.
@@ -101,25 +102,59 @@ class Shortfall:
     have_j: float
 
 
+def as_modelled(_flights: LoadedFlights) -> float:
+    """The energy use of a drone that flies as its model says, in still air."""
+    return 1.0
+
+
 def shortfall_of(
     steps: Iterable[FlightStep],
     *,
     model: DroneModel,
     soc: float,
     packages: tuple[PackageOnBoard, ...],
-    consumption_factor: float = 1.0,
+    energy_use: EnergyUse = as_modelled,
     judged_from: int = 0,
 ) -> Shortfall | None:
     """The first stretch that the battery cannot fly, if each recharge reaches its charge.
 
-    `need_j` counts the whole stretch, up to the next recharge or the end. `consumption_factor` is
-    the measured energy of flights as a multiple of the drone model's. Flights before the step
-    `judged_from` count, but a shortfall in them is not reported.
+    `need_j` counts the whole stretch, up to the next recharge or the end. The wind that the drone
+    feels counts for its next flights. After the next recharge the weather of the plan counts: the
+    wind may be another one by then, and the drone judges the flights again before it takes off.
+    Flights before the step `judged_from` count, but a shortfall in them is not reported.
     """
-    factor = consumption_factor if consumption_factor > _AS_PLANNED_FACTOR else 1.0
+    have_j, has_flown = _above_reserve_j(model, soc), False
+    for stretch in _stretches(steps, packages):
+        factor = _later_use(stretch, energy_use) if has_flown else energy_use(stretch.flights)
+        factor = factor if factor > _AS_PLANNED_FACTOR else 1.0
+        failing, need_j = None, 0.0
+        for step, load_kg in stretch.flights:
+            need_j += _flight_j(model, step, load_kg=load_kg, factor=factor)
+            is_short = need_j > have_j + _ENERGY_TOLERANCE * model.battery_j
+            if failing is None and is_short and step.step_id >= judged_from:
+                failing = step
+        if failing is not None:
+            return Shortfall(failing, need_j=need_j, have_j=have_j)
+        soc_left = model.reserve_soc + (have_j - need_j) / model.battery_j
+        soc_after = max(soc_left, min(stretch.until_soc, model.top_soc))
+        have_j = _above_reserve_j(model, soc_after)
+        has_flown = has_flown or bool(stretch.flights)
+    return None
+
+
+@dataclass(slots=True)
+class _Stretch:
+    """The flights before a recharge, or before the end, and the charge of that recharge."""
+
+    flights: list[tuple[FlyStep, float]] = field(default_factory=list)
+    until_soc: float = 0.0
+
+
+def _stretches(
+    steps: Iterable[FlightStep], packages: tuple[PackageOnBoard, ...]
+) -> Iterator[_Stretch]:
     load = {package.package_id: package.mass_kg for package in packages}
-    have_j, need_j = _above_reserve_j(model, soc), 0.0
-    failing: FlyStep | None = None
+    stretch = _Stretch()
     for step in steps:
         match step:
             case PickUpStep():
@@ -127,17 +162,23 @@ def shortfall_of(
             case DeliverStep() | ReturnStep():
                 load = {key: mass for key, mass in load.items() if key not in step.package_ids}
             case FlyStep():
-                need_j += _flight_j(model, step, load_kg=sum(load.values()), factor=factor)
-                is_short = need_j > have_j + _ENERGY_TOLERANCE * model.battery_j
-                if failing is None and is_short and step.step_id >= judged_from:
-                    failing = step
+                stretch.flights.append((step, sum(load.values())))
             case RechargeStep():
-                if failing is not None:
-                    break
-                soc_left = model.reserve_soc + (have_j - need_j) / model.battery_j
-                soc_after = max(soc_left, min(step.until_soc, model.top_soc))
-                have_j, need_j = _above_reserve_j(model, soc_after), 0.0
-    return None if failing is None else Shortfall(failing, need_j=need_j, have_j=have_j)
+                stretch.until_soc = step.until_soc
+                yield stretch
+                stretch = _Stretch()
+            case _:
+                pass
+    yield stretch
+
+
+def _later_use(stretch: _Stretch, energy_use: EnergyUse) -> float:
+    """The energy use in the weather of the plan, as a multiple of the model's energy."""
+    length_m = sum(step.length_m for step, _ in stretch.flights)
+    planned = sum(
+        step.length_m * step.time_factor * step.energy_factor for step, _ in stretch.flights
+    )
+    return energy_use(()) * (planned / length_m if length_m else 1.0)
 
 
 def stretch_of(steps: tuple[FlightStep, ...]) -> tuple[FlightStep, ...]:

@@ -3,7 +3,6 @@
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import islice
 from typing import Any, Final, Literal, Protocol
@@ -17,6 +16,7 @@ from skyway.ids import InstructionId
 from skyway.json_model import WireModel
 from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.failsafes.failsafe import overridden_by
+from skyway_drone_agent.flying.step_checks import as_modelled
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import JournalUnwritable
 from skyway_drone_agent.journal.logbook import Logbook
@@ -24,7 +24,7 @@ from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import AcceptanceSent, Answer, InstructionAnswered
 from skyway_drone_agent.link.uplink import Uplink
 from skyway_drone_agent.messages.refusal import Refusal, refusal_of
-from skyway_drone_agent.vehicle import Vehicle
+from skyway_drone_agent.vehicle import EnergyUse, Vehicle
 
 log = logging.getLogger(__name__)
 
@@ -77,14 +77,14 @@ class Inbox:
         vehicle: Vehicle,
         answers: Answers,
         events: Events,
-        consumption_factor: Callable[[], float] = lambda: 1.0,
+        energy_use: EnergyUse = as_modelled,
     ) -> None:
         self._recorder = recorder
         self._clock = clock
         self._vehicle = vehicle
         self._answers = answers
         self._events = events
-        self._consumption_factor = consumption_factor
+        self._energy_use = energy_use
 
     def handle(self, raw: dict[str, Any]) -> None:
         """Answer an instruction in its JSON form; the answer is in the journal first."""
@@ -118,7 +118,7 @@ class Inbox:
                 logbook if overridden is None else logbook_after(logbook, overridden),
                 vehicle=self._vehicle,
                 now=now,
-                consumption_factor=self._consumption_factor(),
+                energy_use=self._energy_use,
             )
         answer = _accepted(envelope) if refusal is None else _refused(envelope, refusal)
         answered = InstructionAnswered(answered_at=now, answer=answer, instruction=instruction)

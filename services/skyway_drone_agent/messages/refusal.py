@@ -30,7 +30,7 @@ from skyway_drone_agent.journal.mission_changes import (
     cuts_step_under_way,
     kept_steps,
 )
-from skyway_drone_agent.vehicle import Vehicle
+from skyway_drone_agent.vehicle import EnergyUse, Vehicle
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ def _not_these_steps(
     *,
     vehicle: Vehicle,
     now: datetime,
-    consumption_factor: float,
+    energy_use: EnergyUse,
 ) -> Refusal | None:
     """The first reason against the new steps after the kept steps; None without a reason.
 
@@ -74,7 +74,7 @@ def _not_these_steps(
             logbook,
             model=vehicle.model,
             soc=soc,
-            consumption_factor=consumption_factor,
+            energy_use=energy_use,
             first_step=revision.first_step,
         )
     )
@@ -151,7 +151,7 @@ def _too_far(
     *,
     model: DroneModel,
     soc: float,
-    consumption_factor: float,
+    energy_use: EnergyUse,
     first_step: int,
 ) -> Refusal | None:
     mission = logbook.mission
@@ -162,7 +162,7 @@ def _too_far(
         model=model,
         soc=soc,
         packages=logbook.packages,
-        consumption_factor=consumption_factor,
+        energy_use=energy_use,
         # A kept flight is flown even if the steps after it are refused.
         judged_from=first_step,
     )
@@ -186,7 +186,7 @@ def refusal_of(
     *,
     vehicle: Vehicle,
     now: datetime,
-    consumption_factor: float = 1.0,
+    energy_use: EnergyUse,
 ) -> Refusal | None:
     """Why the drone refuses the instruction; None when it accepts."""
     if now > instruction.expires_at:
@@ -202,7 +202,7 @@ def refusal_of(
                     logbook,
                     vehicle=vehicle,
                     now=now,
-                    consumption_factor=consumption_factor,
+                    energy_use=energy_use,
                 )
             )
         case HoldInstruction() | ResumeInstruction():

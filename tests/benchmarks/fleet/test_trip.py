@@ -21,7 +21,9 @@ def test_every_drone_accepts_its_trip_with_power_to_spare(bearing_deg: int) -> N
     vehicle = SimulatedVehicle(drone.model, ManualClock(NOW), disturbances=UNDISTURBED)
     trip = trip_of(drone, bearing_rad=math.radians(bearing_deg), now=NOW)
 
-    refusal = refusal_of(trip, drone.at_first(), vehicle=vehicle, now=NOW, consumption_factor=1.5)
+    refusal = refusal_of(
+        trip, drone.at_first(), vehicle=vehicle, now=NOW, energy_use=lambda _flights: 1.5
+    )
 
     assert refusal is None
 

@@ -49,7 +49,7 @@ def make_reading(
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32), east=components, north=components)
 def test_a_steady_wind_is_found_through_noise(seed: int, east: float, north: float) -> None:
-    chance, estimate = random.Random(seed), WindEstimate()
+    chance, estimate = random.Random(seed), WindEstimate(smoothed_over_s=45.0)
     found = None
 
     for at_s in range(300):
@@ -61,7 +61,7 @@ def test_a_steady_wind_is_found_through_noise(seed: int, east: float, north: flo
 
 
 def test_the_wind_is_followed_when_it_turns() -> None:
-    estimate = WindEstimate()
+    estimate = WindEstimate(smoothed_over_s=45.0)
     for at_s in range(300):
         estimate.update(make_reading(at_s, wind_mps=(8.0, 0.0)), is_flying=True)
 
@@ -72,7 +72,7 @@ def test_the_wind_is_followed_when_it_turns() -> None:
 
 
 def test_readings_on_the_ground_or_without_gps_do_not_change_the_wind() -> None:
-    estimate = WindEstimate()
+    estimate = WindEstimate(smoothed_over_s=45.0)
 
     standing = estimate.update(make_reading(0, wind_mps=(5.0, 0.0)), is_flying=False)
     blind = estimate.update(make_reading(1, wind_mps=(5.0, 0.0), has_gps=False), is_flying=True)
@@ -81,7 +81,7 @@ def test_readings_on_the_ground_or_without_gps_do_not_change_the_wind() -> None:
 
 
 def test_an_old_wind_estimate_is_dropped() -> None:
-    estimate = WindEstimate()
+    estimate = WindEstimate(smoothed_over_s=45.0)
     estimate.update(make_reading(0, wind_mps=(5.0, 0.0)), is_flying=True)
 
     soon = estimate.update(make_reading(1_700), is_flying=False)

@@ -157,7 +157,7 @@ def test_a_drone_that_uses_more_than_its_model_says_is_judged_by_what_it_uses(
 
     def judged(factor: float) -> Any:
         return shortfall_of(
-            made, model=drone.model, soc=1.0, packages=(), consumption_factor=factor
+            made, model=drone.model, soc=1.0, packages=(), energy_use=lambda _flights: factor
         )
 
     assert judged(1.0) is judged(1.07) is None
@@ -171,7 +171,33 @@ def test_a_plan_that_uses_all_is_flown_by_a_drone_whose_sensors_err_a_little(
     made = steps().fly("home", "shop", length_m=64_600, duration_s=1).made
 
     shortfall = shortfall_of(
-        made, model=drone.model, soc=1.0, packages=(), consumption_factor=factor
+        made, model=drone.model, soc=1.0, packages=(), energy_use=lambda _flights: factor
     )
 
     assert shortfall is None
+
+
+def test_the_felt_wind_counts_up_to_the_next_recharge_and_the_planned_weather_after_it(
+    drone: Any, steps: Any
+) -> None:
+    made = there_and_back(steps, until_soc=0.7)
+    asked: list[list[str]] = []
+
+    def head_wind(flights: Any) -> float:
+        asked.append([step.to_id for step, _ in flights])
+        return 1.4 if flights else 1.0
+
+    shortfall = shortfall_of(made, model=drone.model, soc=1.0, packages=(), energy_use=head_wind)
+    in_planned_wind = [
+        step.model_copy(update={"time_factor": 1.2}) if step.kind == "FLY" else step
+        for step in made
+    ]
+    later = shortfall_of(
+        in_planned_wind, model=drone.model, soc=1.0, packages=(), energy_use=head_wind
+    )
+
+    assert shortfall is None
+    assert asked[:2] == [["shop"], []]
+    assert later is not None
+    assert later.step == in_planned_wind[3]
+    assert later.need_j == pytest.approx(2 * (1.2 * 1000 * 100 + 1000))

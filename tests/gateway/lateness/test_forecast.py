@@ -7,10 +7,10 @@ import pytest
 from skyway_gateway.deliveries.reading.promises import promises_of
 from skyway_gateway.delivery_tables import packages
 from skyway_gateway.gauges import GatewayGauges
-from skyway_gateway.lateness.calibrate import FEWEST
 from skyway_gateway.lateness.store import KeptPromises
 from sqlalchemy import update
 
+from skyway.delivery.lateness import FEWEST
 from skyway.ids import NetworkId, ProviderId, StationId
 from skyway.units import moment_to_ms
 from tests.gateway.whole_gateway import Gateway, make_request

@@ -5,6 +5,7 @@ from typing import Final
 
 from skyway.contracts.drone_report import Ack
 from skyway.contracts.instruction import RefusalCode
+from skyway.runtime.clock import fleet_margin
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import (
     SentInstruction,
@@ -39,6 +40,9 @@ _NOT_WITH_THIS_LOAD: Final = (RefusalCode.OVERWEIGHT, RefusalCode.INSUFFICIENT_E
 
 #: Wall time between a refusal and the next planning. Our own choice.
 _LOOK_AGAIN_MS: Final = 2_000
+
+#: The same for a standing drone that has too little energy for its plan, for `fleet_margin`.
+_LOOK_AGAIN_FOR_ENERGY: Final = {"fleet_s": 60.0, "wall_s": 2.0}
 
 
 async def handle_ack(work: MissionUnitOfWork, link: DroneLink, ack: Ack) -> None:
@@ -184,3 +188,8 @@ async def _handle_refusal(
         await wait_for_revision(
             work, record, code=code, detail=ack.detail or "the drone refused the revision"
         )
+        if code is RefusalCode.INSUFFICIENT_ENERGY:
+            # All plans that a mission may have must not be over before the wind has changed.
+            pause = fleet_margin(work.clock, **_LOOK_AGAIN_FOR_ENERGY) / work.clock.rate
+            at_wall_ms = moment_to_ms(work.clock.wall_now() + pause)
+            await retry_stuck(work.tx, record.mission_id, at_wall_ms=at_wall_ms)

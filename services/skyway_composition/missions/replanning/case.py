@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Final
 
+from skyway.contracts.instruction import RefusalCode
 from skyway.ids import ClosureId, StationId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.units import moment_to_ms
@@ -23,12 +24,17 @@ from skyway_composition.planning.world import World
 _REACHES_DRONE_WITHIN_S: Final = (5.0, 2.0)
 
 
+#: How much is added to the energy margin of a plan for which a drone had too little energy.
+_MORE_AFTER_REFUSAL: Final = 0.05
+
+
 @dataclass(frozen=True, slots=True)
 class Case:
     """All that a new plan is made from; it is checked again before the plan is sent.
 
     `sent_revisions` is the number of the newest revision ever sent, accepted or not; a number is
-    used once.
+    used once. `felt_margin` is the energy margin that the plan needs in the wind that the drone
+    feels.
     """
 
     situation: Situation
@@ -36,6 +42,23 @@ class Case:
     world: World
     closed: ClosedAhead
     sent_revisions: int
+    felt_margin: float = 0.0
+
+    @property
+    def energy_margin(self) -> float:
+        """The share of energy that the plan adds to what the drone's planned model says."""
+        return max(self.situation.energy_margin(self.world.skyway.settings), self.felt_margin)
+
+    @property
+    def margin_after_refusal(self) -> float:
+        """The margin that the plan of a drone needs that had too little energy for the last plan.
+
+        The drone may use more than it has reported. So a little is added each time.
+        """
+        stuck = self.record.stuck
+        if stuck is None or stuck.code != RefusalCode.INSUFFICIENT_ENERGY:
+            return 0.0
+        return round(self.record.mission.margins.energy_margin + _MORE_AFTER_REFUSAL, 2)
 
     @property
     def record(self) -> MissionRecord:
@@ -63,11 +86,10 @@ class Case:
         if stuck is not None:
             anchor = anchor_of_stuck(self.situation, stuck, earliest_ms=earliest_ms)
             return anchor if before_step is None else None
-        energy_margin = self.situation.energy_margin(self.world.skyway.settings)
         return find_anchor(
             self.situation,
             self.trouble,
-            model=with_margin(self.situation.model, energy_margin),
+            model=with_margin(self.situation.model, self.energy_margin),
             closed=closed,
             now_ms=moment_to_ms(clock.now()),
             earliest_ms=earliest_ms,

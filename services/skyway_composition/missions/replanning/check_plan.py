@@ -147,10 +147,7 @@ def _is_as_booked(record: MissionRecord, state: DroneState | None, *, now: datet
 def _expected(
     situation: Situation, *, now_ms: int, closed: ClosedAhead | None = None
 ) -> _Outlook | None:
-    """What the drone's last report means for its plan; None before its first report.
-
-    Closures are checked only if `closed` is given.
-    """
+    """What the drone's last report means for its plan; None before its first report."""
     where = whereabouts(situation)
     if where is None:
         return None
@@ -159,18 +156,20 @@ def _expected(
     for step in situation.planned:
         load = load.after(step) if step.step_id < where.next_step else load
     steps = [each for each in situation.planned if each.step_id >= where.next_step]
-    model, more = situation.model, used_more(situation.consumption_factor)
-    margin = _MARGIN_LEFT * record.mission.margins.energy_margin
-    careful = with_margin(model, max(more, margin))
-    true = with_margin(model, more) if more else model
-    ahead = list(predict(steps, where, model=careful, load=load, now_ms=now_ms))
-    likely = list(predict(steps, where, model=true, load=load, now_ms=now_ms))
+    # After a recharge the wind may be another one, and the drone reports again.
+    more, lasting = used_more(situation.consumption_factor), used_more(situation.lasting_factor)
+
+    def predicted(margin: float) -> list[PredictedStep]:
+        uses = (max(margin, more), max(margin, min(more, lasting)))
+        soon, later = (with_margin(situation.model, each) for each in uses)
+        return list(predict(steps, where, model=soon, later=later, load=load, now_ms=now_ms))
+
+    ahead = predicted(_MARGIN_LEFT * record.mission.margins.energy_margin)
+    likely = predicted(0.0)
     reported = {each.package_id: each.eta_at for each in record.mission.packages}
     etas = tuple(_etas(ahead))
-    late_by = max(
-        (each.eta_at - reported[each.package_id] for each in etas if each.package_id in reported),
-        default=timedelta(0),
-    )
+    known = [each for each in etas if each.package_id in reported]
+    late_by = max((each.eta_at - reported[each.package_id] for each in known), default=timedelta(0))
     trouble = _trouble(record, ahead, likely, where=where)
     if trouble is None and closed is not None:
         trouble = _closed_by_then(ahead, where, closed.for_model(record.candidate.model))
@@ -204,8 +203,7 @@ def _trouble(
     tolerated_s = record.mission.margins.tolerated_lateness_s
     short: PredictedStep | None = None
     is_flying = bool(ahead) and isinstance(ahead[0].step, FlyStep) and where.is_under_way
-    charges_first = False
-    soc = where.soc
+    charges_first, soc = False, where.soc
     for predicted, expected in zip(ahead, likely, strict=True):
         step = predicted.step
         came_with_soc, soc = soc, predicted.soc_end

@@ -5,7 +5,8 @@ changed. `Replanner` carries the outcome out. A dry run only shows it.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
@@ -16,6 +17,7 @@ from skyway_composition.closures.closure import Closure
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.replanning.apply_outcome import MOST_REVISIONS, refusal_code
 from skyway_composition.missions.replanning.case import Case, planning_obstacle, trouble_of
+from skyway_composition.missions.replanning.felt_wind import felt_margin
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
 from skyway_composition.missions.replanning.situation import Situation
@@ -24,6 +26,9 @@ from skyway_composition.planning.availability import hand_over_time_ms
 from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
+
+#: How often a plan is made anew with a larger energy margin. Our own choice.
+_MOST_MARGINS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,13 +134,41 @@ class PlanFinder:
         `ready` is where, when and with what charge the drone begins its next mission, if it has
         one.
         """
-        planner = RemainderPlanner(self.solver, case.world, case.situation, case.closed, ready)
+        planner = self._planner(case, ready)
         anchor, remainder = await self._rest(case, planner, landing=landing)
         if isinstance(remainder, Remainder):
-            return NewPlan(case, anchor, remainder)
+            plan = NewPlan(case, anchor, remainder)
+            return await self._with_felt_margin(plan, ready, landing=landing)
         if remainder.is_temporary:
             return NoPlanYet(remainder.code)
         return self._without_plan(case, anchor, planner, remainder)
+
+    def _planner(self, case: Case, ready: Slot | None) -> RemainderPlanner:
+        return RemainderPlanner(
+            self.solver, case.world, case.situation, case.closed, case.energy_margin, ready
+        )
+
+    async def _with_felt_margin(
+        self, plan: NewPlan, ready: Slot | None, *, landing: Anchor
+    ) -> NewPlan:
+        """The plan with the energy that its flights need in the wind that the drone feels.
+
+        Another margin may lead to another way, which may need another margin. Without a plan that
+        has enough, the last one with less: the drone may refuse it, or charge longer on the way.
+        """
+        for _ in range(_MOST_MARGINS):
+            case = plan.case
+            network = case.world.skyway.network
+            felt = felt_margin(case.situation, plan.remainder.trip, network)
+            margin = max(felt, case.margin_after_refusal)
+            if margin <= case.energy_margin or plan.remainder.given_up is not None:
+                return plan
+            case = replace(case, felt_margin=margin)
+            anchor, remainder = await self._rest(case, self._planner(case, ready), landing=landing)
+            if not isinstance(remainder, Remainder) or remainder.aims != plan.remainder.aims:
+                return plan
+            plan = NewPlan(case, anchor, remainder)
+        return plan
 
     async def _rest(
         self, case: Case, planner: RemainderPlanner, *, landing: Anchor

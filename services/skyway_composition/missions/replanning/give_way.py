@@ -142,7 +142,9 @@ class StandbyRequests:
             return None
         if case.ground_stop(anchor) is not None:
             return None
-        planner = RemainderPlanner(self.solver, case.world, situation, case.closed)
+        planner = RemainderPlanner(
+            self.solver, case.world, situation, case.closed, case.energy_margin
+        )
         remainder = await planner.plan(anchor, _WHY)
         if not isinstance(remainder, Remainder) or remainder.given_up is not None:
             return None

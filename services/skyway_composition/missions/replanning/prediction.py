@@ -69,13 +69,18 @@ def predict(
     model: DroneModel,
     load: Load,
     now_ms: int,
+    later: DroneModel | None = None,
 ) -> Iterator[PredictedStep]:
     """The prediction of each step that has not ended, in order.
 
-    `model` has the margin that flights are planned with; `steps` begin with `where.next_step`.
+    `model` has the margin that flights are planned with; `later` that of the flights after the next
+    recharge that follows a flight, if they have another one. `steps` begin with `where.next_step`.
     """
-    at_ms, soc, is_airborne = where.at_ms, where.soc, False
+    at_ms, soc, is_airborne, has_flown = where.at_ms, where.soc, False, False
     for step in steps:
+        if isinstance(step, RechargeStep) and has_flown:
+            model = later or model
+        has_flown = has_flown or isinstance(step, FlyStep)
         if step.step_id == where.next_step and where.is_under_way:
             predicted = _of_step_under_way(step, where, model=model, load=load, now_ms=now_ms)
         else:

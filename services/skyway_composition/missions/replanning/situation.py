@@ -89,6 +89,15 @@ class Situation:
         return factor_beyond(self.record, state, in_air=air_ahead(ahead))
 
     @property
+    def lasting_factor(self) -> float:
+        """The part of `consumption_factor` that is left without the wind that the drone feels."""
+        health = None if self.link.state is None else self.link.state.health
+        if health is None or health.wind is None:
+            return self.consumption_factor
+        in_still_air = (health.still_air_factor or 1.0) / health.state_of_health
+        return self.record.candidate.learned.beyond(in_still_air)
+
+    @property
     def model(self) -> DroneModel:
         """The drone's planned model; a lower charge rate that the drone reports counts immediately.
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from skyway_composition.planning.problem_for import planned_more, used_more
 
-from skyway.contracts.drone_report import DroneHealth
+from skyway.contracts.drone_report import DroneHealth, Wind
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, RechargeStep, ReturnStep
 from skyway.drone.charging import recharge_time_s
 from skyway.drone.flight import flight_energy_j
@@ -314,6 +314,62 @@ async def test_a_drone_in_headwind_gets_a_plan_that_it_can_fly(
     assert flight["energy_j"] == pytest.approx(1.35 * as_modelled_j, rel=1e-3)
     revision = [each for each in await composition.sent() if each.kind == "MISSION"][-1]
     assert isinstance(revision.steps[0], RechargeStep)
+
+
+@pytest.mark.parametrize(("east_mps", "margin"), [(-7.0, 0.5), (7.0, 0.15)])
+async def test_a_new_plan_has_the_energy_for_the_wind_that_the_drone_feels(
+    composition: Any, drone: Any, east_mps: float, margin: float
+) -> None:
+    first = await failed_at(composition, drone, 4, "b", "BATTERY_SHORT", soc=0.6, detail="short")
+    felt = health(1.0).model_copy(update={"wind": Wind(east_mps=east_mps, north_mps=0.0)})
+    stands = drone.state(
+        mission_id=first.mission_id,
+        mission_revision=1,
+        activity="WAITING",
+        step_id=4,
+        released_through=4,
+        station_id="b",
+        soc=0.6,
+        package_ids=("p1",),
+        health=felt,
+    )
+    await composition.receive(stands)
+
+    await composition.replanner.step()
+
+    shown = await composition(OPERATOR, "GET", f"/v1/missions/{first.mission_id}")
+    assert shown.json()["mission"]["margins"]["energy_margin"] == margin
+
+
+async def test_a_drone_that_refuses_for_lack_of_energy_gets_a_plan_with_more_a_minute_later(
+    composition: Any, drone: Any
+) -> None:
+    first = await failed_at(composition, drone, 4, "b", "INSUFFICIENT_ENERGY", soc=0.6)
+    stands = drone.state(
+        mission_id=first.mission_id,
+        mission_revision=1,
+        activity="WAITING",
+        step_id=4,
+        released_through=3,
+        station_id="b",
+        soc=0.6,
+        package_ids=("p1",),
+    )
+    await composition.receive(stands)
+
+    margins = []
+    for _ in range(3):
+        composition.clock.advance(timedelta(minutes=1))
+        await composition.replanner.step()
+        *_, revision = await composition.sent()
+        shown = await composition(OPERATOR, "GET", f"/v1/missions/{revision.mission_id}")
+        margins.append(shown.json()["mission"]["margins"]["energy_margin"])
+        refusal = drone.ack(revision, status="REJECTED", code="INSUFFICIENT_ENERGY")
+        await composition.receive(refusal)
+        await composition.replanner.step()
+        assert (await composition.sent())[-1:] in ([], [revision])
+
+    assert margins == pytest.approx([0.2, 0.25, 0.3])
 
 
 @pytest.mark.parametrize(("charging", "longer"), [(None, 1.0), (1.1, 1.0), (0.5, 2.0)])

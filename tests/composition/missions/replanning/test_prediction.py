@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from skyway_composition.missions.replanning.prediction import Load, PredictedStep, predict
 from skyway_composition.missions.replanning.situation import Whereabouts
+from skyway_composition.planning.problem_for import with_margin
 
 from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, RechargeStep, WaitStep
 from skyway.drone.models import DRONE_MODELS
@@ -176,3 +177,19 @@ def test_a_flight_beyond_the_charge_ends_below_zero() -> None:
     (flight,) = predicted([fly(1, 0.0)], where(at_s=0.0, soc=0.01), 0.0)
 
     assert flight.soc_end < 0.0
+
+
+def test_flights_after_the_next_recharge_have_their_own_energy_use() -> None:
+    steps: list[FlightStep] = [
+        fly(1, 0.0),
+        recharge(2, 100.0, 900.0, until_soc=0.9),
+        fly(3, 1_000.0),
+    ]
+    much, little = with_margin(MODEL, 1.0), with_margin(MODEL, 0.1)
+
+    first, charged, later = predict(
+        steps, where(at_s=0.0), model=much, load=LOAD, now_ms=START_MS, later=little
+    )
+
+    used, used_later = 0.9 - first.soc_end, charged.soc_end - later.soc_end
+    assert used / used_later == pytest.approx(2.0 / 1.1)

@@ -61,12 +61,14 @@ class RemainderPlanner:
     """Plans the remainder of one mission, in one world.
 
     `ready` is where, when and with what charge the drone begins its next mission, if it has one.
+    `energy_margin` is the share of energy that the plan adds.
     """
 
     solver: SolverPool
     world: World
     situation: Situation
     closed: ClosedAhead
+    energy_margin: float
     ready: Slot | None = None
 
     @property
@@ -77,11 +79,7 @@ class RemainderPlanner:
     @property
     def model(self) -> DroneModel:
         """The drone's model with the margin that flights are planned with."""
-        return with_margin(self.situation.model, self._energy_margin)
-
-    @property
-    def _energy_margin(self) -> float:
-        return self.situation.energy_margin(self.world.skyway.settings)
+        return with_margin(self.situation.model, self.energy_margin)
 
     async def plan(self, anchor: Anchor, trouble: Trouble) -> Remainder | NoTrip:
         """The remainder from this anchor; NoTrip when the drone should stay where it is.
@@ -239,7 +237,7 @@ class RemainderPlanner:
         """The drone at the anchor; a drone below its reserve charges there first."""
         model = self.situation.model
         soc = max(anchor.soc, model.reserve_soc)
-        return Standing(model, soc, anchor.station_id, self._energy_margin)
+        return Standing(model, soc, anchor.station_id, self.energy_margin)
 
 
 def _without_ends(record: MissionRecord) -> MissionRecord:

@@ -2,22 +2,12 @@
 
 import random
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime, timedelta
-from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from skyway_gateway.lateness.calibrate import (
-    BORROWED,
-    FEWEST,
-    Arrival,
-    due_of,
-    late_share,
-    later_by_s,
-)
 
-from skyway.delivery.request import QoS
+from skyway.delivery.lateness import BORROWED, FEWEST, Arrival, late_share, later_by_s
 
 
 def come(
@@ -133,27 +123,3 @@ def test_the_late_share_is_a_score_that_was_seen_and_covers_enough_packages(
     assert late_share(groups[0], groups[:0:-1]) == pytest.approx(share)
     # More of the same lateness changes nothing about a provider whose packages agree.
     assert late_share([Arrival(1000.0, 50.0, None)] * 500) == pytest.approx(0.05)
-
-
-@pytest.mark.parametrize(
-    ("qos", "due_min"),
-    [
-        ({}, 8),
-        ({"promise": "P50"}, 5),
-        ({"may_be_later_s": 600}, 18),
-        ({"promise": "P50", "may_be_later_s": 600}, 15),
-        ({"may_be_later_s": 600, "deadline_min": 12}, 12),
-        ({"may_be_later_s": 600, "deadline_min": 6}, 8),
-    ],
-)
-def test_lateness_counts_from_the_promise_and_from_what_the_customer_allows(
-    qos: dict[str, Any], due_min: float
-) -> None:
-    def at(minutes: float) -> datetime:
-        return datetime(2026, 3, 1, 12, tzinfo=UTC) + timedelta(minutes=minutes)
-
-    asked = {name: value for name, value in qos.items() if name != "deadline_min"}
-    if "deadline_min" in qos:
-        asked["deadline_at"] = at(qos["deadline_min"])
-
-    assert due_of(at(5), at(8), QoS.model_validate(asked)) == at(due_min)
