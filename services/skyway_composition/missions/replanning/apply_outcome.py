@@ -81,7 +81,7 @@ class Outcomes:
             anchor=anchor,
             trouble=case.trouble,
             number=case.sent_revisions + 1,
-            energy_margin=case.situation.energy_margin(case.world.skyway.settings),
+            energy_margin=case.situation.energy_margin(case.world),
             world=case.world,
             link=work.links[record.drone_id],
         )

@@ -63,7 +63,7 @@ class Case:
         if stuck is not None:
             anchor = anchor_of_stuck(self.situation, stuck, earliest_ms=earliest_ms)
             return anchor if before_step is None else None
-        energy_margin = self.situation.energy_margin(self.world.skyway.settings)
+        energy_margin = self.situation.energy_margin(self.world)
         return find_anchor(
             self.situation,
             self.trouble,

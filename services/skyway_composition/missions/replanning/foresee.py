@@ -170,7 +170,7 @@ def _revision(after: Situation, found: Found | None) -> Revision | None:
         anchor=found.anchor,
         trouble=case.trouble,
         number=case.sent_revisions + 1,
-        energy_margin=case.situation.energy_margin(case.world.skyway.settings),
+        energy_margin=case.situation.energy_margin(case.world),
         world=case.world,
         link=after.link,
     )

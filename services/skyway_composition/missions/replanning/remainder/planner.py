@@ -81,7 +81,7 @@ class RemainderPlanner:
 
     @property
     def _energy_margin(self) -> float:
-        return self.situation.energy_margin(self.world.skyway.settings)
+        return self.situation.energy_margin(self.world)
 
     async def plan(self, anchor: Anchor, trouble: Trouble) -> Remainder | NoTrip:
         """The remainder from this anchor; NoTrip when the drone should stay where it is.
@@ -130,7 +130,7 @@ class RemainderPlanner:
             self.closed,
             self.model,
             load_kg,
-            None if known is None else known.of_model(self.model),
+            None if known is None else known.of_model(self.model, self.world.use_deviation),
         )
 
     async def _plan_standing(self, anchor: Anchor, trouble: Trouble) -> Remainder | NoTrip:
