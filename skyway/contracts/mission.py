@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from skyway.contracts.candidate import Candidate, ProviderReason
+from skyway.contracts.margins import Margins
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.shortlist import Shortlist
 from skyway.contracts.weather import WeatherNote
@@ -60,26 +61,6 @@ class PackageEta(WireModel):
 
     package_id: PackageId
     eta_at: FleetMoment
-
-
-class Margins(WireModel):
-    """The margins of a booked plan: a share of energy, and time between drones.
-
-    The plan's energies hold `energy_margin` already; each pad is reserved `pad_gap_s` longer than
-    its session. A drone that is later than `tolerated_lateness_s` gets a new plan if the delay
-    costs something.
-    """
-
-    energy_margin: Annotated[
-        float, Field(ge=0, description="Energy on top of what flights need, as a share.")
-    ] = 0.0
-    pad_gap_s: Annotated[float, Field(ge=0, description="Seconds between two drones on a pad.")] = (
-        0.0
-    )
-    tolerated_lateness_s: Annotated[
-        float,
-        Field(ge=0, description="Seconds that a drone may be late before it gets a new plan."),
-    ] = 0.0
 
 
 class DeliveryMission(WireModel):

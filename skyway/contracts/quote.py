@@ -9,8 +9,9 @@ from typing import Annotated, Final, Literal
 from pydantic import Field
 
 from skyway.contracts.candidate import Candidate, ProviderReason
+from skyway.contracts.margins import Margins
 from skyway.contracts.message import FleetMoment
-from skyway.contracts.mission import Margins, OfferHold, OfferLimits, PackageEta
+from skyway.contracts.mission import OfferHold, OfferLimits, PackageEta
 from skyway.contracts.shortlist import Shortlist
 from skyway.contracts.weather import WeatherNote
 from skyway.delivery.offer import Price

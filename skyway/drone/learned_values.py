@@ -14,6 +14,14 @@ from skyway.json_model import WireModel
 STILL_AIR_BOUNDS: Final = (0.8, 1.6)
 HEALTH_BOUNDS: Final = (0.5, 1.0)
 CHARGE_RATE_BOUNDS: Final = (0.3, 1.2)
+DEVIATION_BOUNDS: Final = (0.02, 0.26)
+
+#: Standard deviation of the energy use in still air of a drone that has not flown yet, as a share:
+#: drones of one model differ, and so do their flights. Our own choice.
+UNKNOWN_USE: Final = 0.08
+
+#: Deviations are rounded up to whole multiples of 1 / this.
+_DEVIATION_STEPS: Final = 50
 
 #: Plans use the values in steps of 1 / this, so that many drones of a model share theirs. A value
 #: between two steps counts as the worse one, unless it is that near to the better one: a session on
@@ -55,13 +63,30 @@ class LearnedValues(WireModel):
             examples=[0.85],
         ),
     ] = 1.0
+    still_air_deviation: Annotated[
+        float,
+        Field(
+            ge=DEVIATION_BOUNDS[0],
+            le=DEVIATION_BOUNDS[1],
+            description="Standard deviation of `still_air_factor` from flight to flight. Margins "
+            "that follow from a risk use it.",
+            examples=[0.06],
+        ),
+    ] = UNKNOWN_USE
 
     @classmethod
     def in_steps(
-        cls, *, still_air_factor: float, state_of_health: float, charge_rate_factor: float
+        cls,
+        *,
+        still_air_factor: float,
+        state_of_health: float,
+        charge_rate_factor: float,
+        still_air_deviation: float = UNKNOWN_USE,
     ) -> Self:
         """These values within their bounds, and rounded to the worse step."""
+        deviation = math.ceil(round(still_air_deviation * _DEVIATION_STEPS, 6)) / _DEVIATION_STEPS
         return cls(
+            still_air_deviation=_within(deviation, DEVIATION_BOUNDS),
             still_air_factor=_within(_step_above(still_air_factor), STILL_AIR_BOUNDS),
             state_of_health=_within(_step_below(state_of_health), HEALTH_BOUNDS),
             charge_rate_factor=_within(_step_below(charge_rate_factor), CHARGE_RATE_BOUNDS),

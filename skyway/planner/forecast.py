@@ -12,9 +12,17 @@ import numpy as np
 
 from skyway.drone.model import DroneModel
 from skyway.network.network import Network
+from skyway.planner.energy_risk import CLIMATE_MPS, FORECAST_ERROR_MPS, EnergyRisk
 from skyway.planner.kernels.memory import Floats
 from skyway.planner.weather import Weather
-from skyway.planner.wind import SegmentWind, WindField, nearest_places, without_savings
+from skyway.planner.weather_document import LARGEST_FACTOR
+from skyway.planner.wind import (
+    SegmentWind,
+    WindField,
+    nearest_places,
+    rounded_factor,
+    without_savings,
+)
 
 #: The periods after the last one: the length of each, seconds, and the share of the deviation from
 #: still air that is left in each.
@@ -30,6 +38,9 @@ _MORE_PER_DEGREE: Final = 0.01
 FARTHEST_M: Final = 50_000.0
 
 _M_PER_DEG: Final = 111_195.0
+
+#: How long before its first time a forecast can be in force, at most, seconds: 400 days.
+_LONG_BEFORE_S: Final = 400 * 86_400.0
 
 _VALUES: Final = ("east_mps", "north_mps", "gust_mps", "temperature_c", "error_mps")
 
@@ -88,6 +99,17 @@ class Forecast:
             grid=self.grid,
         )
 
+    def field_with_deviations(self) -> WindField:
+        """The same, with the standard deviation of the wind instead of its error.
+
+        A forecast that states no error has a usual one. After the end of the forecast the deviation
+        grows to that of the wind at any time.
+        """
+        error_mps = np.where(self.error_mps > 0.0, self.error_mps, FORECAST_ERROR_MPS)
+        last = error_mps[-1:] ** 2
+        later = [np.sqrt(share**2 * last + (1 - share**2) * CLIMATE_MPS**2) for share in FADING]
+        return replace(self.field(), error_mps=np.concatenate((error_mps, *later)))
+
     @property
     def strongest_mps(self) -> float:
         """The strongest wind plus its standard error, at any place and time; gusts do not count."""
@@ -121,6 +143,29 @@ def planned_weather(wind: SegmentWind, model: DroneModel) -> Weather:
     """
     limit_mps = np.inf if model.max_wind_mps is None else model.max_wind_mps
     return without_savings(wind.weather(model, limit_mps=limit_mps))
+
+
+def weather_at_risk(wind: SegmentWind, model: DroneModel, risk: EnergyRisk) -> Weather:
+    """The weather in which drones of this model are planned at this risk, without an end.
+
+    `wind` is that of `Forecast.field_with_deviations`. Flights take the time of the wind as
+    forecast. Their energy has the margin of the risk, less `own_margin`: the drone's model has that
+    one already. Before and after the forecast the air is still, with the margin that flights have
+    without a forecast.
+    """
+    weather = planned_weather(wind.without_error(), model)
+    own = 1 + risk.own_margin
+    margin = (1 + risk.margins(wind.in_error(model, risk.deviations))) / own
+    factor = rounded_factor(weather.energy_factor * np.maximum(margin, 1.0))
+    edges_s, n = weather.edges_s, len(weather.segment)
+    still = rounded_factor(np.full((1, n), (1 + risk.climate_margin(model)) / own))
+    as_long = np.ones((1, n))
+    return replace(
+        weather,
+        edges_s=np.concatenate(([edges_s[0] - _LONG_BEFORE_S], edges_s, [np.inf])),
+        time_factor=np.concatenate((as_long, weather.time_factor, as_long)),
+        energy_factor=np.concatenate((still, np.minimum(factor, LARGEST_FACTOR), still)),
+    )
 
 
 def _faded(deviation: Floats) -> Floats:

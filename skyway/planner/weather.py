@@ -70,7 +70,7 @@ class Weather:
     @classmethod
     def of(cls, network: Network, document: WeatherDocument) -> "Weather":
         """The weather that a document describes, or the faults of the document."""
-        segment = _rows(network, document.segments)
+        segment = segment_rows(network, document.segments)
         faults = tuple(islice(contradictions(document, segment), MAX_FAULTS))
         if faults:
             nothing = np.empty((0, 0))
@@ -182,11 +182,13 @@ class Weather:
 
     def air_between(self, from_id: str, to_id: str, *, at_s: float) -> Air:
         """The air of the segment between these stations for a flight that begins at this moment."""
-        return self.air(int(_rows(self.network, [(from_id, to_id)])[0]), self.period_at(at_s))
+        return self.air(
+            int(segment_rows(self.network, [(from_id, to_id)])[0]), self.period_at(at_s)
+        )
 
     def closes(self, from_id: str, to_id: str, *, start_s: float, end_s: float) -> bool:
         """Whether the segment is closed at some moment from `start_s` to `end_s`."""
-        segment = int(_rows(self.network, [(from_id, to_id)])[0])
+        segment = int(segment_rows(self.network, [(from_id, to_id)])[0])
         met = range(self.period_at(start_s), self.period_at(end_s) + 1)
         return any(self.air(segment, period).time_factor == math.inf for period in met)
 
@@ -239,7 +241,7 @@ def _read(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInf
     return Weather.of(network, handler(value))
 
 
-def _rows(network: Network, segments: Sequence[Sequence[str]]) -> Longs:
+def segment_rows(network: Network, segments: Sequence[Sequence[str]]) -> Longs:
     """The row of each segment, -1 where the network has none."""
     outgoing, row_of = network.outgoing, network.row_of
     ends = np.array(

@@ -6,6 +6,7 @@ sqrt(v^2 - c^2) + a (the wind triangle).
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -46,7 +47,8 @@ class WindField:
     energy_factor
         ``(p, k)``: what the energy of flights rises by beside the wind, for example in cold.
     error_mps
-        ``(p, k)``: by how much the wind may be wrong; it is counted as wind against the drone.
+        ``(p, k)``: by how much the wind may be wrong. It counts as wind against the drone, or as a
+        standard deviation in each direction.
     grid
         How many latitudes and longitudes, if the places are a grid: one latitude after the other,
         both rising. Else None.
@@ -86,7 +88,7 @@ class PlaceWeights(NamedTuple):
 class SegmentWind:
     """The wind on all segments of a network, the same for all drone models: ``(p, n)`` each.
 
-    `along_mps` is the wind with the drone, less its error; `across_mps` is that from the side.
+    `along_mps` is the wind with the drone, `across_mps` that from the side.
     """
 
     network: Network
@@ -95,6 +97,7 @@ class SegmentWind:
     across_mps: Floats
     gust_mps: Floats
     energy_factor: Floats
+    error_mps: Floats
 
     @classmethod
     def of(cls, network: Network, wind: WindField) -> "SegmentWind":
@@ -116,18 +119,44 @@ class SegmentWind:
         return cls(
             network,
             np.ascontiguousarray(wind.edges_s, np.float64),
-            to_east * east + to_north * north - weights.of(wind.error_mps),
+            to_east * east + to_north * north,
             np.abs(to_east * north - to_north * east),
             weights.of(wind.gust_mps),
-            np.minimum(_rounded(weights.of(wind.energy_factor)), LARGEST_FACTOR),
+            np.minimum(rounded_factor(weights.of(wind.energy_factor)), LARGEST_FACTOR),
+            weights.of(wind.error_mps),
         )
+
+    def without_error(self) -> "SegmentWind":
+        """The same wind without its error."""
+        return replace(self, error_mps=np.zeros_like(self.error_mps))
+
+    def at(self, segment: int, at_s: float) -> "SegmentWind | None":
+        """The wind on one segment, by its row, at one moment; None outside of all periods."""
+        period = int(np.searchsorted(self.edges_s, at_s, side="right")) - 1
+        if not 0 <= period < len(self.edges_s) - 1:
+            return None
+        one = np.s_[period : period + 1, segment : segment + 1]
+        names = ("along_mps", "across_mps", "gust_mps", "energy_factor", "error_mps")
+        return replace(self, **{name: getattr(self, name)[one] for name in names})
+
+    def in_error(self, model: DroneModel, deviations: float) -> Floats:
+        """``(p, n)``: by how much more energy flights need if the wind is wrong, as a logarithm.
+
+        The wind is wrong by so many of its standard errors, in the direction that slows the drone
+        most; inf where the drone could not fly then. Plans count no energy that a tail wind saves,
+        so an error that only takes a tail wind away costs nothing.
+        """
+        planned = np.maximum(_most(_time_factor, model, self.along_mps, self.across_mps), 1.0)
+        is_open = np.isfinite(planned)
+        planned = np.where(is_open, planned, 1.0)
+        wrong_mps = deviations * self.error_mps
+        worse = _most(_slowed, model, self.along_mps, self.across_mps, wrong_mps)
+        return np.where(is_open, np.log(np.maximum(worse, planned) / planned), 0.0)
 
     def weather(self, model: DroneModel, *, limit_mps: float) -> Weather:
         """The weather for drones of this model; see `weather_of_wind`."""
-        time_factor = _time_factor(model.speed_empty_mps, self.along_mps, self.across_mps)
-        if model.speed_full_mps != model.speed_empty_mps:
-            full = _time_factor(model.speed_full_mps, self.along_mps, self.across_mps)
-            time_factor = np.maximum(time_factor, full)
+        against_mps = self.along_mps - self.error_mps
+        time_factor = _most(_time_factor, model, against_mps, self.across_mps)
         # A weighted mean may exceed a limit by rounding alone.
         is_too_strong = self.gust_mps > limit_mps + 1e-9
         is_too_strong |= time_factor > LARGEST_FACTOR
@@ -135,7 +164,7 @@ class SegmentWind:
             self.network,
             np.arange(self.along_mps.shape[1]),
             self.edges_s,
-            np.where(is_too_strong, math.inf, _rounded(time_factor)),
+            np.where(is_too_strong, math.inf, rounded_factor(time_factor)),
             self.energy_factor,
         )
 
@@ -156,8 +185,29 @@ def without_savings(weather: Weather) -> Weather:
 
     Plans that count on the energy of a tail wind would strand a drone when the wind drops.
     """
-    at_least = _rounded(1.0 / weather.time_factor)
+    at_least = rounded_factor(1.0 / weather.time_factor)
     return replace(weather, energy_factor=np.maximum(weather.energy_factor, at_least))
+
+
+def _most(factor: Callable[..., Floats], model: DroneModel, *wind_mps: Floats) -> Floats:
+    """The factor in this wind for the load with which it is larger: empty or full."""
+    factors = factor(model.speed_empty_mps, *wind_mps)
+    if model.speed_full_mps != model.speed_empty_mps:
+        factors = np.maximum(factors, factor(model.speed_full_mps, *wind_mps))
+    return factors
+
+
+def _slowed(speed_mps: float, along_mps: Floats, across_mps: Floats, wrong_mps: Floats) -> Floats:
+    """The time factor if the wind is wrong by so much, in the direction that slows most.
+
+    In a cross wind this is not straight against the drone: a stronger cross wind slows it too.
+    """
+    ahead_mps = np.sqrt(np.maximum(speed_mps**2 - across_mps**2, 0.0))
+    return _time_factor(
+        speed_mps,
+        along_mps - wrong_mps * ahead_mps / speed_mps,
+        across_mps + wrong_mps * np.minimum(across_mps / speed_mps, 1.0),
+    )
 
 
 def _time_factor(speed_mps: float, along_mps: Floats, across_mps: Floats) -> Floats:
@@ -169,7 +219,7 @@ def _time_factor(speed_mps: float, along_mps: Floats, across_mps: Floats) -> Flo
     return factor
 
 
-def _rounded(factor: Floats) -> Floats:
+def rounded_factor(factor: Floats) -> Floats:
     """The factors rounded up to the step, at least the least factor of a problem."""
     # A little less first, so that sums of floats do not lift a whole step by one.
     steps = np.ceil(factor / _STEP - 1e-6)

@@ -8,13 +8,13 @@ from skyway.contracts.candidate import (
     ProviderReason,
 )
 from skyway.contracts.forgotten_deliveries import ForgetDeliveries, KeptDeliveries
+from skyway.contracts.margins import Margins
 from skyway.contracts.mission import (
     Booking,
     BookMissions,
     Cancellation,
     CancelMissions,
     ClosedDelivery,
-    Margins,
     Mission,
     OfferHold,
     PackageEta,

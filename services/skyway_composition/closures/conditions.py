@@ -123,10 +123,16 @@ class Conditions:
 
 
 class CachedConditions:
-    """Caches a network's conditions by their number; the current number is read each time."""
+    """Caches a network's conditions by their number; the current number is read each time.
 
-    def __init__(self, network_id: NetworkId, network: Network) -> None:
+    `reserve_risk` is the network's setting: the margins in its weather follow from it.
+    """
+
+    def __init__(
+        self, network_id: NetworkId, network: Network, *, reserve_risk: float | None = None
+    ) -> None:
         self._network_id = network_id
+        self._reserve_risk = reserve_risk
         self._number = -1
         self._conditions = Conditions(network, ())
         self._forecast_key: ForecastKey | None = None
@@ -161,4 +167,5 @@ class CachedConditions:
         if row is None:
             return None
         # A large forecast is read in some tenths of a second.
-        return await asyncio.to_thread(NetworkWeather.read, row, self._conditions.network)
+        network, reserve_risk = self._conditions.network, self._reserve_risk
+        return await asyncio.to_thread(NetworkWeather.read, row, network, reserve_risk=reserve_risk)

@@ -11,12 +11,20 @@ from skyway.contracts.weather import (
     WeatherInForce,
     WeatherNote,
 )
+from skyway.drone.learned_values import UNKNOWN_USE
 from skyway.drone.model import DroneModel
 from skyway.ids import NetworkId
 from skyway.network.network import Network
-from skyway.planner.forecast import FADING, FADING_S, Forecast, planned_weather
+from skyway.planner.energy_risk import EnergyRisk
+from skyway.planner.forecast import (
+    FADING,
+    FADING_S,
+    Forecast,
+    planned_weather,
+    weather_at_risk,
+)
 from skyway.planner.measured_wind import corrected
-from skyway.planner.weather import Weather
+from skyway.planner.weather import Weather, segment_rows
 from skyway.planner.wind import SegmentWind
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.read_forecast import (
@@ -95,21 +103,30 @@ class StoredForecast:
 
 @dataclass(slots=True, eq=False)
 class NetworkWeather:
-    """A network's forecast; the factors of each drone model are computed once, and cached."""
+    """A network's forecast; the factors of each drone model are computed once, and cached.
+
+    With a `reserve_risk` they have the margin for the error of the wind, which depends on how much
+    a drone's energy use varies: `use_deviation`. Which segments are closed does not depend on it.
+    """
 
     stored: StoredForecast
     network: Network
     forecast: Forecast
+    reserve_risk: float | None = None
     _wind: SegmentWind | None = None
-    _of_model: dict[tuple[float, float, float | None], Weather] = field(default_factory=dict)
+    _of_model: dict[object, Weather] = field(default_factory=dict)
 
     @classmethod
-    def read(cls, row: ForecastRow, network: Network) -> "NetworkWeather":
+    def read(
+        cls, row: ForecastRow, network: Network, *, reserve_risk: float | None = None
+    ) -> "NetworkWeather":
         """The weather that a stored forecast makes in a version of its network."""
-        return cls.of(StoredForecast.read(row), network)
+        return cls.of(StoredForecast.read(row), network, reserve_risk=reserve_risk)
 
     @classmethod
-    def of(cls, stored: StoredForecast, network: Network) -> "NetworkWeather":
+    def of(
+        cls, stored: StoredForecast, network: Network, *, reserve_risk: float | None = None
+    ) -> "NetworkWeather":
         """The weather that a stored forecast makes in a version of its network.
 
         A version with many more segments than the one for which the forecast was accepted uses only
@@ -123,7 +140,7 @@ class NetworkWeather:
             corrections = {place: (east, north) for place, east, north in measured.places}
             at_s = moment_to_ms(measured.at) / 1000
             forecast = corrected(forecast, corrections, at_s=at_s)
-        return cls(stored, network, forecast)
+        return cls(stored, network, forecast, reserve_risk)
 
     @property
     def over_ms(self) -> float:
@@ -143,32 +160,56 @@ class NetworkWeather:
         strongest_mps = self.forecast.strongest_mps
         return fastest_mps / (fastest_mps + strongest_mps)
 
-    async def of_plan(self, model: DroneModel, start_ms: int) -> Weather | None:
-        """The weather for a plan from this moment; None if the forecast is over by then."""
-        if start_ms >= self.over_ms:
-            return None
-        if _key(model) not in self._of_model:
-            await asyncio.to_thread(self.of_model, model)
-        return self.of_model(model).shifted(-start_ms / 1000)
+    async def of_plan(
+        self, model: DroneModel, start_ms: int, *, use_deviation: float = UNKNOWN_USE
+    ) -> Weather | None:
+        """The weather for a plan from this moment; None if the air is still from then on.
 
-    def of_model(self, model: DroneModel) -> Weather:
+        At a risk it is never still: a forecast that is over leaves the margin without a forecast.
+        """
+        if start_ms >= self.over_ms and self.reserve_risk is None:
+            return None
+        if self._key(model, use_deviation) not in self._of_model:
+            await asyncio.to_thread(self.of_model, model, use_deviation)
+        return self.of_model(model, use_deviation).shifted(-start_ms / 1000)
+
+    def of_model(self, model: DroneModel, use_deviation: float = UNKNOWN_USE) -> Weather:
         """The weather for drones of this model, by seconds of fleet time since 1970."""
-        key = _key(model)
+        key = self._key(model, use_deviation)
         found = self._of_model.get(key)
         if found is None:
-            if self._wind is None:
-                self._wind = SegmentWind.of(self.network, self.forecast.field())
-            found = planned_weather(self._wind, model)
+            if self.reserve_risk is None:
+                found = planned_weather(self._on_segments(), model)
+            else:
+                risk = EnergyRisk(self.reserve_risk, use_deviation)
+                found = weather_at_risk(self._on_segments(), model, risk)
             most = max(1, _MOST_CACHED // max(1, found.time_factor.size))
             for oldest in list(self._of_model)[: max(0, len(self._of_model) + 1 - most)]:
                 self._of_model.pop(oldest, None)
             self._of_model[key] = found
         return found
 
+    def in_error(
+        self, model: DroneModel, ends: tuple[str, str], *, at_s: float, risk: EnergyRisk
+    ) -> float:
+        """`EnergyRisk.margins`' `in_wind` of a flight over this segment that begins at a moment."""
+        segment = int(segment_rows(self.network, [ends])[0])
+        wind = self._on_segments().at(segment, at_s)
+        if wind is None:
+            return risk.in_climate(model)
+        return float(wind.in_error(model, risk.deviations)[0, 0])
 
-def _key(model: DroneModel) -> tuple[float, float, float | None]:
-    """The values of a model that change its weather; margins and learned values do not."""
-    return model.speed_empty_mps, model.speed_full_mps, model.max_wind_mps
+    def _on_segments(self) -> SegmentWind:
+        if self._wind is None:
+            at_risk = self.reserve_risk is not None
+            wind = self.forecast.field_with_deviations() if at_risk else self.forecast.field()
+            self._wind = SegmentWind.of(self.network, wind)
+        return self._wind
+
+    def _key(self, model: DroneModel, use_deviation: float) -> object:
+        """What changes the weather of a model; constant margins and learned factors do not."""
+        deviation = None if self.reserve_risk is None else use_deviation
+        return model.speed_empty_mps, model.speed_full_mps, model.max_wind_mps, deviation
 
 
 @dataclass(frozen=True, slots=True)

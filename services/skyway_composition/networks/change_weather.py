@@ -57,7 +57,9 @@ class WeatherChanges:
         content, sha256 = await asyncio.to_thread(content_of, placed)
         row = ForecastRow(network_id, sha256, now_ms, content)
         stored = StoredForecast(network_id, sha256, now_ms, placed)
-        weather = await asyncio.to_thread(NetworkWeather.of, stored, skyway.network)
+        weather = await asyncio.to_thread(
+            NetworkWeather.of, stored, skyway.network, reserve_risk=skyway.settings.reserve_risk
+        )
         # Computed before the transaction, so that the network is locked for a short time only.
         for model in await self.impact.models_in_flight(self.db, network_id):
             await asyncio.to_thread(weather.of_model, model)

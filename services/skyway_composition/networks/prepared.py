@@ -138,15 +138,16 @@ def _prepare(network_id: NetworkId, version: int, content: bytes) -> PreparedNet
     network = read_network_text(content)
     # Computed on first use. Used here, so that no plan waits for them.
     adjacencies = network.outgoing, network.incoming
+    settings = settings_of(network)
     prepared = PreparedNetwork(
         network_id=network_id,
         version=version,
         network=network,
-        settings=settings_of(network),
+        settings=settings,
         airspace=Airspace.of(network),
         hierarchy=_hierarchy(network),
         straightness=_straightness(network),
-        conditions=CachedConditions(network_id, network),
+        conditions=CachedConditions(network_id, network, reserve_risk=settings.reserve_risk),
     )
     log.info(
         "network prepared",

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, ValidationError
 
-from skyway.contracts.mission import Margins
+from skyway.contracts.margins import Margins
 from skyway.delivery.offer import Currency
 from skyway.delivery.request import MAX_TRIP_DESTINATIONS
 from skyway.errors import InvalidNetwork
@@ -62,6 +62,17 @@ class NetworkSettings(JsonModel):
             description="Share of energy that plans add to what flights need, 0 to 2.",
         ),
     ] = 0.15
+    reserve_risk: Annotated[
+        float | None,
+        Field(
+            ge=1e-6,
+            le=0.2,
+            description="Accepted share of landings below the reserve, 0.000001 to 0.2. The energy "
+            "margin of each flight follows from it, and `energy_margin` does not count. If null, "
+            "`energy_margin` counts.",
+            examples=[0.001],
+        ),
+    ] = None
     pad_gap_s: Annotated[
         float,
         Field(
@@ -106,7 +117,7 @@ class NetworkSettings(JsonModel):
 
     @property
     def margins(self) -> Margins:
-        """The margins of plans in this network, as offers and missions show them."""
+        """The margins of plans in this network; a `reserve_risk` changes that of energy."""
         return Margins(
             energy_margin=self.energy_margin,
             pad_gap_s=self.pad_gap_s,

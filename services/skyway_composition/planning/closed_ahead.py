@@ -7,6 +7,7 @@ from datetime import datetime
 from math import inf
 from typing import Self
 
+from skyway.drone.learned_values import UNKNOWN_USE
 from skyway.drone.model import DroneModel
 from skyway.ids import StationId
 from skyway.network.network import Network
@@ -27,6 +28,7 @@ class ClosedAhead:
     def __init__(self, network: Network, known: NetworkWeather | None = None) -> None:
         self._network = network
         self._known = known
+        self._use_deviation = UNKNOWN_USE
         self._weather: Weather | None = None
         self._stations: dict[StationId, list[_Span]] = defaultdict(list)
         self._segments: dict[tuple[StationId, StationId], list[_Span]] = defaultdict(list)
@@ -35,6 +37,7 @@ class ClosedAhead:
     def of(cls, world: World, *, now_ms: int) -> Self:
         """All that is closed in a world, now or later."""
         closed = cls(world.skyway.network, world.conditions.weather)
+        closed._use_deviation = world.use_deviation
         closed.add(world.conditions.problem_closures(now_ms), start_ms=now_ms)
         closed.add_zones(world.skyway.airspace.reaches)
         return closed
@@ -44,7 +47,7 @@ class ClosedAhead:
         if self._known is None:
             return self
         closed = copy(self)
-        closed._weather = self._known.of_model(model)
+        closed._weather = self._known.of_model(model, self._use_deviation)
         return closed
 
     def add(self, closures: Iterable[StationClosure | SegmentClosure], *, start_ms: int) -> None:

@@ -170,6 +170,7 @@ class TripFinder:
         opening = self.openings.get(candidate.drone_id)
         key = (
             opening,
+            self.world.for_drone(candidate.learned).use_deviation,
             candidate.planned_model,
             candidate.station_id,
             candidate.soc,
@@ -199,7 +200,8 @@ class TripFinder:
     ) -> Trip | NoTrip:
         latest_ms, start_ms = self.latest_ms, self.start_of(candidate.drone_id)
         is_ready_first = False  # whether the next mission comes before the deadline
-        opening, world = self.openings.get(candidate.drone_id), self.world
+        opening = self.openings.get(candidate.drone_id)
+        world = self.world.for_drone(candidate.learned)
         standby = StandbyChoice.of(candidate)
         ready: Slot | None = None
         if opening is not None:

@@ -1,7 +1,7 @@
 """Lower bounds of each candidate's time, price and energy, found without composing."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, NamedTuple, Self, TypeVar
@@ -70,17 +70,26 @@ class LowerBounds:
         *,
         waits_s: Floats,
         time_factors: Mapping[DroneModelId, float] = MappingProxyType({}),
+        energy_margins: Mapping[Hashable, float] = MappingProxyType({}),
     ) -> Self:
         """The lower bounds for a request; all its places and the candidates are in the network.
 
         `waits_s` is how long each candidate begins after the first; ``(n,)``. `time_factors` is
         the least that the weather multiplies the flights of a model by; 1 for all other models.
+        `energy_margins` are those of kinds of drones; that of the network for all other kinds.
         """
         network, pickup = skyway.network, request.pickup.station_id
         stops = [each for each in request.destinations if each != pickup]
         tour_m = least_tour_m(network, pickup, stops)
         approach_m = least_m_to(network, pickup, shortlist.station_ids)
-        pace = _paces(shortlist, request, skyway.settings, tour_m=tour_m, time_factors=time_factors)
+        pace = _paces(
+            shortlist,
+            request,
+            skyway.settings,
+            tour_m=tour_m,
+            time_factors=time_factors,
+            energy_margins=energy_margins,
+        )
 
         energy_j = approach_m * pace.approach_j_per_m + pace.tour_j
         usable_j = np.maximum(0.0, np.array(shortlist.socs) - pace.reserve_soc) * pace.battery_j
@@ -107,11 +116,12 @@ def _paces(
     *,
     tour_m: float,
     time_factors: Mapping[DroneModelId, float],
+    energy_margins: Mapping[Hashable, float],
 ) -> _Paces:
     """The paces of the candidates on a tour of this length, with the energy margin."""
     by_kind = {
         kind: _pace(
-            with_margin(model, settings.energy_margin),
+            with_margin(model, energy_margins.get(kind, settings.energy_margin)),
             request,
             settings,
             tour_m=tour_m,

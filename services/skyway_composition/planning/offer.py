@@ -15,6 +15,7 @@ from skyway.network.network import Network
 from skyway.scheduling.trip import Trip
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.planning.availability import Opening
+from skyway_composition.planning.problem_for import margins_of
 from skyway_composition.planning.world import World
 
 #: Milliseconds by which an offer's delivery time may be exceeded, because JSON rounds the time.
@@ -125,7 +126,12 @@ def terms_of(offer: Offer, *, best: BestValues, weights: Weights, world: World) 
         waiting_s=sum(plan.waiting_s or 0.0 for plan in plans),
         trips=len(offer.parts),
         ways=tuple(_way(plan) for plan in plans),
-        margins=world.skyway.settings.margins,
+        margins=margins_of(
+            world.for_drone(first.candidate.learned),
+            first.candidate.model,
+            first.trip.plan,
+            start_ms=first.trip.start_ms,
+        ),
         weather=world.weather_note(offer.begins_ms),
         score=best.score(values, weights),
         no_shows=values.no_shows,

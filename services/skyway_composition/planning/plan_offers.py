@@ -150,6 +150,7 @@ async def _single_offers(
         shortlist,
         waits_s=waits_s,
         time_factors=finder.world.least_time_factors(shortlist.model_of),
+        energy_margins=finder.world.energy_margins(shortlist),
     )
     contest = Contest(shortlist, least, request.qos.ranking, openings=finder.openings)
     contest.leave_out(_breaking(shortlist, least, finder, limits=limits, refusals=refusals))

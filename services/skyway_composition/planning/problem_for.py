@@ -8,11 +8,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import lru_cache
-from typing import Final
+from typing import Final, Literal
 
+import numpy as np
+
+from skyway.contracts.margins import Margins, RiskMargin
+from skyway.delivery.plan import Fly, Plan
 from skyway.delivery.request import DeliveryRequest, Package
 from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
+from skyway.planner.energy_risk import LEAST_MARGIN, MODEL_DEVIATION, MOST_MARGIN, EnergyRisk
 from skyway.planner.problem import DroneAtStart, PackageToDeliver, PadReservation, Problem
 from skyway.scheduling.trip import BookedPad
 from skyway.units import moment_to_ms, ms_to_moment
@@ -151,7 +156,7 @@ def standby_problem(
 
 def with_margins(world: World, drone: Standing) -> Standing:
     """The drone with its own energy margin or the network's, whichever is larger."""
-    margin = max(world.skyway.settings.energy_margin, drone.energy_margin)
+    margin = max(world.energy_margin(drone.model), drone.energy_margin)
     return replace(drone, model=with_margin(drone.model, margin))
 
 
@@ -220,6 +225,54 @@ def _only_carried(package: Package, station_id: StationId) -> PackageToDeliver:
 def _seconds(moment: datetime | None, start_ms: int) -> float | None:
     """A moment as seconds of a problem that begins at this millisecond."""
     return None if moment is None else (moment_to_ms(moment) - start_ms) / 1000
+
+
+def margins_of(
+    world: World, model: DroneModel, plan: Plan, *, start_ms: int, energy_margin: float = 0.0
+) -> Margins:
+    """The margins of a plan that begins at a moment, and what they are made of.
+
+    `world` is that for the plan's drone. The drone's own `energy_margin` counts if it is larger.
+    """
+    margins, risk = world.skyway.settings.margins, world.risk
+    found: dict[str, object] = {"energy_margin": max(world.energy_margin(model), energy_margin)}
+    if risk is not None:
+        flights = [step for step in plan.steps if isinstance(step, Fly)]
+        in_wind = [_in_wind(world, model, risk, each, start_ms=start_ms) for each in flights]
+        most = max(range(len(flights)), key=in_wind.__getitem__, default=None)
+        found["risk"] = _risk_margin(
+            risk,
+            0.0 if most is None else in_wind[most],
+            None if most is None else flights[most],
+        )
+    return margins.model_copy(update=found)
+
+
+def _in_wind(
+    world: World, model: DroneModel, risk: EnergyRisk, step: Fly, *, start_ms: int
+) -> float:
+    known = world.conditions.weather
+    if known is None:
+        return risk.in_climate(model)
+    at_s = start_ms / 1000 + step.start_s
+    return known.in_error(model, (step.from_id, step.to_id), at_s=at_s, risk=risk)
+
+
+def _risk_margin(risk: EnergyRisk, in_wind: float, flight: Fly | None) -> RiskMargin:
+    wind = None if in_wind == math.inf else round(in_wind / risk.deviations, 4)
+    margin = float(risk.margins(np.array(in_wind)))
+    limits: dict[float, Literal["LEAST", "MOST"]] = {LEAST_MARGIN: "LEAST", MOST_MARGIN: "MOST"}
+    return RiskMargin(
+        reserve_risk=risk.reserve_risk,
+        deviations=round(risk.deviations, 3),
+        wind_deviation=wind,
+        use_deviation=risk.use_deviation,
+        model_deviation=MODEL_DEVIATION,
+        flight_margin=round(margin, 4),
+        limited_by=limits.get(margin),
+        from_id=None if flight is None else flight.from_id,
+        to_id=None if flight is None else flight.to_id,
+    )
 
 
 @lru_cache(maxsize=1_000)

@@ -3,19 +3,22 @@
 `compose_in` reads only the reservations that a plan needs.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
 
+from skyway.contracts.shortlist import Shortlist
 from skyway.contracts.weather import WeatherNote
 from skyway.delivery.plan import Plan, Recharge
+from skyway.drone.learned_values import UNKNOWN_USE, LearnedValues
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneModelId, HoldId, MissionId, StationId
 from skyway.network.columns import Rows
 from skyway.network.network import Network
 from skyway.planner.compose import DEFAULT_STRATEGY
+from skyway.planner.energy_risk import EnergyRisk
 from skyway.planner.problem import Problem
 from skyway.planner.weather import Weather
 from skyway.runtime.sql.database import Database, Tx
@@ -40,13 +43,15 @@ _MOST_BOXES: Final = 3
 class World:
     """The world of a plan; a transaction that stores the plan must check `still_holds`.
 
-    The database itself checks reservations.
+    The database itself checks reservations. In a network with a `reserve_risk` the margins of plans
+    follow from `use_deviation`, which is that of the drone they are for: see `for_drone`.
     """
 
     skyway: PreparedNetwork
     pads: PadSnapshot
     conditions: Conditions
     conditions_version: int
+    use_deviation: float = UNKNOWN_USE
 
     @property
     def present(self) -> Present:
@@ -57,7 +62,43 @@ class World:
     async def weather(self, model: DroneModel, start_ms: int) -> Weather | None:
         """The weather for a plan of this model from this moment; None if plans assume still air."""
         known = self.conditions.weather
-        return None if known is None else await known.of_plan(model, start_ms)
+        if known is None:
+            return None
+        return await known.of_plan(model, start_ms, use_deviation=self.use_deviation)
+
+    @property
+    def risk(self) -> EnergyRisk | None:
+        """What the energy margin follows from; None if it is a constant of the network."""
+        accepted = self.skyway.settings.reserve_risk
+        return None if accepted is None else EnergyRisk(accepted, self.use_deviation)
+
+    def for_drone(self, learned: LearnedValues) -> Self:
+        """The same world for plans of the drone about which this was learned."""
+        if self.risk is None:
+            return self
+        return replace(self, use_deviation=learned.still_air_deviation)
+
+    def energy_margin(self, model: DroneModel) -> float:
+        """The share of energy that plans of this model add to all flights.
+
+        At a risk the weather adds more, if there is a forecast: what the error of its wind needs.
+        """
+        risk = self.risk
+        if risk is None:
+            return self.skyway.settings.energy_margin
+        is_forecast = self.conditions.weather is not None
+        return risk.own_margin if is_forecast else risk.climate_margin(model)
+
+    def energy_margins(self, shortlist: Shortlist) -> dict[Hashable, float]:
+        """By kind of drone: the energy margin; empty if all have that of the network."""
+        if self.risk is None:
+            return {}
+        learned = dict(zip(shortlist.kinds, shortlist.each_learned, strict=True))
+        return {
+            kind: self.for_drone(learned[kind]).energy_margin(model)
+            for kind, model in shortlist.planned_model_of.items()
+            if kind in learned
+        }
 
     def least_time_factors(
         self, models: Mapping[DroneModelId, DroneModel]

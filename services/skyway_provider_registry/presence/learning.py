@@ -9,6 +9,7 @@ A drone estimates wind from its air speed, and reports its energy use without it
 learned as a property of the drone.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import Annotated, Final, Self
 
@@ -21,6 +22,7 @@ from skyway.drone.learned_values import (
     CHARGE_RATE_BOUNDS,
     HEALTH_BOUNDS,
     STILL_AIR_BOUNDS,
+    UNKNOWN_USE,
     LearnedValues,
 )
 from skyway.json_model import JsonModel
@@ -63,19 +65,28 @@ class Learned:
     is_maintenance_due: bool = False
     #: How many flights and recharges the health rests on: those with the battery that it has.
     health_observations: int = 0
+    #: The square of how far a flight's energy use is from the mean, on average.
+    still_air_variance: float = UNKNOWN_USE**2
 
     def after_flight(self, health: DroneHealth) -> Self:
         """The values after a flight that the drone reports about; the same if it measured none."""
         if health.still_air_factor is None:
             return self
         flights = self.flights + 1
+        weight = _FLIGHTS_OF_MODEL + flights
         factor = _mean(
-            self.still_air_factor,
-            health.still_air_factor,
-            weight=_FLIGHTS_OF_MODEL + flights,
-            bounds=STILL_AIR_BOUNDS,
+            self.still_air_factor, health.still_air_factor, weight=weight, bounds=STILL_AIR_BOUNDS
         )
-        after = replace(self._with_battery(health), flights=flights, still_air_factor=factor)
+        # From the mean of the flights before: while the mean is uncertain, the variance is larger.
+        away = _away(self.still_air_factor, health.still_air_factor)
+        variance = self.still_air_variance
+        variance += (away**2 - variance) / min(weight, _REMEMBERED)
+        after = replace(
+            self._with_battery(health),
+            flights=flights,
+            still_air_factor=factor,
+            still_air_variance=variance,
+        )
         return after._with_need()
 
     def after_recharge(self, health: DroneHealth) -> Self:
@@ -100,6 +111,7 @@ class Learned:
             still_air_factor=flying if self.flights >= _EVIDENCE else max(1.0, flying),
             state_of_health=self.state_of_health,
             charge_rate_factor=charging if self.recharges >= _EVIDENCE else min(1.0, charging),
+            still_air_deviation=math.sqrt(self.still_air_variance),
         )
         # The same object for all such drones: selection compares it without looking into it.
         return AS_MODELLED if values == AS_MODELLED else values
@@ -152,8 +164,12 @@ def why_maintenance(before: Learned, after: Learned) -> str | None:
 
 def _mean(mean: float, observed: float, *, weight: int, bounds: tuple[float, float]) -> float:
     """The mean with one more observation, which counts as one in `weight`."""
-    away = min(_FARTHEST, max(-_FARTHEST, observed - mean))
-    return min(bounds[1], max(bounds[0], mean + away / min(weight, _REMEMBERED)))
+    moved = mean + _away(mean, observed) / min(weight, _REMEMBERED)
+    return min(bounds[1], max(bounds[0], moved))
+
+
+def _away(mean: float, observed: float) -> float:
+    return min(_FARTHEST, max(-_FARTHEST, observed - mean))
 
 
 class LearnedDrone(JsonModel):
@@ -191,6 +207,6 @@ class LearnedDrone(JsonModel):
         LearnedValues,
         Field(
             description="what plans use: in steps of 0.05, rounded to the worse one; better than "
-            "the model only after 20 flights or recharges"
+            "the model only after 20 flights or recharges; the deviation in steps of 0.02"
         ),
     ]

@@ -65,7 +65,7 @@ async def test_health_and_cycles_go_with_the_battery(
 
     await install(drone, fresh)
 
-    assert await drone.planned() == LearnedValues()
+    assert await drone.planned() == LearnedValues(still_air_deviation=0.06)
     old = await shown(drone, worn)
     assert (old["drone_id"], old["installed_at"]) == (None, None)
     assert old["cycles"] == pytest.approx(1.0)

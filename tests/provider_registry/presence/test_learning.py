@@ -28,7 +28,21 @@ def flown(uses: Sequence[float], *, health: float = 1.0) -> Learned:
 
 
 def test_a_drone_that_is_as_its_model_stays_so() -> None:
-    assert flown([1.01, 0.98, 1.02, 0.99] * 10).planned == AS_MODELLED
+    planned = flown([1.01, 0.98, 1.02, 0.99] * 10).planned
+
+    assert planned.model_copy(update={"still_air_deviation": 0.08}) == AS_MODELLED
+
+
+def test_the_energy_use_of_a_drone_counts_as_widely_spread_until_it_has_flown_much() -> None:
+    steady, varied = [1.0, 1.02, 0.98] * 7, [1.0, 1.15, 0.85] * 7
+
+    deviations = [
+        flown(uses).planned.still_air_deviation
+        for uses in ([], steady[:2], steady, varied[:2], varied, [1.3] * 3)
+    ]
+
+    # The last drone is far from its model, and nobody knows yet by how much.
+    assert deviations == [0.08, 0.08, 0.04, 0.1, 0.14, 0.18]
 
 
 def test_a_drone_that_uses_more_energy_is_planned_so_after_some_flights() -> None:
@@ -42,7 +56,9 @@ def test_a_worn_battery_and_slow_charging_are_learned() -> None:
     for _ in range(4):
         learned = learned.after_recharge(make_health(health=0.88, charging=0.8))
 
-    assert learned.planned == LearnedValues(state_of_health=0.9, charge_rate_factor=0.85)
+    assert learned.planned == LearnedValues(
+        state_of_health=0.9, charge_rate_factor=0.85, still_air_deviation=0.06
+    )
 
 
 def test_a_drone_is_planned_as_better_than_its_model_only_after_many_flights() -> None:
@@ -52,9 +68,12 @@ def test_a_drone_is_planned_as_better_than_its_model_only_after_many_flights() -
 
 def test_one_odd_flight_changes_hardly_anything() -> None:
     usual = [1.1] * 20
+    as_usual = flown(usual).planned
 
-    assert flown([*usual, 900.0]).planned == flown(usual).planned
-    assert flown([*usual, 0.001]).planned == flown(usual).planned
+    for odd in (900.0, 0.001):
+        planned = flown([*usual, odd]).planned
+        # Its energy use counts as no more spread than that of a new drone.
+        assert planned == as_usual.model_copy(update={"still_air_deviation": 0.08})
 
 
 @settings(max_examples=50)

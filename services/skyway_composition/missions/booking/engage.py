@@ -47,6 +47,7 @@ from skyway_composition.planning.availability import (
     send_ahead_ms,
 )
 from skyway_composition.planning.offer import Offer, Part
+from skyway_composition.planning.problem_for import margins_of
 from skyway_composition.planning.world import World, still_holds
 
 
@@ -79,7 +80,13 @@ async def engage(
             mission_id=MissionId(mint("msn")),
             request=part.request,
             price=part.price,
-            skyway=skyway,
+            network_id=skyway.network_id,
+            margins=margins_of(
+                world.for_drone(part.candidate.learned),
+                part.candidate.model,
+                part.trip.plan,
+                start_ms=part.trip.start_ms,
+            ),
             expires_at=expires_at,
             weather=world.weather_note(part.trip.start_ms),
             planned_in=(

@@ -16,7 +16,7 @@ from skyway_composition.missions.mission.from_trip import replanned_in_queue
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
 from skyway_composition.planning.availability import hand_over_time_ms
 from skyway_composition.planning.find_trip import round_trip
-from skyway_composition.planning.problem_for import Standing, delivery_problem
+from skyway_composition.planning.problem_for import Standing, delivery_problem, margins_of
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
@@ -60,11 +60,13 @@ async def plan_queue(
         if changed and _keeps_its_plan(record, slot, planned_in):
             _end_last_standby(changed, record.start.at_ms - hand_over_time_ms(clock))
             break
-        fitting = None
+        fitting, drone_world = None, world.for_drone(record.candidate.learned)
         try:
             if later is not None and later.planned_in == planned_in:
-                fitting = await _trip_before(solver, world, record, slot, later=later, clock=clock)
-            trip = fitting or await _trip(solver, world, record, slot)
+                fitting = await _trip_before(
+                    solver, drone_world, record, slot, later=later, clock=clock
+                )
+            trip = fitting or await _trip(solver, drone_world, record, slot)
         except InvalidProblem as error:
             # A newer version of the network has hand-overs that are longer than the window.
             trip = NoTrip("WINDOW_MISSED", str(error), is_temporary=False)
@@ -78,7 +80,9 @@ async def plan_queue(
             record,
             trip,
             slot,
-            margins=world.skyway.settings.margins,
+            margins=margins_of(
+                drone_world, record.candidate.model, trip.plan, start_ms=trip.start_ms
+            ),
             weather=world.weather_note(trip.start_ms),
             planned_in=planned_in,
         )

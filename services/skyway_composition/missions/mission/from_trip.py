@@ -17,18 +17,18 @@ from skyway.contracts.flight_step import (
     ReturnStep,
     WaitStep,
 )
-from skyway.contracts.mission import Margins, Mission, PackageEta
+from skyway.contracts.margins import Margins
+from skyway.contracts.mission import Mission, PackageEta
 from skyway.contracts.weather import WeatherNote
 from skyway.delivery.offer import Price
 from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, Recharge, Wait
 from skyway.delivery.request import DeliveryRequest
-from skyway.ids import DeliveryId, MissionId, PackageId, StationId
+from skyway.ids import DeliveryId, MissionId, NetworkId, PackageId, StationId
 from skyway.network.network import Network, Segment
 from skyway.scheduling.stays import Slot
 from skyway.scheduling.trip import PlacedStep, Trip
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
-from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.networks.settings import NetworkSettings
 
 
@@ -188,7 +188,8 @@ def new_mission(
     mission_id: MissionId,
     request: DeliveryRequest,
     price: Price,
-    skyway: PreparedNetwork,
+    network_id: NetworkId,
+    margins: Margins,
     expires_at: datetime,
     weather: WeatherNote | None = None,
     planned_in: PlannedIn | None = None,
@@ -216,13 +217,13 @@ def new_mission(
         plan=trip.plan,
         home_plan=trip.home_plan,
         home_recharge=trip.home_recharge,
-        margins=skyway.settings.margins,
+        margins=margins,
         weather=weather,
         loading="AWAITED" if candidate.loading == "CONFIRMED" else "AUTOMATIC",
     )
     return MissionRecord(
         mission=mission,
-        network_id=skyway.network_id,
+        network_id=network_id,
         request=request,
         candidate=candidate,
         expires_ms=moment_to_ms(expires_at),

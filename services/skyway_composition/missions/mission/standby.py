@@ -150,7 +150,7 @@ async def trip_with_other_standby(
     served, candidate = record.stays[0], record.candidate
     return await way_home(
         solver,
-        world,
+        world.for_drone(candidate.learned),
         record.mission.plan,
         standing=Standing(
             candidate.planned_model, served.soc_from, served.station_id, energy_margin

@@ -47,7 +47,7 @@ class Case:
     @property
     def energy_margin(self) -> float:
         """The share of energy that the plan adds to what the drone's planned model says."""
-        return max(self.situation.energy_margin(self.world.skyway.settings), self.felt_margin)
+        return max(self.situation.energy_margin(self.world), self.felt_margin)
 
     @property
     def margin_after_refusal(self) -> float:

@@ -112,6 +112,7 @@ class PlanFinder:
         if sent_revisions >= MOST_REVISIONS:
             return NoMorePlans(trouble)
         world = await self._world(record, queued, supposed)
+        world = world.for_drone(record.candidate.learned)
         # Reads the weather of the model here, since this may take a while.
         await world.weather(situation.model, self._now_ms())
         closed = ClosedAhead.of(world, now_ms=self._now_ms()).for_model(situation.model)

@@ -102,7 +102,7 @@ class StandbyRequests:
         world = await World.of(
             skyway, self.db, after_ms=self._now_ms(), without=[record.mission_id]
         )
-        world = world.instead({_THE_SERVICE: needed})
+        world = world.instead({_THE_SERVICE: needed}).for_drone(record.candidate.learned)
         await world.weather(situation.model, self._now_ms())
         closed = ClosedAhead.of(world, now_ms=self._now_ms()).for_model(situation.model)
         return Case(situation, _WHY, world, closed, sent)
@@ -117,7 +117,7 @@ class StandbyRequests:
             self.solver,
             case.world,
             record,
-            energy_margin=situation.energy_margin(case.world.skyway.settings),
+            energy_margin=situation.energy_margin(case.world),
         )
         if not isinstance(trip, Trip):
             return None
@@ -154,7 +154,7 @@ class StandbyRequests:
             anchor=anchor,
             trouble=_WHY,
             number=case.sent_revisions + 1,
-            energy_margin=situation.energy_margin(case.world.skyway.settings),
+            energy_margin=situation.energy_margin(case.world),
             world=case.world,
             link=situation.link,
         )

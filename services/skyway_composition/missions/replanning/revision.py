@@ -21,6 +21,7 @@ from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.replanning.propose import Revision
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.planner import Remainder
+from skyway_composition.planning.problem_for import margins_of
 from skyway_composition.planning.world import World
 
 #: A diverted drone without any further command ends its mission after this time. Our own choice.
@@ -55,7 +56,13 @@ def revision_of(
         # The drone is home and charged. It needs one last step to end the mission.
         start_ms = remainder.trip.start_ms
         steps = (finished_wait(anchor.station_id, start_ms, step_id=anchor.first_step),)
-    margins = skyway.settings.margins.model_copy(update={"energy_margin": energy_margin})
+    margins = margins_of(
+        world.for_drone(record.candidate.learned),
+        record.candidate.model,
+        remainder.trip.plan,
+        start_ms=remainder.trip.start_ms,
+        energy_margin=energy_margin,
+    )
     mission = next_revision(
         record.mission,
         remainder.trip,

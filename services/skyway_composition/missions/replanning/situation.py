@@ -22,8 +22,8 @@ from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import StepRecord, steps_of
 from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.problem_for import planned_more
+from skyway_composition.planning.world import World
 
 #: While one of these failsafes is active, a drone refuses new steps that do not override it.
 _STEERING: Final = (Failsafe.DIVERT, Failsafe.LAND_NOW)
@@ -108,9 +108,11 @@ class Situation:
         reported = None if health is None else health.charge_rate_factor
         return model_as_learned(candidate.model, candidate.learned.charging_at_most(reported))
 
-    def energy_margin(self, settings: NetworkSettings) -> float:
+    def energy_margin(self, world: World) -> float:
         """The share of energy that plans add to what the drone's planned model says."""
-        return max(settings.energy_margin, planned_more(self.consumption_factor))
+        candidate = self.record.candidate
+        margin = world.for_drone(candidate.learned).energy_margin(candidate.model)
+        return max(margin, planned_more(self.consumption_factor))
 
     @property
     def needs_pad_closed(self) -> bool:

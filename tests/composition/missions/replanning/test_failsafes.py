@@ -287,9 +287,12 @@ async def test_packages_that_may_have_been_loaded_count_as_the_drone_reports(
     assert [each["code"] for each in await alarms(composition)] == ["HAND_OVER_UNKNOWN"]
 
 
+@pytest.mark.parametrize(("risk", "margin"), [(None, 0.35), (0.001, 0.4)])
 async def test_a_drone_in_headwind_gets_a_plan_that_it_can_fly(
-    composition: Any, drone: Any
+    composition: Any, drone: Any, make: Any, risk: float | None, margin: float
 ) -> None:
+    # At this risk the largest margin counts, since there is no forecast.
+    await composition.publish(make.network(reserve_risk=risk))
     first = await failed_at(composition, drone, 4, "b", "INSUFFICIENT_ENERGY", soc=0.6)
     in_wind = drone.state(
         mission_id=first.mission_id,
@@ -308,10 +311,11 @@ async def test_a_drone_in_headwind_gets_a_plan_that_it_can_fly(
 
     shown = await composition(OPERATOR, "GET", f"/v1/missions/{first.mission_id}")
     mission = shown.json()["mission"]
-    assert (mission["revision"], mission["margins"]["energy_margin"]) == (2, 0.35)
+    assert (mission["revision"], mission["margins"]["energy_margin"]) == (2, margin)
+    assert ("risk" in mission["margins"]) == (risk is not None)
     (flight,) = [each for each in mission["plan"]["steps"] if each["kind"] == "FLY"]
     as_modelled_j = flight_energy_j(MODEL, length_m=distance_m(B, C), load_kg=0.4)
-    assert flight["energy_j"] == pytest.approx(1.35 * as_modelled_j, rel=1e-3)
+    assert flight["energy_j"] == pytest.approx((1 + margin) * as_modelled_j, rel=1e-3)
     revision = [each for each in await composition.sent() if each.kind == "MISSION"][-1]
     assert isinstance(revision.steps[0], RechargeStep)
 

@@ -21,7 +21,7 @@ from skyway_composition.missions.calendar.dispatching.judgement import (
 )
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.pads.store import PadHeldBy
-from skyway_composition.planning.problem_for import with_margin
+from skyway_composition.planning.problem_for import Standing, with_margins
 from skyway_composition.planning.world import World
 
 #: The most labels of the search for one trip. Our own choice: a trip that needs more is seldom the
@@ -53,7 +53,10 @@ def fleet_problem(
         "drones": tuple(
             FleetDrone(
                 drone_id=each.drone_id,
-                model=with_margin(each.candidate.planned_model, settings.energy_margin),
+                model=with_margins(
+                    world.for_drone(each.candidate.learned),
+                    Standing(each.candidate.planned_model, slot.soc, slot.station_id),
+                ).model,
                 station_id=slot.station_id,
                 free_s=(slot.at_ms - base_ms) / 1000,
                 soc=slot.soc,

@@ -23,7 +23,7 @@ from skyway_composition.missions.calendar.plan_queue import Moved, deadline_ms, 
 from skyway_composition.missions.mission.from_trip import flown_by, replanned_in_queue
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
 from skyway_composition.planning.find_trip import way_home
-from skyway_composition.planning.problem_for import Standing
+from skyway_composition.planning.problem_for import Standing, margins_of
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World, compose_in
 
@@ -174,7 +174,12 @@ class OrderPlanner:
             record,
             trip,
             replace(slot, at_ms=trip.start_ms),
-            margins=skyway.settings.margins,
+            margins=margins_of(
+                self.world.for_drone(record.candidate.learned),
+                record.candidate.model,
+                trip.plan,
+                start_ms=trip.start_ms,
+            ),
             weather=self.world.weather_note(trip.start_ms),
             planned_in=PlannedIn(skyway.version, self.world.conditions_version),
         )
@@ -188,7 +193,8 @@ class OrderPlanner:
         own += [each.mission_id for each in calendar.kept]
         own += [] if calendar.live is None else [calendar.live.mission_id]
         own += [] if mission_id is None else [mission_id]
-        return self.world.instead(self._pads).without(own)
+        free = self.world.instead(self._pads).without(own)
+        return free.for_drone(calendar.candidate.learned)
 
 
 async def plan_orders(

@@ -128,7 +128,7 @@ class RemainderPlanner:
             self.closed,
             self.model,
             load_kg,
-            None if known is None else known.of_model(self.model),
+            None if known is None else known.of_model(self.model, self.world.use_deviation),
         )
 
     async def _plan_standing(self, anchor: Anchor, trouble: Trouble) -> Remainder | NoTrip:
