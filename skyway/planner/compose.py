@@ -4,24 +4,16 @@ This is the planner's front door, and the file to read first. What is asked is i
 comes out in `skyway.delivery.plan`; each strategy is a file of its own, and `verify` trusts none.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
 
-from skyway.delivery.plan import (
-    Deliver,
-    Fly,
-    Infeasibility,
-    PackageDelivery,
-    Plan,
-    PlanStatus,
-    Recharge,
-    Wait,
-)
+from skyway.delivery.plan import Infeasibility, Plan, PlanStatus
 from skyway.errors import InvalidProblem
 from skyway.planner.airspace import Airspace
 from skyway.planner.exact import exact
 from skyway.planner.exhaustive import exhaustive, exhaustive_with_walks
 from skyway.planner.findings import Findings, Strategy
+from skyway.planner.flight_log import StepFields
 from skyway.planner.heuristic import heuristic
 from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.infeasible import overweight, proof_of_infeasibility
@@ -162,24 +154,36 @@ def _infeasible(infeasibility: Infeasibility) -> Plan:
 def flyable(itinerary: Itinerary, status: PlanStatus, lower_bound_s: float | None) -> Plan:
     """The plan of this itinerary."""
     steps = itinerary.steps
-    return Plan(
-        status=status,
-        delivery_time_s=itinerary.delivered_s,
-        lower_bound_s=lower_bound_s,
-        energy_j=sum(step.energy_j for step in steps if isinstance(step, Fly)),
-        flight_s=sum(step.end_s - step.start_s for step in steps if isinstance(step, Fly)),
-        waiting_s=sum(step.end_s - step.start_s for step in steps if isinstance(step, Wait)),
-        recharging_s=sum(step.end_s - step.start_s for step in steps if isinstance(step, Recharge)),
-        steps=steps,
-        deliveries=tuple(
-            PackageDelivery(
-                package_id=package_id, station_id=step.station_id, delivered_s=step.end_s
-            )
-            for step in steps
-            if isinstance(step, Deliver)
-            for package_id in step.package_ids
-        ),
+    flights, waits, recharges, deliveries = (
+        [step for step in steps if step["kind"] == kind]
+        for kind in ("FLY", "WAIT", "RECHARGE", "DELIVER")
     )
+    return Plan.model_validate(
+        {
+            "status": status,
+            "delivery_time_s": itinerary.delivered_s,
+            "lower_bound_s": lower_bound_s,
+            "energy_j": sum(step["energy_j"] for step in flights),
+            "flight_s": _total_s(flights),
+            "waiting_s": _total_s(waits),
+            "recharging_s": _total_s(recharges),
+            "steps": steps,
+            "deliveries": [
+                {
+                    "package_id": package_id,
+                    "station_id": step["station_id"],
+                    "delivered_s": step["end_s"],
+                }
+                for step in deliveries
+                for package_id in step["package_ids"]
+            ],
+        }
+    )
+
+
+def _total_s(steps: Iterable[StepFields]) -> float:
+    durations_s: Iterator[float] = (step["end_s"] - step["start_s"] for step in steps)
+    return sum(durations_s)
 
 
 def _verified(problem: Problem, plan: Plan, booked: PadBook) -> Plan:

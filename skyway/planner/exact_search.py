@@ -7,7 +7,7 @@ from enum import Enum
 import numpy as np
 
 from skyway.ids import StationId
-from skyway.planner.exact_itinerary import Act, best_acts
+from skyway.planner.exact_acts import Act, best_acts
 from skyway.planner.exact_memory import AMPLE, Room, enlarged, new_memory
 from skyway.planner.exact_task import (
     Method,

@@ -1,13 +1,16 @@
 """A drone along its plan: each act is a step and changes time, charge and load."""
 
-from skyway.delivery.plan import Deliver, Fly, PickUp, Recharge, Step, Wait
-from skyway.drone.charging import recharge_time_s
+from typing import Any
+
 from skyway.drone.flight import soc_after_use
-from skyway.ids import StationId
-from skyway.network.network import Segment
+from skyway.ids import PackageId, StationId
 from skyway.planner.situation import Situation
 from skyway.planner.weather import STILL_AIR, Air
 from skyway.units import TIME_TOLERANCE_S
+
+#: The fields of a step in `skyway.delivery.plan`. A search makes many itineraries, and `compose`
+#: makes the steps of one of them.
+StepFields = dict[str, Any]
 
 
 class FlightLog:
@@ -18,59 +21,75 @@ class FlightLog:
         self.here: StationId = situation.problem.start_station_id
         self.now_s = 0.0
         self.soc = situation.problem.drone.soc
-        self.steps: list[Step] = []
+        self.steps: list[StepFields] = []
 
-    def fly(self, segment: Segment, *, load_kg: float, lands: bool, air: Air = STILL_AIR) -> None:
-        """Fly a segment; a landing at its end is part of the step."""
+    def fly(
+        self,
+        to_id: StationId,
+        *,
+        flight_s: float,
+        flight_j: float,
+        load_kg: float,
+        lands: bool,
+        air: Air = STILL_AIR,
+    ) -> None:
+        """Fly a segment to this station; a landing at its end is part of the step.
+
+        `flight_s` and `flight_j` are the time and the energy of the flight without its landing.
+        """
         model = self._situation.model
-        end_s = self.now_s + self._situation.flight_s(segment, load_kg, air=air)
-        energy_j = self._situation.flight_j(segment, load_kg, air=air)
+        end_s, energy_j = self.now_s + flight_s, flight_j
         if lands:
             end_s += model.stop_s
             energy_j += model.stop_j
         soc = soc_after_use(model, self.soc, energy_j=energy_j)
         self.steps.append(
-            Fly(
-                from_id=segment.from_id,
-                to_id=segment.to_id,
-                start_s=self.now_s,
-                end_s=end_s,
-                load_kg=load_kg,
-                energy_j=energy_j,
-                soc_end=soc,
-                time_factor=air.time_factor,
-                energy_factor=air.energy_factor,
-            )
+            {
+                "kind": "FLY",
+                "from_id": self.here,
+                "to_id": to_id,
+                "start_s": self.now_s,
+                "end_s": end_s,
+                "load_kg": load_kg,
+                "energy_j": energy_j,
+                "soc_end": soc,
+                "time_factor": air.time_factor,
+                "energy_factor": air.energy_factor,
+            }
         )
-        self.here, self.now_s, self.soc = segment.to_id, end_s, soc
+        self.here, self.now_s, self.soc = to_id, end_s, soc
 
     def wait(self, *, until_s: float) -> None:
         """Stand until this moment; no step if the moment has come, within the tolerance."""
         if until_s > self.now_s + TIME_TOLERANCE_S:
-            self.steps.append(Wait(station_id=self.here, start_s=self.now_s, end_s=until_s))
-            self.now_s = until_s
+            self._stand_until(until_s)
 
     def stand(self) -> None:
         """Show that the drone has landed, if landing costs something and nothing else is done."""
         model = self._situation.model
         lands_for_free = model.stop_s == 0 and model.stop_j == 0
-        if self.steps and isinstance(self.steps[-1], Fly) and not lands_for_free:
-            self.steps.append(Wait(station_id=self.here, start_s=self.now_s, end_s=self.now_s))
+        if self.steps and self.steps[-1]["kind"] == "FLY" and not lands_for_free:
+            self._stand_until(self.now_s)
 
-    def recharge(self, *, pad: int, until_soc: float) -> None:
-        """Charge on this pad until this charge."""
-        model = self._situation.model_at(self.here)
-        end_s = self.now_s + recharge_time_s(model, self.soc, until_soc)
+    def _stand_until(self, end_s: float) -> None:
+        step = {"kind": "WAIT", "station_id": self.here, "start_s": self.now_s, "end_s": end_s}
+        self.steps.append(step)
+        self.now_s = end_s
+
+    def recharge(self, *, pad: int, until_soc: float, duration_s: float) -> None:
+        """Charge on this pad until this charge, which takes so long."""
+        end_s = self.now_s + duration_s
         self.steps.append(
-            Recharge(
-                station_id=self.here,
-                pad=pad,
-                start_s=self.now_s,
-                end_s=end_s,
-                soc_start=self.soc,
-                soc_end=until_soc,
-                power_w=self._situation.pad_power_w(self.here),
-            )
+            {
+                "kind": "RECHARGE",
+                "station_id": self.here,
+                "pad": pad,
+                "start_s": self.now_s,
+                "end_s": end_s,
+                "soc_start": self.soc,
+                "soc_end": until_soc,
+                "power_w": self._situation.pad_power_w(self.here),
+            }
         )
         self.now_s, self.soc = end_s, until_soc
 
@@ -83,30 +102,25 @@ class FlightLog:
 
     def pick_up(self) -> None:
         """Take all packages on board; hand over those for the source right after."""
-        end_s = self.now_s + self._situation.problem.loading_s
-        self.steps.append(
-            PickUp(
-                station_id=self.here,
-                package_ids=tuple(
-                    package.package_id for package in self._situation.problem.packages
-                ),
-                start_s=self.now_s,
-                end_s=end_s,
-            )
-        )
-        self.now_s = end_s
+        problem = self._situation.problem
+        package_ids = [package.package_id for package in problem.packages]
+        self._change_hands("PICK_UP", package_ids, duration_s=problem.loading_s)
         if self._situation.packages_for(self.here):
             self._deliver()
 
     def _deliver(self) -> None:
-        end_s = self.now_s + self._situation.problem.dropoff_s
-        packages = self._situation.packages_for(self.here)
+        package_ids = [one.package_id for one in self._situation.packages_for(self.here)]
+        self._change_hands("DELIVER", package_ids, duration_s=self._situation.problem.dropoff_s)
+
+    def _change_hands(self, kind: str, package_ids: list[PackageId], *, duration_s: float) -> None:
+        end_s = self.now_s + duration_s
         self.steps.append(
-            Deliver(
-                station_id=self.here,
-                package_ids=tuple(package.package_id for package in packages),
-                start_s=self.now_s,
-                end_s=end_s,
-            )
+            {
+                "kind": kind,
+                "station_id": self.here,
+                "package_ids": tuple(package_ids),
+                "start_s": self.now_s,
+                "end_s": end_s,
+            }
         )
         self.now_s = end_s

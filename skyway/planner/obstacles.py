@@ -1,77 +1,26 @@
-"""Obstacles of a verified plan: reserved pads, closures, zones, and a finish far from any pad.
+"""Obstacles of a verified plan: closures, zones, weather, and a finish far from any pad.
 
 Written for `verify` alone, from docs/reference/planner-problem.md, so that a mistake of the search
-is not repeated here. It looks at one session or flight at a time.
+is not repeated here. It looks at one flight at a time.
 """
 
 import math
 from bisect import bisect_left, bisect_right
 from collections import defaultdict
-from collections.abc import Iterable, Sequence, Set
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
-from skyway.delivery.plan import Fly, Recharge, Step
+from skyway.delivery.plan import Fly, Step
 from skyway.drone.flight import flight_energy_j
 from skyway.ids import StationId
 from skyway.network.network import Zone
 from skyway.network.zones import contains, crosses
 from skyway.planner.kernels.memory import Longs
 from skyway.planner.problem import Problem
-from skyway.planner.reservations import reservations_at
 from skyway.units import TIME_TOLERANCE_S
-
-if TYPE_CHECKING:
-    from skyway.planner.pad_book import PadBook
-
-_MS_PER_S = 1000
-_MS_TOLERANCE = TIME_TOLERANCE_S * _MS_PER_S
-
-
-class HeldPads:
-    """The reservations of these stations: the problem's own, and the booked ones."""
-
-    def __init__(
-        self, problem: Problem, stations: Set[StationId], *, booked: "PadBook | None"
-    ) -> None:
-        self._held_ms: dict[tuple[StationId, int], list[tuple[float, float]]] = defaultdict(list)
-        for reservation in reservations_at(problem.pad_reservations, stations):
-            end_s = math.inf if reservation.end_s is None else reservation.end_s
-            self._held_ms[reservation.station_id, reservation.pad].append(
-                _outward_ms(reservation.start_s, end_s)
-            )
-        self._row_of = problem.network.row_of
-        self._booked = booked
-
-    def clash(self, session: Recharge) -> tuple[float, float] | None:
-        """The milliseconds of a reservation that this session overlaps, or None."""
-        start_ms, end_ms = _outward_ms(session.start_s, session.end_s)
-        for other_start_ms, other_end_ms in self._held_ms.get(
-            (session.station_id, session.pad), ()
-        ):
-            if start_ms < other_end_ms and other_start_ms < end_ms:
-                return other_start_ms, other_end_ms
-        row = self._row_of.get(session.station_id)
-        if self._booked is None or row is None:
-            return None
-        for pad, other_start_ms, other_end_ms in self._booked.at(
-            row, from_ms=start_ms, until_ms=end_ms
-        ):
-            if pad == session.pad:
-                return other_start_ms, other_end_ms
-        return None
-
-
-def _outward_ms(start_s: float, end_s: float) -> tuple[float, float]:
-    """The span of whole milliseconds around this time, despite rounding of floats."""
-    start_ms, end_ms = start_s * _MS_PER_S, end_s * _MS_PER_S
-    return (
-        math.floor(start_ms + _MS_TOLERANCE + math.ulp(start_ms)),
-        end_ms if end_ms == math.inf else math.ceil(end_ms - _MS_TOLERANCE - math.ulp(end_ms)),
-    )
-
 
 #: A closed time: from its start until before its end, seconds.
 _Interval = tuple[float, float]
@@ -83,13 +32,18 @@ class OpenSky:
     def __init__(self, problem: Problem, steps: Iterable[Step]) -> None:
         self._problem = problem
         self._zones = [(zone, _active_s(problem, zone)) for zone in problem.network.zones]
-        flown = [step for step in steps if isinstance(step, Fly)]
+        flown = [step for step in steps if isinstance(step, Fly)] if problem.closures else []
         used = {step.to_id for step in flown} | {(step.from_id, step.to_id) for step in flown}
         self._closed: dict[object, list[_Interval]] = defaultdict(list)
         for closure in problem.closures:
             if closure.closes in used:
                 end_s = math.inf if closure.end_s is None else closure.end_s
                 self._closed[closure.closes].append((closure.start_s, end_s))
+
+    @property
+    def has_obstacles(self) -> bool:
+        """Whether anything may close a segment or a landing of these steps."""
+        return bool(self._closed or self._zones or self._problem.network.opening_hours)
 
     def closed_segment(self, step: Fly, *, until_s: float) -> str | None:
         """What closes the segment at some moment of the flight, or None."""
@@ -153,8 +107,15 @@ class AirOfFlight:
     harder: float
 
 
-_STILL = AirOfFlight(1.0, 1.0)
-_ALWAYS: _Interval = (-math.inf, math.inf)
+STILL = AirOfFlight(1.0, 1.0)
+
+
+class FlightInAir(NamedTuple):
+    """A flight without its landing: how long it takes, the energy that it uses, and its air."""
+
+    flight_s: float
+    energy_j: float
+    air: AirOfFlight
 
 
 class MovingAir:
@@ -167,13 +128,44 @@ class MovingAir:
         self._periods = list(pairwise([-math.inf, *edges_s, math.inf]))
         self._ends_s = [end_s for _, end_s in self._periods]
 
-    def of_flight(self, step: Fly) -> list[tuple[_Interval, AirOfFlight | None]]:
+    def flight(
+        self, step: Fly, still_s: float, still_j: float, *, stop_s: float, stop_j: float
+    ) -> FlightInAir | None:
+        """The flight in the air in which it may begin; None if the segment is closed then.
+
+        `still_s` and `still_j` are seconds and joules in still air, `stop_s` and `stop_j` those of
+        the landing. Near the edge of two periods the air counts that fits the step better.
+        """
+        flights = [
+            FlightInAir(still_s * air.longer, still_j * air.longer * air.harder, air)
+            for (from_s, _), air in self._met(step)
+            if air is not None and from_s <= step.start_s + TIME_TOLERANCE_S
+        ]
+        return min(
+            flights,
+            key=lambda one: (
+                abs(step.end_s - step.start_s - stop_s - one.flight_s) * still_j
+                + abs(step.energy_j - stop_j - one.energy_j) * still_s
+            ),
+            default=None,
+        )
+
+    def closed_segment(self, step: Fly, *, until_s: float) -> str | None:
+        """The closed period that the flight meets by more than the tolerance, or None."""
+        if self._weather is None or not self._weather.closes_some:
+            return None
+        for closed, air in self._met(step):
+            if air is None and _meet(step.start_s, until_s, closed):
+                return f"the weather closes the segment from {closed[0]} s"
+        return None
+
+    def _met(self, step: Fly) -> list[tuple[_Interval, AirOfFlight | None]]:
         """The periods that the flight meets, with the air of its segment; None where it is closed.
 
         The periods within the tolerance count too, but none that is over when the plan starts.
         """
         if self._weather is None:
-            return [(_ALWAYS, _STILL)]
+            return []
         column = self._column(step, self._weather.segment)
         met: list[tuple[_Interval, AirOfFlight | None]] = []
         first = max(
@@ -183,7 +175,7 @@ class MovingAir:
         for number, period in enumerate(self._periods[first:], start=first):
             if step.end_s < period[0] - TIME_TOLERANCE_S:
                 break
-            air: AirOfFlight | None = _STILL
+            air: AirOfFlight | None = STILL
             if column is not None and 0 < number < len(self._periods) - 1:
                 longer = float(self._weather.time_factor[number - 1, column])
                 harder = float(self._weather.energy_factor[number - 1, column])
@@ -201,27 +193,6 @@ class MovingAir:
             return segment
         left = bisect_left(named, segment)
         return left if left < len(named) and named[left] == segment else None
-
-
-def air_at_start(
-    step: Fly, met: Sequence[tuple[_Interval, AirOfFlight | None]]
-) -> list[AirOfFlight]:
-    """The air in which the flight may begin, none if the segment is closed then."""
-    return [
-        air
-        for (from_s, _), air in met
-        if air is not None and from_s <= step.start_s + TIME_TOLERANCE_S
-    ]
-
-
-def closed_by_weather(
-    step: Fly, met: Sequence[tuple[_Interval, AirOfFlight | None]], *, until_s: float
-) -> str | None:
-    """The closed period that the flight meets by more than the tolerance, or None."""
-    for closed, air in met:
-        if air is None and _meet(step.start_s, until_s, closed):
-            return f"the weather closes the segment from {closed[0]} s"
-    return None
 
 
 def is_pad_within_reach(problem: Problem, start: StationId, *, energy_j: float) -> bool:

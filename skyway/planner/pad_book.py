@@ -5,9 +5,9 @@ in every database that keeps whole milliseconds, and rounding never makes an ove
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,14 @@ def booked_from_ms(start_s: float) -> int:
 def booked_until_ms(end_s: float) -> int:
     """The whole millisecond until which a session or reservation ending now holds its pad."""
     return math.ceil(end_s * _MS_PER_S - _MS_TOLERANCE)
+
+
+class Taken(NamedTuple):
+    """A pad that is reserved, in milliseconds from the book's zero moment; an open end is inf."""
+
+    pad: int
+    start_ms: float
+    end_ms: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,24 +117,44 @@ class PadBook:
             end_ms=self.end_ms[keeps],
         )
 
-    def at(
-        self, station_row: int, *, from_ms: float = -math.inf, until_ms: float = math.inf
-    ) -> list[tuple[int, float, float]]:
-        """Pad, start and end of each reservation of a station that meets this time.
-
-        Milliseconds, by pad and start; an open end is infinite.
-        """
+    def at(self, station_row: int) -> list[Taken]:
+        """The reservations of a station, by pad and start."""
         found = self.rows_at(station_row)
-        if found.start == found.stop:
-            return []
-        starts_ms, ends_ms = self.start_ms[found], self.end_ms[found]
-        meets = (starts_ms < until_ms + self.zero_ms) & (ends_ms > from_ms + self.zero_ms)
+        return self._taken(np.arange(found.start, found.stop))
+
+    def meeting(
+        self,
+        station_row: npt.NDArray[np.int32],
+        *,
+        from_ms: npt.NDArray[np.int64],
+        until_ms: npt.NDArray[np.int64],
+    ) -> Iterator[tuple[int, Taken]]:
+        """The reservations that meet many times ``(n,)``, each at a station, by pad and start.
+
+        Each reservation follows the number of the time that it meets.
+        """
+        if not len(self.station):
+            return iter(())
+        first = self.station.searchsorted(station_row)
+        count = self.station.searchsorted(station_row, "right") - first
+        number = np.repeat(np.arange(len(count)), count)
+        row = np.arange(len(number)) + (first - np.cumsum(count) + count)[number]
+        meets = (self.start_ms[row] < (until_ms + self.zero_ms)[number]) & (
+            self.end_ms[row] > (from_ms + self.zero_ms)[number]
+        )
+        return zip(number[meets].tolist(), self._taken(row[meets]), strict=True)
+
+    def _taken(self, rows: npt.NDArray[np.int64]) -> list[Taken]:
         return [
-            (pad, start_ms - self.zero_ms, math.inf if end_ms >= OPEN_MS else end_ms - self.zero_ms)
+            Taken(
+                pad,
+                start_ms - self.zero_ms,
+                math.inf if end_ms >= OPEN_MS else end_ms - self.zero_ms,
+            )
             for pad, start_ms, end_ms in zip(
-                self.pad[found][meets].tolist(),
-                starts_ms[meets].tolist(),
-                ends_ms[meets].tolist(),
+                self.pad[rows].tolist(),
+                self.start_ms[rows].tolist(),
+                self.end_ms[rows].tolist(),
                 strict=True,
             )
         ]

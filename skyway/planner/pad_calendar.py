@@ -1,12 +1,14 @@
 """When the pads of a station are free, read from the books of reservations."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from skyway.ids import StationId
 from skyway.network.network import Network
-from skyway.planner.pad_book import PadBook, booked_from_ms, booked_until_ms
+from skyway.planner.pad_book import PadBook, Taken, booked_from_ms, booked_until_ms
 
 _MS_PER_S = 1000
 
@@ -61,40 +63,28 @@ class PadCalendar:
                 best = Session(window.pad, start_s)
         return best
 
-    def windows_on_end(
-        self, station_id: StationId, *, from_s: float, until_s: float
-    ) -> Iterator[FreeWindow]:
-        """Windows in which a drone can charge without a break through this time, pad after pad.
+    def count(self, station_id: StationId) -> int:
+        """How many pads the station has."""
+        return self._network.columns.pads.item(self._network.row_of[station_id])
 
-        If several pads are free at the same moment, the pad that stays free longest is used;
-        what lies beyond the time does not count.
+    def taken_during(self, sessions: Sequence[tuple[StationId, float, float]]) -> list[list[Taken]]:
+        """For each session the reservations of its station that meet it.
+
+        A session is a station, and the seconds from which and until which a drone charges there.
         """
-        now_ms: float = booked_from_ms(from_s)
-        end_ms = booked_until_ms(until_s)
-        taken = self._taken(station_id, from_ms=now_ms, until_ms=end_ms)
-        pads = int(self._network.columns.pads[self._network.row_of[station_id]])
-        while now_ms < end_ms:
-            free_until_ms = [math.inf] * pads
-            for pad, start_ms, taken_until_ms in taken:
-                if pad < pads and taken_until_ms > now_ms and start_ms < free_until_ms[pad]:
-                    free_until_ms[pad] = start_ms
-            longest_ms = max(free_until_ms, default=now_ms)
-            if longest_ms <= now_ms:
-                return
-            pad = free_until_ms.index(longest_ms)
-            yield FreeWindow(now_ms / _MS_PER_S, pad, longest_ms / _MS_PER_S)
-            now_ms = longest_ms
+        taken: list[list[Taken]] = [[] for _ in sessions]
+        row_of = self._network.row_of
+        rows = np.array([row_of[station_id] for station_id, _, _ in sessions], np.int32)
+        from_ms = np.array([booked_from_ms(start_s) for _, start_s, _ in sessions], np.int64)
+        until_ms = np.array([booked_until_ms(end_s) for _, _, end_s in sessions], np.int64)
+        for book in self._books:
+            for number, reserved in book.meeting(rows, from_ms=from_ms, until_ms=until_ms):
+                taken[number].append(reserved)
+        return taken
 
-    def _taken(
-        self, station_id: StationId, *, from_ms: float = -math.inf, until_ms: float = math.inf
-    ) -> list[tuple[int, float, float]]:
+    def _taken(self, station_id: StationId) -> list[Taken]:
         row = self._network.row_of[station_id]
-        return [
-            entry
-            for book in self._books
-            if len(book.station)
-            for entry in book.at(row, from_ms=from_ms, until_ms=until_ms)
-        ]
+        return [each for book in self._books if len(book.station) for each in book.at(row)]
 
     def _found(self, station_id: StationId) -> Iterator[FreeWindow]:
         taken: dict[int, list[tuple[float, float]]] = {}
@@ -102,6 +92,29 @@ class PadCalendar:
             taken.setdefault(pad, []).append((start_ms, end_ms))
         for pad in range(self._network.stations[station_id].pads):
             yield from _windows_of_pad(pad, sorted(taken.get(pad, ())))
+
+
+def windows_on_end(
+    taken: Iterable[Taken], pads: int, *, from_s: float, until_s: float
+) -> Iterator[FreeWindow]:
+    """Windows in which a drone can charge without a break through this time, pad after pad.
+
+    If several pads are free at the same moment, the pad that stays free longest is used; what lies
+    beyond the time does not count. `taken` are the reservations that meet the time.
+    """
+    now_ms: float = booked_from_ms(from_s)
+    end_ms = booked_until_ms(until_s)
+    while now_ms < end_ms:
+        free_until_ms = [math.inf] * pads
+        for pad, start_ms, taken_until_ms in taken:
+            if pad < pads and taken_until_ms > now_ms and start_ms < free_until_ms[pad]:
+                free_until_ms[pad] = start_ms
+        longest_ms = max(free_until_ms, default=now_ms)
+        if longest_ms <= now_ms:
+            return
+        pad = free_until_ms.index(longest_ms)
+        yield FreeWindow(now_ms / _MS_PER_S, pad, longest_ms / _MS_PER_S)
+        now_ms = longest_ms
 
 
 def _windows_of_pad(pad: int, taken_ms: Iterable[tuple[float, float]]) -> Iterator[FreeWindow]:

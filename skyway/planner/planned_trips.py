@@ -11,7 +11,8 @@ import numpy as np
 from skyway.delivery.plan import Plan, PlanStatus
 from skyway.ids import PackageId
 from skyway.planner.compose import compose, flyable
-from skyway.planner.exact_itinerary import Act, itinerary_of
+from skyway.planner.exact_acts import Act, acts_of
+from skyway.planner.exact_itinerary import itinerary_of
 from skyway.planner.kernels import trips as kernel
 from skyway.planner.kernels.memory import Flags, Floats, Ints, Longs
 from skyway.planner.kernels.records import Found
@@ -227,13 +228,9 @@ class PlannedTrips:
 
     def _acts(self, trip: int) -> list[Act]:
         part = slice(self.found.act_offsets[trip], self.found.act_offsets[trip + 1])
+        links, values = self.found.act_link[part], self.found.act_value[part]
         start_s = float(self.trips.start_s[trip])
-        return [
-            Act(kind, segment, level_j, not_before_s - start_s)
-            for (kind, segment), (level_j, not_before_s) in zip(
-                self.found.act_link[part].tolist(), self.found.act_value[part].tolist(), strict=True
-            )
-        ]
+        return acts_of(links[:, 0], links[:, 1], values[:, 0], values[:, 1] - start_s)
 
 
 def _limit_s(moment_s: float, start_s: float) -> float | None:

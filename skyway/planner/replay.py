@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING
 
 from skyway.delivery.plan import Deliver, Fly, PickUp, Recharge, Step, Wait
 from skyway.drone.charging import fastest_s_per_soc, model_on_pad, soc_after_recharge
-from skyway.drone.flight import flight_energy_j, flight_time_s
+from skyway.drone.flight import flight_power_w, speed_mps
 from skyway.errors import InvalidStateOfCharge
 from skyway.ids import PackageId, StationId
-from skyway.network.network import Segment
 from skyway.planner.obstacles import (
-    HeldPads,
+    STILL,
+    FlightInAir,
     MovingAir,
     OpenSky,
-    air_at_start,
-    closed_by_weather,
     is_pad_within_reach,
 )
+from skyway.planner.plan_columns import lengths_flown, pad_clashes
 from skyway.planner.problem import Problem
 from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, TIME_TOLERANCE_S
 
@@ -52,12 +51,16 @@ class Replay:
         self._problem = problem
         self._model = problem.drone.model
         self._fastest_s_per_soc = fastest_s_per_soc(self._model)
-        charging = {step.station_id for step in steps if isinstance(step, Recharge)}
-        self._pads = HeldPads(problem, charging, booked=booked)
+        #: By step: the metres of the segment flown, and a reservation that the session overlaps.
+        self._length_m = lengths_flown(problem.network, steps)
+        self._clashes = pad_clashes(problem, steps, booked=booked)
         self._sky = OpenSky(problem, steps)
         self._air = MovingAir(problem)
+        self._may_be_closed = self._sky.has_obstacles or problem.weather is not None
         self._here: StationId = problem.start_station_id
         self._now_s = 0.0
+        #: The tolerance of moments like the end of the current step.
+        self._allowed_s = time_tolerance_s(0.0)
         self._soc = problem.drone.soc
         self._has_picked_up = False
         self._may_pass = problem.may_pass
@@ -65,18 +68,19 @@ class Replay:
             package.package_id: package.destination for package in problem.packages
         }
         self._number = 0
-        #: The mass of what is not delivered.
-        self._load_kg = self._mass_kg()
+        self._load_undelivered()
+        self._pace_kg = math.nan
 
     def check(self, number: int, step: Step, following: Step | None) -> None:
         """Follow one step; the next step shows whether a flight ends in a landing."""
         self._number = number
         if self._has_picked_up and not self._undelivered:
             self._note("end", f"{step.kind} after the last delivery")
-        if not abs(step.start_s - self._now_s) <= time_tolerance_s(self._now_s):
+        if not abs(step.start_s - self._now_s) <= self._allowed_s:
             self._note("time", f"starts at {step.start_s}, the step before ends at {self._now_s}")
         if not step.end_s >= step.start_s - TIME_TOLERANCE_S:
             self._note("time", f"ends at {step.end_s}, before it starts at {step.start_s}")
+        self._allowed_s = time_tolerance_s(step.end_s)
         if isinstance(step, Fly):
             self._check_fly(step, lands=not isinstance(following, Fly))
             self._here, self._soc = step.to_id, step.soc_end
@@ -113,14 +117,12 @@ class Replay:
 
     def _must_hand_over(self) -> bool:
         """Whether packages must be picked up or handed over here before any other step."""
+        is_due = self._has_picked_up and self._here in self._destinations
         is_at_source = self._here == self._problem.source
         if self._may_pass:
             # Packages for the source are handed over right after loading, windows or not.
-            is_due = self._here in self._undelivered.values()
-            return is_at_source and self._has_picked_up and is_due
-        if not self._has_picked_up:
-            return is_at_source
-        return self._here in self._undelivered.values()
+            return is_at_source and is_due
+        return is_due if self._has_picked_up else is_at_source
 
     def _check_pick_up(self, step: PickUp) -> None:
         if self._has_picked_up or step.station_id != self._problem.source:
@@ -152,7 +154,7 @@ class Replay:
         self._check_hours(step)
         for package_id in step.package_ids:
             self._undelivered.pop(package_id, None)
-        self._load_kg = self._mass_kg()
+        self._load_undelivered()
 
     def _check_hours(self, step: PickUp | Deliver) -> None:
         closed = self._sky.closed_by_hours(step.station_id, step.start_s, step.end_s)
@@ -162,10 +164,9 @@ class Replay:
     def _check_window(
         self, step: PickUp | Deliver, not_before_s: float | None, latest_s: float | None
     ) -> None:
-        allowed_s = time_tolerance_s(step.end_s)
-        if not_before_s is not None and not step.start_s >= not_before_s - allowed_s:
+        if not_before_s is not None and not step.start_s >= not_before_s - self._allowed_s:
             self._note("window", f"{step.kind} starts at {step.start_s}, before {not_before_s}")
-        if latest_s is not None and not step.end_s <= latest_s + allowed_s:
+        if latest_s is not None and not step.end_s <= latest_s + self._allowed_s:
             self._note("window", f"{step.kind} ends at {step.end_s}, after {latest_s}")
 
     def _check_fly(self, step: Fly, *, lands: bool) -> None:
@@ -176,51 +177,47 @@ class Replay:
         load_kg = self._load_kg if self._has_picked_up else 0.0
         if not abs(step.load_kg - load_kg) <= LOAD_TOLERANCE_KG:
             self._note("load", f"{step.load_kg} kg stated, {load_kg} kg on board")
-        segment = self._segment(step)
-        if segment is None:
+        length_m = self._length_m.get(self._number)
+        if length_m is None:
             self._note("segment", f"no segment from {step.from_id!r} to {step.to_id!r}")
             return
-        still_s = flight_time_s(self._model, length_m=segment.length_m, load_kg=load_kg)
-        still_j = flight_energy_j(self._model, length_m=segment.length_m, load_kg=load_kg)
         stop_s, stop_j = (self._model.stop_s, self._model.stop_j) if lands else (0.0, 0.0)
-        met = self._air.of_flight(step)
-        flights = [
-            (still_s * air.longer, still_j * air.longer * air.harder, air)
-            for air in air_at_start(step, met)
-        ]
-        if not flights:
+        still_s, still_j = self._still(length_m, load_kg)
+        flight: FlightInAir | None = FlightInAir(still_s, still_j, STILL)
+        if self._problem.weather is not None:
+            flight = self._air.flight(step, still_s, still_j, stop_s=stop_s, stop_j=stop_j)
+        if flight is None:
             self._note("closed", "the weather closes the segment when the flight begins")
             return
-        flight_s, energy_j, air = min(
-            flights,
-            key=lambda flight: (
-                abs(step.end_s - step.start_s - stop_s - flight[0]) * still_j
-                + abs(step.energy_j - stop_j - flight[1]) * still_s
-            ),
-        )
-        self._check_duration(step, flight_s + stop_s)
+        self._check_duration(step, flight.flight_s + stop_s)
         if not (
-            abs(step.time_factor - air.longer) <= _FACTOR_TOLERANCE
-            and abs(step.energy_factor - air.harder) <= _FACTOR_TOLERANCE
+            abs(step.time_factor - flight.air.longer) <= _FACTOR_TOLERANCE
+            and abs(step.energy_factor - flight.air.harder) <= _FACTOR_TOLERANCE
         ):
             stated = f"{step.time_factor} and {step.energy_factor}"
-            self._note("air", f"factors {stated} stated, {air.longer} and {air.harder} met")
-        self._check_charge_used(step, energy_j + stop_j)
-        arrival_s = step.start_s + flight_s
+            met = f"{flight.air.longer} and {flight.air.harder}"
+            self._note("air", f"factors {stated} stated, {met} met")
+        self._check_charge_used(step, flight.energy_j + stop_j)
+        if self._may_be_closed:
+            self._check_open(step, arrival_s=step.start_s + flight.flight_s, lands=lands)
+
+    def _still(self, length_m: float, load_kg: float) -> tuple[float, float]:
+        """Seconds and joules of a flight in still air, without a landing."""
+        if load_kg != self._pace_kg:
+            self._pace_kg = load_kg
+            self._speed_mps = speed_mps(self._model, load_kg)
+            self._power_w = flight_power_w(self._model, load_kg)
+        flight_s = length_m / self._speed_mps
+        return flight_s, self._power_w * flight_s
+
+    def _check_open(self, step: Fly, *, arrival_s: float, lands: bool) -> None:
         closed = self._sky.closed_segment(step, until_s=arrival_s)
         if closed is None:
-            closed = closed_by_weather(step, met, until_s=arrival_s)
+            closed = self._air.closed_segment(step, until_s=arrival_s)
         if closed is None and lands:
             closed = self._sky.closed_landing(step, touch_s=arrival_s)
         if closed is not None:
             self._note("closed", closed)
-
-    def _segment(self, step: Fly) -> Segment | None:
-        network = self._problem.network
-        if step.from_id not in network.stations:
-            return None
-        leaving = network.segments_from(step.from_id)
-        return next((segment for segment in leaving if segment.to_id == step.to_id), None)
 
     def _check_charge_used(self, step: Fly, energy_j: float) -> None:
         allowed_j = CHARGE_TOLERANCE * self._model.battery_j
@@ -245,7 +242,7 @@ class Replay:
             self._note("charge", error.detail)
             return
         # The charge follows from a time, so the tolerance of times counts too, at the curve's rate.
-        by_time = time_tolerance_s(step.end_s) / self._fastest_s_per_soc
+        by_time = self._allowed_s / self._fastest_s_per_soc
         if not abs(step.soc_end - soc_end) <= CHARGE_TOLERANCE + by_time:
             self._note("charge", f"ends at {step.soc_end} stated, at {soc_end} by the curve")
         is_full = step.soc_end >= self._model.top_soc - CHARGE_TOLERANCE
@@ -253,20 +250,23 @@ class Replay:
             self._note("policy", f"ends at {step.soc_end}, not at the top")
 
     def _check_pad(self, step: Recharge) -> None:
-        station = self._problem.network.stations.get(step.station_id)
-        if station is None or not 0 <= step.pad < station.pads:
+        network = self._problem.network
+        row = network.row_of.get(step.station_id)
+        if row is None or not 0 <= step.pad < network.columns.pads.item(row):
             self._note("pad", f"station {step.station_id!r} has no pad {step.pad}")
             return
-        clash = self._pads.clash(step)
+        clash = self._clashes.get(self._number)
         if clash is not None:
             self._note("pad", f"{step.pad} is reserved from {clash[0]} ms to {clash[1]} ms")
 
     def _check_duration(self, step: Step, duration_s: float) -> None:
-        if not abs(step.end_s - step.start_s - duration_s) <= time_tolerance_s(step.end_s):
+        if not abs(step.end_s - step.start_s - duration_s) <= self._allowed_s:
             self._note("duration", f"{step.end_s - step.start_s} s instead of {duration_s} s")
 
-    def _mass_kg(self) -> float:
-        return math.fsum(
+    def _load_undelivered(self) -> None:
+        """Note the mass of what is not delivered, and where it goes."""
+        self._destinations = set(self._undelivered.values())
+        self._load_kg = math.fsum(
             package.mass_kg
             for package in self._problem.packages
             if package.package_id in self._undelivered

@@ -5,7 +5,8 @@ docs/reference/planner-problem.md. Every plan passes here before it leaves the p
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 from skyway.delivery.plan import Deliver, Fly, Plan, PlanStatus, Recharge, Step, Wait
@@ -43,20 +44,26 @@ def verify(
     """
     if not plan.is_flyable:
         return tuple(_of_no_plan(problem, plan))
-    unreal = [
-        Violation(number, "finite", f"{name} is {value}")
-        for number, step in enumerate(plan.steps)
-        for name, value in vars(step).items()
-        if isinstance(value, float) and not math.isfinite(value)
-    ]
+    unreal = tuple(_of_numbers(plan.steps))
     if unreal:
-        return tuple(unreal)
+        return unreal
     replay = Replay(problem, plan.steps, booked=booked)
-    for number, step in enumerate(plan.steps):
-        following = plan.steps[number + 1] if number + 1 < len(plan.steps) else None
+    for number, (step, following) in enumerate(zip_longest(plan.steps, plan.steps[1:])):
         replay.check(number, step, following)
     replay.check_end()
     return (*replay.violations, *_of_deliveries(problem, plan), *_of_sums(problem, plan))
+
+
+def _of_numbers(steps: Sequence[Step]) -> Iterator[Violation]:
+    """All numbers must be finite."""
+    numbers = (one for step in steps for one in vars(step).values() if isinstance(one, float))
+    # The sum is finite only if all numbers are.
+    if math.isfinite(sum(numbers)):
+        return
+    for number, step in enumerate(steps):
+        for name, value in vars(step).items():
+            if isinstance(value, float) and not math.isfinite(value):
+                yield Violation(number, "finite", f"{name} is {value}")
 
 
 def _of_no_plan(problem: Problem, plan: Plan) -> Iterator[Violation]:
@@ -99,12 +106,13 @@ def _of_deliveries(problem: Problem, plan: Plan) -> Iterator[Violation]:
 
 def _of_sums(problem: Problem, plan: Plan) -> Iterator[Violation]:
     end_s = max((step.end_s for step in plan.steps if isinstance(step, Deliver)), default=0.0)
+    flights = [step for step in plan.steps if isinstance(step, Fly)]
     expected = {
         "delivery_time_s": end_s,
-        "energy_j": math.fsum(step.energy_j for step in plan.steps if isinstance(step, Fly)),
-        "flight_s": _total_s(plan.steps, Fly),
-        "waiting_s": _total_s(plan.steps, Wait),
-        "recharging_s": _total_s(plan.steps, Recharge),
+        "energy_j": math.fsum(step.energy_j for step in flights),
+        "flight_s": _total_s(flights),
+        "waiting_s": _total_s(step for step in plan.steps if isinstance(step, Wait)),
+        "recharging_s": _total_s(step for step in plan.steps if isinstance(step, Recharge)),
     }
     for name, value in expected.items():
         stated = getattr(plan, name)
@@ -130,5 +138,5 @@ def _of_status(plan: Plan, end_s: float) -> Iterator[Violation]:
         yield Violation(None, "status", f"{plan.status} with an infeasibility")
 
 
-def _total_s(steps: Sequence[Step], kind: type[Step]) -> float:
-    return math.fsum(step.end_s - step.start_s for step in steps if isinstance(step, kind))
+def _total_s(steps: Iterable[Step]) -> float:
+    return math.fsum(step.end_s - step.start_s for step in steps)

@@ -1,9 +1,10 @@
 import math
 
+import numpy as np
 import pytest
 
 from skyway.planner.pad_book import PadBook, booked_from_ms, booked_until_ms
-from skyway.planner.pad_calendar import FreeWindow, PadCalendar, Session
+from skyway.planner.pad_calendar import FreeWindow, PadCalendar, Session, windows_on_end
 from skyway.planner.problem import PadReservation
 
 
@@ -94,3 +95,45 @@ def test_without_a_window_long_enough_there_is_no_session(calendar_of):
     calendar = calendar_of((0, 50.0, None))
 
     assert calendar.earliest_session("b", not_before_s=0.0, duration_s=51.0) is None
+
+
+def test_a_session_is_split_onto_the_pads_that_stay_free_longest(calendar_of):
+    calendar = calendar_of((0, 10.0, 40.0), (1, 0.0, 5.0), (1, 25.0, None), pads=2)
+    sessions = [("b", 0.0, 50.0), ("b", 5.0, 20.0), ("b", 41.0, 60.0), ("a", 0.0, 9.0)]
+
+    taken = calendar.taken_during(sessions)
+
+    windows = [
+        [(one.pad, one.start_s, one.end_s) for one in windows_on_end(each, 2, from_s=a, until_s=b)]
+        for each, (_, a, b) in zip(taken, sessions, strict=True)
+    ]
+    assert windows == [
+        [(0, 0.0, 10.0), (1, 10.0, 25.0)],
+        [(1, 5.0, math.inf)],
+        [(0, 41.0, math.inf)],
+        [(0, 0.0, math.inf)],
+    ]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_reservations_of_many_sessions_are_those_of_each_session(seed: int):
+    random = np.random.default_rng(seed)
+    start_ms = random.integers(-50, 50, 30)
+    book = PadBook.of_arrays(
+        station=random.integers(0, 5, 30),
+        pad=random.integers(0, 3, 30),
+        start_ms=start_ms,
+        end_ms=start_ms + random.integers(1, 20, 30),
+    ).seen_from(7)
+    rows = random.integers(0, 6, 12).astype(np.int32)
+    from_ms = random.integers(-50, 50, 12)
+    until_ms = from_ms + random.integers(1, 20, 12)
+
+    found = list(book.meeting(rows, from_ms=from_ms, until_ms=until_ms))
+
+    assert found == [
+        (number, one)
+        for number, row in enumerate(rows.tolist())
+        for one in book.at(row)
+        if one.start_ms < until_ms[number] and one.end_ms > from_ms[number]
+    ]
