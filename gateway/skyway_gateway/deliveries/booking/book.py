@@ -60,7 +60,7 @@ from skyway_gateway.deliveries.records.stored_delivery import (
     StoredDelivery,
 )
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
-from skyway_gateway.lateness.forecast import LatenessForecast
+from skyway_gateway.lateness.lateness_forecast import LatenessForecast
 
 log = logging.getLogger(__name__)
 
