@@ -98,6 +98,16 @@ def test_a_page_that_slept_follows_the_picture_anew(stage: StagedPage) -> None:
     assert stage.streams(LIVE) == 2
 
 
+def test_a_drone_on_a_mission_is_shown_before_a_network_is_known(stage: StagedPage) -> None:
+    mission = {"delivery_id": "dlv_1", "drone_id": "drn_1", "state": "ACTIVE", "steps": {}}
+    drone = {"position": [0, 0], "state": "ON_MISSION", "mission_id": "msn_1"}
+    panel = stage.open("/console#/map/drone/drn_1").page.get_by_role("region", name="Drone")
+
+    stage.send(LIVE, "snapshot", {"drones": {"drn_1": drone}, "missions": {"msn_1": mission}})
+
+    expect(panel.get_by_role("group", name="Commands to the mission")).to_be_visible()
+
+
 def test_events_of_a_delivery_go_on_after_a_refusal_without_repetition(stage: StagedPage) -> None:
     stage.answers["/v1/deliveries/dlv_1"] = delivery("dlv_1")
     events = "/v1/deliveries/dlv_1/events"
