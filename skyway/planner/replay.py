@@ -11,12 +11,14 @@ from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.errors import InvalidStateOfCharge
 from skyway.ids import PackageId, StationId
 from skyway.network.network import Segment
+from skyway.network.pad_connectors import PAD_CONNECTORS
 from skyway.planner.obstacles import (
     HeldPads,
     MovingAir,
     OpenSky,
     air_at_start,
     closed_by_weather,
+    does_fit,
     is_pad_within_reach,
 )
 from skyway.planner.problem import Problem
@@ -257,6 +259,9 @@ class Replay:
         if station is None or not 0 <= step.pad < station.pads:
             self._note("pad", f"station {step.station_id!r} has no pad {step.pad}")
             return
+        if not does_fit(self._model, station):
+            have = ", ".join(station.properties[PAD_CONNECTORS])
+            self._note("connector", f"{self._model.connector} does not fit pads with {have}")
         clash = self._pads.clash(step)
         if clash is not None:
             self._note("pad", f"{step.pad} is reserved from {clash[0]} ms to {clash[1]} ms")
