@@ -1,5 +1,9 @@
-"""`make benchmark`: every benchmark, one after another, or the one named with its own options."""
+"""`make benchmark`: every benchmark, one after another, or the one named with its own options.
 
+`python -m benchmarks --help` lists them.
+"""
+
+import ast
 import signal
 import subprocess
 import sys
@@ -15,7 +19,12 @@ NAMES = sorted(
 
 
 def main(arguments: list[str]) -> int:
-    """Run one or all of them; 2 when it is not known."""
+    """Run one or all of them, or list them; 2 when it is not known."""
+    if arguments and arguments[0] in ("-h", "--help"):
+        print(__doc__)
+        for name in NAMES:
+            print(f"  {name:20} {_what_it_measures(name)}")
+        return 0
     if arguments and arguments[0] not in NAMES:
         print(f"no benchmark is called {arguments[0]!r}; there are {', '.join(NAMES)}")
         return 2
@@ -25,6 +34,14 @@ def main(arguments: list[str]) -> int:
         if (code := _run(command)) != 0:
             return code
     return 0
+
+
+def _what_it_measures(name: str) -> str:
+    """The first line of a benchmark's docstring."""
+    folder = _HERE / name
+    source = folder / "__init__.py" if folder.is_dir() else folder.with_suffix(".py")
+    said = ast.get_docstring(ast.parse(source.read_text(encoding="utf-8"))) or ""
+    return said.partition("\n")[0].removeprefix(f"`python -m benchmarks {name}`: ")
 
 
 def _run(command: list[str]) -> int:

@@ -15,6 +15,10 @@ ZoneId = NewType("ZoneId", Annotated[str, _FORM, Field(description="Id of a zone
 DroneModelId = NewType(
     "DroneModelId", Annotated[str, _FORM, Field(description="Id of a drone model.")]
 )
+ConnectorId = NewType(
+    "ConnectorId",
+    Annotated[str, _FORM, Field(description="Name of a connector between drones and pads.")],
+)
 ProviderId = NewType("ProviderId", Annotated[str, _FORM, Field(description="Id of a provider.")])
 DroneId = NewType("DroneId", Annotated[str, _FORM, Field(description="Id of a drone.")])
 BatteryId = NewType("BatteryId", Annotated[str, _FORM, Field(description="Id of a battery.")])

@@ -37,7 +37,7 @@ from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
 from skyway_gateway.forward.table import open_calls, own_body_limits, tenants_body_limits
-from skyway_gateway.lateness.forecast import LatenessForecast
+from skyway_gateway.lateness.lateness_forecast import LatenessForecast
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.sources import Deliveries, Drones, World
 from skyway_gateway.network_store import keep_cells

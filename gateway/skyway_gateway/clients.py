@@ -6,7 +6,12 @@ from typing import Annotated, Final, Protocol
 from pydantic import Field
 
 from skyway.contracts.broker_rules import AccountRole
-from skyway.contracts.candidate import CandidateQuery, PayloadLimit, PayloadLimitQuery
+from skyway.contracts.candidate import (
+    CandidateQueries,
+    CandidateQuery,
+    PayloadLimit,
+    PayloadLimitQuery,
+)
 from skyway.contracts.drones import DroneKeyAnswer, DroneKeyQuery, DroneQuota
 from skyway.contracts.forgotten_deliveries import (
     FORGOTTEN_PATH,
@@ -21,7 +26,7 @@ from skyway.contracts.mission import (
     ClosedDelivery,
 )
 from skyway.contracts.quote import KeepOffer, KeptOffer, QuoteAnswer, QuoteQuery
-from skyway.contracts.shortlist import Candidates
+from skyway.contracts.shortlist import CandidateLists, Candidates
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, DroneId, HoldId, ProviderId, StationId, SubjectId
@@ -42,6 +47,10 @@ class Registry(Protocol):
 
     async def candidates(self, query: CandidateQuery) -> Candidates:
         """The drones that could fly a request now, and why the other providers have none."""
+        ...
+
+    async def candidate_lists(self, asked: CandidateQueries) -> CandidateLists:
+        """The drones that could fly each of several requests, by one state of the fleets."""
         ...
 
     async def payload_limit(self, query: PayloadLimitQuery) -> PayloadLimit:
@@ -114,6 +123,12 @@ class RestRegistry:
         """The drones that could fly a request now, and why the other providers have none."""
         return await self._client.call(
             "POST", "/internal/candidates", body=query, answer=Candidates
+        )
+
+    async def candidate_lists(self, asked: CandidateQueries) -> CandidateLists:
+        """The drones that could fly each of several requests, by one state of the fleets."""
+        return await self._client.call(
+            "POST", "/internal/candidate-lists", body=asked, answer=CandidateLists
         )
 
     async def payload_limit(self, query: PayloadLimitQuery) -> PayloadLimit:

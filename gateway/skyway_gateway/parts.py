@@ -35,7 +35,7 @@ from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
 from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
-from skyway_gateway.lateness.forecast import LatenessForecast
+from skyway_gateway.lateness.lateness_forecast import LatenessForecast
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.notifications.delivery_events import EventListeners
 from skyway_gateway.notifications.post_webhook import Targets, WebhookPost

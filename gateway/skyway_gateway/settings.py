@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import AnyHttpUrl, Field, field_validator
 from pydantic_settings import NoDecode
 
+from skyway.contracts.candidate import MOST_QUERIES
 from skyway.runtime.settings import ServiceSettings
 
 
@@ -44,7 +45,7 @@ class GatewaySettings(ServiceSettings):
         "and of counties of the United States.",
     )
     bookings_at_once: int = Field(
-        default=8, ge=1, le=64, description="Deliveries that are booked at the same time."
+        default=8, ge=1, le=MOST_QUERIES, description="Deliveries that are booked at the same time."
     )
     booking_horizon_h: float = Field(
         default=24.0,

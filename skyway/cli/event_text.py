@@ -34,7 +34,9 @@ def _sentence(event_type: str, data: EventData) -> str:
         case "delivery.dispatched":
             return f"drone {data['drone_id']} has accepted the mission"
         case "delivery.loaded":
-            return f"loaded at {data['station_id']}: {', '.join(data['package_ids'])}"
+            price = _price(data.get("price"))
+            shared = f", a shared trip for {price}" if data.get("is_pooled") else ""
+            return f"loaded at {data['station_id']}: {', '.join(data['package_ids'])}{shared}"
         case "delivery.started":
             return "on its way"
         case "delivery.delayed":

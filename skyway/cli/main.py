@@ -22,6 +22,8 @@ _COMMANDS: Final = {
     "track": "skyway.cli.delivery:track_command",
     "drone": "skyway.cli.drones.drone:drone_command",
     "fleet": "skyway.cli.drones.fleet:fleet_command",
+    "battery": "skyway.cli.drones.upkeep:battery_app",
+    "maintenance": "skyway.cli.drones.upkeep:maintenance_app",
     "console": "skyway.cli.console:console_command",
     "alarms": "skyway.cli.alarms:alarms_command",
     "mission": "skyway.cli.mission:mission_app",

@@ -275,6 +275,7 @@ def _facts(network: Network) -> list[tuple[str, str]]:
         ("parking stations", str(len(columns.parking))),
         ("stations with opening hours", str(len(network.opening_hours))),
         ("stations with limited power", str(len(network.pad_powers.limited_w))),
+        ("stations with connectors", str(len(network.pad_connectors.of_station))),
         ("segments (directed)", str(len(network.segments))),
         ("zones", str(len(network.zones))),
     ]

@@ -53,6 +53,26 @@ PromiseOption = Annotated[
     ),
 ]
 
+PoolingOption = Annotated[
+    bool,
+    typer.Option(
+        "--pooling",
+        help="Share the trip with packages of other customers, at a lower price. A request with "
+        "windows flies alone.",
+    ),
+]
+
+PoolingWaitOption = Annotated[
+    float | None,
+    typer.Option(
+        "--pooling-wait-s",
+        min=0.0,
+        max=3600.0,
+        metavar="SECONDS",
+        help="With --pooling: begin so much later, so that others can join.",
+    ),
+]
+
 _WINDOWS = "Windows, in fleet time: 2026-03-02T14:00:00Z, or +2h30m from now"
 
 EarliestPickupOption = Annotated[
@@ -106,6 +126,8 @@ class RequestOptions:
     objective: str
     priority: str
     promise: str
+    pooling: bool
+    pooling_wait_s: float | None
     earliest_pickup: str | None
     latest_pickup: str | None
     not_before: Sequence[str]
@@ -123,13 +145,23 @@ class RequestOptions:
         pickup_texts = ([] if text is None else [text] for text in pickups)
         return dict(zip(_FIELDS, (*pickup_texts, self.not_before, self.latest), strict=True))
 
+    @property
+    def _pooling(self) -> dict[str, Any]:
+        """The members of `qos` that say whether the trip may be shared."""
+        if not self.pooling:
+            return {}
+        return {"pooling": True, "pooling_wait_s": self.pooling_wait_s or 0.0}
+
     def document(self, folder: DataFolder) -> dict[str, Any]:
         """The JSON of the delivery request; the command ends with a message at a wrong option.
 
         The gateway of the folder says what the fleet time is, if an option counts from now.
         """
+        if self.pooling_wait_s is not None and not self.pooling:
+            fail("--pooling-wait-s goes with --pooling")
         if self.file is not None:
             given = [option for option, texts in self._windows.items() if texts]
+            given += ["--pooling"] if self.pooling else []
             if self.pickup or self.packages or given:
                 options = ", ".join(given) or "a pickup station or --package"
                 fail(f"--file excludes {options}: write what you request into {self.file}")
@@ -143,6 +175,7 @@ class RequestOptions:
                 "objective": self.objective,
                 "priority": self.priority,
                 "promise": self.promise,
+                **self._pooling,
             },
         }
         read_moment = moment_reader(folder, key_name=CUSTOMER_KEY)

@@ -20,6 +20,9 @@ from skyway.json_model import WireModel
 MAX_CANDIDATES_PER_PROVIDER = 5
 MAX_CANDIDATES = 60
 
+#: One call asks about at most this many requests: the most that the gateway books at a time.
+MOST_QUERIES: Final = 64
+
 
 #: Who confirms what is loaded: the drone's own scale, or a loader of the provider.
 Loading = Literal["AUTOMATIC", "CONFIRMED"]
@@ -53,6 +56,15 @@ class CandidateQuery(WireModel):
         tuple[DroneId, ...],
         Field(description="Drones of a held offer: named if they are able, even if others rank."),
     ] = ()
+
+
+class CandidateQueries(WireModel):
+    """Questions about several requests; one state of the fleets answers all of them."""
+
+    queries: Annotated[
+        tuple[CandidateQuery, ...],
+        Field(min_length=1, max_length=MOST_QUERIES, description="One question for each request."),
+    ]
 
 
 class Candidate(WireModel):

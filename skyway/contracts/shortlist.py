@@ -247,3 +247,11 @@ class Candidates(WireModel):
         tuple[ProviderId, ...],
         Field(description="Whether busy or silent drones may be free later."),
     ] = ()
+
+
+class CandidateLists(WireModel):
+    """The registry's answer about several requests, from one state of the fleets."""
+
+    answers: Annotated[
+        tuple[Candidates, ...], Field(description="One answer for each question, in their order.")
+    ]

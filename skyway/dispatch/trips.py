@@ -4,8 +4,9 @@ Only this file of the dispatcher calls the planner.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import timedelta
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,12 +14,39 @@ from skyway.delivery.plan import Deliver, PickUp, Plan, Recharge, Step
 from skyway.dispatch.pads import FleetPads, HeldPad, Reserved
 from skyway.dispatch.planned_trip import NotPlanned, PlannedTrip, Pool
 from skyway.dispatch.problem import FleetProblem
+from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
 from skyway.planner import PadLedger, Trips, TripTerms, compose, compose_many
-from skyway.planner.pad_book import booked_until_ms
+from skyway.planner.pad_book import PadBook, booked_until_ms
 from skyway.planner.problem import DroneAtStart, Problem
 from skyway.planner.problem_parts import PackageToDeliver
 from skyway.scheduling.stays import Slot
+
+
+class _Ledgers(NamedTuple):
+    """The ledgers of the models that fit the same pads: without held pads, and with them."""
+
+    kinds: Sequence[int]
+    free: PadLedger
+    held: PadLedger
+
+
+def _ledgers(
+    problem: FleetProblem, models: Sequence[DroneModel], book: PadBook
+) -> Iterator[_Ledgers]:
+    """The ledgers of the models, which are counted from 0."""
+    fitting = [id(problem.network.fitting(model.connector)) for model in models]
+    for network in dict.fromkeys(fitting):
+        kinds = [kind for kind, each in enumerate(fitting) if each == network]
+        terms = TripTerms.of(
+            problem.network,
+            [models[kind] for kind in kinds],
+            start_at=problem.start_at,
+            closures=problem.closures,
+            loading_s=problem.loading_s,
+            dropoff_s=problem.dropoff_s,
+        )
+        yield _Ledgers(kinds, PadLedger(terms), PadLedger(terms, book))
 
 
 class TripPlanner:
@@ -35,17 +63,14 @@ class TripPlanner:
         self.models = [*dict.fromkeys(each.model for each in problem.drones)]
         self.model_of = [self.models.index(each.model) for each in problem.drones]
         self.given = FleetPads(problem)
-        terms = TripTerms.of(
-            problem.network,
-            self.models,
-            start_at=problem.start_at,
-            closures=problem.closures,
-            loading_s=problem.loading_s,
-            dropoff_s=problem.dropoff_s,
-        )
-        self._free = PadLedger(terms)
         book = self.given.book()
-        self._ledger, self._reserved = PadLedger(terms, book), Reserved(book)
+        self._reserved = Reserved(book)
+        self._ledgers = [*_ledgers(problem, self.models, book)]
+        #: The ledgers of each model, and its number among the models of their terms.
+        self._ledgers_of = [
+            next((each, each.kinds.index(kind)) for each in self._ledgers if kind in each.kinds)
+            for kind in range(len(self.models))
+        ]
         self._cached: dict[tuple[int, StationId, float, Pool], PlannedTrip | None] = {}
         network = problem.network
         self._is_timeless = not (
@@ -57,7 +82,9 @@ class TripPlanner:
 
     def begin(self) -> None:
         """Release all pads that trips hold."""
-        self._ledger.release(np.array(self._reserved.parts, np.int64).reshape(-1, 4))
+        parts = np.array(self._reserved.parts, np.int64).reshape(-1, 4)
+        for each in self._ledgers:
+            each.held.release(parts)
         self._reserved.clear()
 
     def plan(
@@ -75,15 +102,19 @@ class TripPlanner:
             fitted = pads.fitted(undisturbed.pads_at(slot))
             if fitted is not None:
                 return undisturbed.moved(slot, fitted)
-        for each in new:
-            self._ledger.reserve(self._reserved.new_parts(pads.widened(each)))
+        for session in new:
+            parts = self._reserved.new_parts(pads.widened(session))
+            for each in self._ledgers:
+                each.held.reserve(parts)
         new.clear()
-        return self._planned(pool, drone, slot, self._ledger)
+        ledgers, _ = self._ledgers_of[self.model_of[drone]]
+        return self._planned(pool, drone, slot, ledgers.held)
 
     def _undisturbed(self, pool: Pool, drone: int, slot: Slot) -> PlannedTrip | None:
         key = (self.model_of[drone], slot.station_id, slot.soc, pool)
         if key not in self._cached:
-            self._cached[key] = self._planned(pool, drone, slot, self._free)
+            ledgers, _ = self._ledgers_of[self.model_of[drone]]
+            self._cached[key] = self._planned(pool, drone, slot, ledgers.free)
         return self._cached[key]
 
     def _planned(self, pool: Pool, drone: int, slot: Slot, ledger: PadLedger) -> PlannedTrip | None:
@@ -121,7 +152,7 @@ class TripPlanner:
             start_row=row_of[slot.station_id],
             start_s=slot.at_ms / 1000,
             soc=slot.soc,
-            model=self.model_of[drone],
+            model=self._ledgers_of[self.model_of[drone]][1],
             source_row=row_of[requests[0].source],
             pickup_not_before_s=-math.inf if earliest_s is None else earliest_s,
             pickup_latest_s=math.inf if latest_s is None else latest_s,

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import FailFast, Field, ValidationInfo, field_validator
 
-from skyway.ids import DroneModelId
+from skyway.ids import ConnectorId, DroneModelId
 from skyway.json_model import JsonModel
 
 
@@ -100,6 +100,14 @@ class DroneModel(JsonModel):
             exclude_if=lambda value: value is None,
             description="The strongest wind or gust in which it flies, in metres per second; "
             "without it any wind in which it moves forward.",
+        ),
+    ] = None
+    connector: Annotated[
+        ConnectorId | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="The connector with which it charges: it cannot charge on pads that have "
+            "only others. Without it the drone fits every pad.",
         ),
     ] = None
     # The least number is checked below: pydantic would count only points that are valid.

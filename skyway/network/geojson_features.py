@@ -9,6 +9,7 @@ from skyway.ids import StationId, ZoneId
 from skyway.network import fields
 from skyway.network.network import DEFAULT_PADS, MAX_PADS, Segment, Station, Zone
 from skyway.network.opening_hours import HOURS, read_opening_hours
+from skyway.network.pad_connectors import PAD_CONNECTORS, read_pad_connectors
 from skyway.network.pad_power import has_power, read_pad_power
 
 #: Longest segment that a document may hold, metres: half the Earth's circumference, rounded up.
@@ -78,6 +79,8 @@ def read_station(feature: Feature) -> Station:
         read_opening_hours(feature.properties[HOURS], feature.property_path(HOURS))
     if has_power(feature.properties):
         read_pad_power(feature.properties, f"{feature.path}.properties", pads=pads)
+    if PAD_CONNECTORS in feature.properties:
+        read_pad_connectors(feature.properties, f"{feature.path}.properties", pads=pads)
     return Station(
         station_id=StationId(feature.property_identifier("station_id")),
         position=fields.position(feature.coordinates, f"{feature.path}.geometry.coordinates"),

@@ -10,9 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from skyway.bounds import Moment
 from skyway.geo import Position
-from skyway.ids import StationId, ZoneId
+from skyway.ids import ConnectorId, StationId, ZoneId
 from skyway.network.geojson_features import MAX_SEGMENT_LENGTH_M
 from skyway.network.network import DEFAULT_PADS, MAX_PADS
+from skyway.network.pad_connectors import MOST_OF_PAD
 from skyway.network.pad_power import MAX_POWER_W, MIN_POWER_W
 
 Weekday = Literal["mon", "tue", "wed", "thu", "fri", "sat", "sun"]
@@ -89,6 +90,17 @@ class StationProperties(_Open):
             description="The most power of all pads together in watts. Plans count on an equal "
             "share for each pad. No limit if missing.",
             examples=[1500.0],
+        ),
+    ] = None
+
+    pad_connectors: Annotated[
+        tuple[ConnectorId, ...] | None,
+        Field(
+            min_length=1,
+            max_length=MOST_OF_PAD,
+            description="The connectors that each pad has. A drone whose model has another "
+            "connector cannot charge here. If missing, the pads fit every drone.",
+            examples=[["blade-6"]],
         ),
     ] = None
 

@@ -1,15 +1,18 @@
 """Stations, segments, zones, and the network that they form."""
 
+import copy
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from skyway.errors import InvalidNetwork
-from skyway.ids import StationId
+from skyway.ids import ConnectorId, StationId
 from skyway.network.columns import Adjacency, Columns, Rows, refuse_contradictions
 from skyway.network.opening_hours import HOURS, OpeningHours, read_opening_hours
+from skyway.network.pad_connectors import PadConnectors
 from skyway.network.pad_power import PadPowers
 from skyway.network.parts import DEFAULT_PADS, MAX_PADS, Segment, Station, Zone
 from skyway.network.views import SegmentView, StationView
@@ -27,7 +30,8 @@ class Network:
     ------
     InvalidNetwork
         A segment names a station that is not there, starts where it ends, or repeats another;
-        a parking station has no pad; opening hours or powers are wrong; or two zones share an id.
+        a parking station has no pad; opening hours, powers or connectors are wrong; or two zones
+        share an id.
     """
 
     def __init__(
@@ -66,6 +70,8 @@ class Network:
             if HOURS in each
         }
         self._pad_powers = PadPowers.of(columns)
+        self._pad_connectors = PadConnectors.of(columns)
+        self._fitting: dict[ConnectorId | None, Network] = {}
         if len({zone.zone_id for zone in self._zones}) < len(self._zones):
             raise InvalidNetwork("zones", "two zones share an id")
         refuse_contradictions(columns, self._row_of)
@@ -104,6 +110,38 @@ class Network:
     def pad_powers(self) -> PadPowers:
         """The power that the pads of each station give."""
         return self._pad_powers
+
+    @property
+    def pad_connectors(self) -> PadConnectors:
+        """The connectors of the pads of each station."""
+        return self._pad_connectors
+
+    def fitting(self, connector: ConnectorId | None) -> "Network":
+        """The network as a drone with this connector sees it: without pads that do not fit it.
+
+        Rows are the same. A drone without a connector fits every pad, and sees this network.
+        """
+        if connector is None:
+            return self
+        # Drones with connectors that no pad has see the same network, so few are kept.
+        key = connector if connector in self._pad_connectors.named else None
+        seen = self._fitting.get(key)
+        return seen or self._fitting.setdefault(key, self._seen_with(connector))
+
+    def _seen_with(self, connector: ConnectorId) -> "Network":
+        unfit = [self._row_of[each] for each in self._pad_connectors.unfit(connector)]
+        if not unfit:
+            return self
+        # Computed before the copy, so that both share them.
+        _ = self.outgoing, self.incoming
+        pads = self._columns.pads.copy()
+        pads[unfit] = 0
+        seen = copy.copy(self)
+        seen._columns = replace(
+            self._columns, pads=pads, parking=self._columns.parking.difference(unfit)
+        )
+        seen._stations = StationView(seen._columns, self._row_of)
+        return seen
 
     @property
     def settings(self) -> Mapping[str, Any]:

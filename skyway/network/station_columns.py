@@ -13,6 +13,7 @@ from skyway.network.column_fields import Doubtful
 from skyway.network.columns import Floats, Rows, parking_without_pads
 from skyway.network.geojson_features import STATION_PROPERTIES
 from skyway.network.opening_hours import HOURS, read_opening_hours
+from skyway.network.pad_connectors import PAD_CONNECTORS, read_pad_connectors
 from skyway.network.pad_power import has_power, read_pad_power
 from skyway.network.parts import DEFAULT_PADS, MAX_PADS
 
@@ -87,11 +88,13 @@ class StationColumns:
 
 
 def _check_kept(properties: Mapping[str, Any], *, pads: int) -> None:
-    """Doubt opening hours and powers with a fault; the network keeps both among the properties."""
+    """Doubt opening hours, powers and connectors with a fault; they stay among the properties."""
     try:
         if HOURS in properties:
             read_opening_hours(properties[HOURS], HOURS)
         if has_power(properties):
             read_pad_power(properties, "properties", pads=pads)
+        if PAD_CONNECTORS in properties:
+            read_pad_connectors(properties, "properties", pads=pads)
     except InvalidNetwork as error:
         raise Doubtful from error

@@ -73,7 +73,8 @@ class ExactSearch:
         least_energy_factor = 1.0
         if weather is not None:
             until_s = min(until_s, latest_s(situation))
-            self._skyway = handle_of(rows_in_weather(weather, until_s=until_s))
+            rows = rows_in_weather(weather, until_s=until_s)
+            self._skyway = handle_of(rows._replace(pads=situation.network.columns.pads))
             least_energy_factor = weather.least_energy_factor(until_s=until_s)
         elif hierarchy is None:
             self._skyway = handle_of(rows_of(situation.network))

@@ -5,12 +5,13 @@ network on which many problems are solved. Without it the planner grows its tree
 request reaches, which is as good for local requests.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 
+from skyway.ids import ConnectorId
 from skyway.network.network import Network
 from skyway.planner.kernels.dissection import dissected
 from skyway.planner.kernels.handles import handle_of
@@ -74,6 +75,7 @@ class Hierarchy:
     above: Longs
     up_length: Floats
     down_length: Floats
+    _fitting: dict[int, Self] = field(default_factory=dict, init=False)
 
     @classmethod
     def of(cls, network: Network) -> Self:
@@ -84,6 +86,14 @@ class Hierarchy:
         rank = dissected(skyway, columns.longitude_deg * stretch, columns.latitude_deg)
         offsets, above = shortcuts(skyway, rank)
         return cls(network, rank, offsets, above, *shortcut_lengths(skyway, rank, offsets, above))
+
+    def fitting(self, connector: ConnectorId | None) -> Self:
+        """The hierarchy of the network as a drone with this connector sees it."""
+        network = self.network.fitting(connector)
+        if network is self.network:
+            return self
+        # The network keeps what it has returned, so no other has this id.
+        return self._fitting.setdefault(id(network), replace(self, network=network))
 
     @cached_property
     def skyway(self) -> Skyway:

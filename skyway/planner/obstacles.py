@@ -15,8 +15,10 @@ from typing import NamedTuple
 
 from skyway.delivery.plan import Fly, Step
 from skyway.drone.flight import flight_energy_j
+from skyway.drone.model import DroneModel
 from skyway.ids import StationId
-from skyway.network.network import Zone
+from skyway.network.network import Station, Zone
+from skyway.network.pad_connectors import PAD_CONNECTORS
 from skyway.network.zones import contains, crosses
 from skyway.planner.kernels.memory import Longs
 from skyway.planner.problem import Problem
@@ -206,7 +208,7 @@ def is_pad_within_reach(problem: Problem, start: StationId, *, energy_j: float) 
     reached_m = {start: 0.0}
     frontier = {start}
     while frontier:
-        if any(network.stations[here].pads > 0 for here in frontier):
+        if any(_has_pad_for(model, network.stations[here]) for here in frontier):
             return reach_m >= 0
         following: set[StationId] = set()
         for here in frontier:
@@ -217,6 +219,16 @@ def is_pad_within_reach(problem: Problem, start: StationId, *, energy_j: float) 
                     following.add(segment.to_id)
         frontier = following
     return False
+
+
+def does_fit(model: DroneModel, station: Station) -> bool:
+    """Whether the pads of this station fit the drone; read from the document's own property."""
+    listed = station.properties.get(PAD_CONNECTORS)
+    return listed is None or model.connector is None or model.connector in listed
+
+
+def _has_pad_for(model: DroneModel, station: Station) -> bool:
+    return station.pads > 0 and does_fit(model, station)
 
 
 def _active_s(problem: Problem, zone: Zone) -> _Interval:

@@ -10,11 +10,13 @@ from skyway.drone.charging import fastest_s_per_soc, model_on_pad, soc_after_rec
 from skyway.drone.flight import flight_power_w, speed_mps
 from skyway.errors import InvalidStateOfCharge
 from skyway.ids import PackageId, StationId
+from skyway.network.pad_connectors import PAD_CONNECTORS
 from skyway.planner.obstacles import (
     STILL,
     FlightInAir,
     MovingAir,
     OpenSky,
+    does_fit,
     is_pad_within_reach,
 )
 from skyway.planner.plan_columns import lengths_flown, pad_clashes
@@ -255,6 +257,10 @@ class Replay:
         if row is None or not 0 <= step.pad < network.columns.pads.item(row):
             self._note("pad", f"station {step.station_id!r} has no pad {step.pad}")
             return
+        station = network.stations[step.station_id]
+        if not does_fit(self._model, station):
+            have = ", ".join(station.properties[PAD_CONNECTORS])
+            self._note("connector", f"{self._model.connector} does not fit pads with {have}")
         clash = self._clashes.get(self._number)
         if clash is not None:
             self._note("pad", f"{step.pad} is reserved from {clash[0]} ms to {clash[1]} ms")

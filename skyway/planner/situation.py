@@ -41,7 +41,7 @@ class Situation:
     _finish_j: dict[StationId, float] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.pads = PadCalendar(self.problem.network, self.books)
+        self.pads = PadCalendar(self.network, self.books)
         named = dict.fromkeys(package.destination for package in self.problem.packages)
         self.destinations = tuple(
             station_id for station_id in named if station_id != self.problem.source
@@ -64,12 +64,14 @@ class Situation:
         if problem.weather is not None:
             # The distances of a hierarchy hold in still air alone.
             hierarchy = None
+        if hierarchy is not None:
+            hierarchy = hierarchy.fitting(problem.drone.model.connector)
         return cls(problem, closures, (given, booked), hierarchy, Windows.of(problem))
 
     @property
     def network(self) -> Network:
-        """The network, whole."""
-        return self.problem.network
+        """The network, whole, without pads that do not fit the drone."""
+        return self.problem.network.fitting(self.model.connector)
 
     @property
     def model(self) -> DroneModel:

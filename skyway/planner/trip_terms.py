@@ -60,13 +60,17 @@ class TripTerms:
         Raises
         ------
         InvalidProblem
-            The terms contradict one another, or there is no drone model.
+            The terms contradict one another, there is no drone model, or different pads fit the
+            models.
         """
         if not models:
             raise InvalidProblem("models", "0 drone models, at least 1 is needed")
         anywhere = next(iter(network.row_of), None)
         if anywhere is None:
             raise InvalidProblem("network.features", "0 stations, at least 1 is needed")
+        if len({id(network.fitting(model.connector)) for model in models}) > 1:
+            detail = "different pads fit them; plan drones of each connector by terms of their own"
+            raise InvalidProblem("models", detail)
         nothing = PackageToDeliver(package_id=PackageId("none"), mass_kg=0.0, destination=anywhere)
         pattern = Problem(
             network=network,
@@ -89,8 +93,8 @@ class TripTerms:
 
     @property
     def network(self) -> Network:
-        """The network of all trips."""
-        return self.pattern.network
+        """The network of all trips, without pads that do not fit their drones."""
+        return self.pattern.network.fitting(self.models[0].connector)
 
     @cached_property
     def skyway(self) -> Skyway:

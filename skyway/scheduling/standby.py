@@ -105,6 +105,7 @@ def search_standby(
 
     `drone` is the drone at the end of its plan, which is at `start`.
     """
+    network = network.fitting(drone.model.connector)
     charged: list[Trip] = []
     for end in choice.to_compare(network, start):
         trip = yield end
@@ -195,11 +196,12 @@ def _recharge_at_end(problem: Problem, home_plan: Plan, booked: PadBook) -> Rech
     soc = soc_after(home_plan, problem.drone.soc)
     if _is_top(model, soc):
         return None
-    power_w = problem.network.pad_powers.limited_w.get(station_id)
+    network = problem.network.fitting(model.connector)
+    power_w = network.pad_powers.limited_w.get(station_id)
     duration_s = recharge_time_s(model_on_pad(model, power_w), soc, model.top_soc)
     arrived_s = home_plan.delivery_time_s or 0.0
     own = PadBook.of(problem.network, problem.pad_reservations)
-    session = PadCalendar(problem.network, [own, booked]).earliest_session(
+    session = PadCalendar(network, [own, booked]).earliest_session(
         station_id, not_before_s=arrived_s, duration_s=duration_s
     )
     if session is None:

@@ -10,6 +10,7 @@ import httpx
 
 from skyway.contracts.candidate import (
     Candidate,
+    CandidateQueries,
     CandidateQuery,
     PayloadLimit,
     PayloadLimitQuery,
@@ -23,7 +24,7 @@ from skyway.contracts.mission import (
     CancelMissions,
 )
 from skyway.contracts.quote import KeepOffer, QuoteQuery
-from skyway.contracts.shortlist import Candidates, Shortlist
+from skyway.contracts.shortlist import CandidateLists, Candidates, Shortlist
 from skyway.contracts.station_check import StationCheckQuery
 from skyway.delivery.offer import Tariff
 from skyway.drone.models import PAPER_SCENARIO
@@ -74,6 +75,7 @@ class FakeRegistry:
     )
     is_away: bool = False
     queries: list[CandidateQuery] = field(default_factory=list)
+    lists: list[CandidateQueries] = field(default_factory=list)
     accounts: dict[str, str] = field(default_factory=dict)
     drone_keys: dict[str, str] = field(default_factory=dict)
     cells: list[NetworkCell] = field(default_factory=list)
@@ -84,8 +86,18 @@ class FakeRegistry:
     async def candidates(self, query: CandidateQuery) -> Candidates:
         self._answer()
         self.queries.append(query)
-        free = [c for c in self.candidates_now if c.drone_id not in query.excluded_drone_ids]
+        free = [
+            each
+            for each in self.candidates_now
+            if each.drone_id not in query.excluded_drone_ids
+            and query.providers.pinned in (None, each.provider_id)
+        ]
         return Candidates(shortlist=Shortlist.of(free), infeasible=tuple(self.infeasible))
+
+    async def candidate_lists(self, asked: CandidateQueries) -> CandidateLists:
+        self.lists.append(asked)
+        answers = [await self.candidates(query) for query in asked.queries]
+        return CandidateLists(answers=tuple(answers))
 
     async def payload_limit(self, query: PayloadLimitQuery) -> PayloadLimit:
         self._answer()
@@ -175,6 +187,10 @@ class Peers:
             (
                 "registry POST /internal/candidates()",
                 lambda request, _: registry.candidates(CandidateQuery.read(request.content)),
+            ),
+            (
+                "registry POST /internal/candidate-lists()",
+                lambda request, _: registry.candidate_lists(CandidateQueries.read(request.content)),
             ),
             (
                 "registry POST /internal/payload-limit()",

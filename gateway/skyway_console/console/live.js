@@ -87,6 +87,10 @@ function showChange(patch) {
   });
 }
 
+// The missions that fly with this mission, as guests; customers see only their own missions.
+export const guestsOf = (missionId) =>
+  Object.values(picture.missions.value).filter(({flown_as: host}) => host === missionId);
+
 export const openAlarms = computed(() =>
   Object.entries(picture.alarms.value)
     .map(([alarm_id, alarm]) => ({alarm_id, ...alarm}))

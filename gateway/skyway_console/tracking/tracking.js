@@ -76,7 +76,8 @@ function detail(next) {
   const [from, until] = [clockTime(next.eta_at), clockTime(next.eta_until_at)];
   const minutes = Math.max(0, Math.round(secondsTo(next.eta_at) / 60));
   const range = from === until ? "" : `Between ${from} and ${until}. `;
-  return `${range}${minutes} min to ${nameOf(next.station_id)}.`;
+  const shared = state.is_shared ? " The drone carries packages of others too." : "";
+  return `${range}${minutes} min to ${nameOf(next.station_id)}.${shared}`;
 }
 
 function showStages() {

@@ -90,6 +90,9 @@ class TrackedDelivery(JsonModel):
     is_delayed: bool
     is_replanning: bool
     is_waiting: bool
+    is_shared: Annotated[
+        bool, Field(description="whether the drone carries packages of other deliveries too")
+    ]
     now: FleetMoment
     rate: Annotated[float, Field(description="fleet seconds per second of wall time")]
     packages: tuple[TrackedPackage, ...]
@@ -114,6 +117,7 @@ def tracked(delivery: Delivery, track: Track, *, now: datetime, rate: float) -> 
         is_delayed=delivery.flags.delayed,
         is_replanning=delivery.flags.replanning,
         is_waiting=delivery.is_queued,
+        is_shared=any(mission.is_pooled for mission in delivery.missions),
         now=now,
         rate=rate,
         packages=tuple(

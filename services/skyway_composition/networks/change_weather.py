@@ -28,7 +28,7 @@ from skyway_composition.closures.weather_store import (
     replace_forecast,
 )
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.networks.store import lock_version
+from skyway_composition.networks.store import current_version, lock_version
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,12 +100,15 @@ class WeatherChanges:
         Raises
         ------
         NotFound
-            The network has none.
+            There is no such network, or it has no forecast.
         """
         async with self.db.read() as connection:
             row = await forecast_row(connection, network_id)
+            if row is None and await current_version(connection, network_id) is None:
+                raise NotFound("network", network_id)
         if row is None:
-            raise NotFound("weather of network", network_id)
+            advice = "its plans assume still air"
+            raise NotFound("forecast for network", network_id, advice=advice)
         stored = await asyncio.to_thread(StoredForecast.read, row)
         return stored.in_force(now_ms=self._now_ms)
 

@@ -3,11 +3,13 @@
 Composition also asks how many drones a network has.
 """
 
+from collections.abc import Sequence
 from typing import Annotated
 
 from fastapi import Depends, Response
 
 from skyway.contracts.candidate import (
+    CandidateQueries,
     CandidateQuery,
     PayloadLimit,
     PayloadLimitQuery,
@@ -19,7 +21,7 @@ from skyway.contracts.drones import (
     OutOfServiceAnswer,
     OutOfServiceQuery,
 )
-from skyway.contracts.shortlist import Candidates
+from skyway.contracts.shortlist import CandidateLists, Candidates
 from skyway.ids import NetworkId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.app import internal_body
@@ -37,6 +39,14 @@ def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -
     """Candidates, the payload limit, and the drones of a network, under /internal."""
     router = ServiceRouter(tags=("internal",))
 
+    async def select_now(queries: Sequence[CandidateQuery]) -> tuple[Candidates, ...]:
+        """An answer to each question; nothing is awaited between them, so the fleets stay alike."""
+        fleet = await view.refreshed()
+        wall_now_ms, now_ms = moment_to_ms(clock.wall_now()), moment_to_ms(clock.now())
+        return tuple(
+            select(query, fleet, wall_now_ms=wall_now_ms, now_ms=now_ms) for query in queries
+        )
+
     @router.post("/internal/candidates", response_model=Candidates)
     async def find_candidates(
         caller: Annotated[Caller, Depends(gate)],
@@ -44,14 +54,18 @@ def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -
     ) -> Response:
         """The drones that could fly a request now, and why the other providers have none."""
         caller.must_be_service("gateway")
-        fleet = await view.refreshed()
-        found = select(
-            query,
-            fleet,
-            wall_now_ms=moment_to_ms(clock.wall_now()),
-            now_ms=moment_to_ms(clock.now()),
-        )
+        [found] = await select_now([query])
         # Serialized here: the answer is valid, and FastAPI would validate each model again.
+        return Response(found.model_dump_json(), media_type="application/json")
+
+    @router.post("/internal/candidate-lists", response_model=CandidateLists)
+    async def find_candidate_lists(
+        caller: Annotated[Caller, Depends(gate)],
+        asked: Annotated[CandidateQueries, Depends(internal_body(CandidateQueries))],
+    ) -> Response:
+        """The drones that could fly each of several requests now, by one state of the fleets."""
+        caller.must_be_service("gateway")
+        found = CandidateLists.model_construct(answers=await select_now(asked.queries))
         return Response(found.model_dump_json(), media_type="application/json")
 
     @router.post("/internal/payload-limit")

@@ -152,7 +152,7 @@ async def remove_from(tx: Tx, drone: FleetDrone, *, at: datetime) -> None:
     """
     refuse_on_mission(drone)
     if not await free(tx, drone.drone_id, at=at):
-        raise NotFound("battery of drone", drone.drone_id)
+        raise NotFound("battery in drone", drone.drone_id)
     await _note_change(tx, drone.drone_id, at=at)
 
 

@@ -65,7 +65,7 @@ def maintenance_of(row: AnyRow) -> DroneMaintenance:
     return DroneMaintenance.of(
         _wear_of(row),
         maintained_at=_moment(row.maintained_ms),
-        due_at=_moment(row.maintenance_due_ms),
+        due_since_at=_moment(row.maintenance_due_ms),
     )
 
 

@@ -102,7 +102,7 @@ class DroneMaintenance(JsonModel):
         Moment | None,
         Field(description="when its last maintenance was recorded, fleet time; null: never"),
     ]
-    due_at: Annotated[
+    due_since_at: Annotated[
         Moment | None,
         Field(
             description="since when it is due by its provider's rule, fleet time; null: it is not. "
@@ -112,19 +112,19 @@ class DroneMaintenance(JsonModel):
 
     @classmethod
     def of(
-        cls, wear: Wear, *, maintained_at: datetime | None, due_at: datetime | None
+        cls, wear: Wear, *, maintained_at: datetime | None, due_since_at: datetime | None
     ) -> "DroneMaintenance":
         """The counters as they are shown."""
         return cls(
             flight_hours=round(wear.flown_s / _HOUR_S, 2),
             cycles=round(wear.used_soc, 2),
             maintained_at=maintained_at,
-            due_at=due_at,
+            due_since_at=due_since_at,
         )
 
 
 #: The counters of a new drone.
-NEVER_FLOWN: Final = DroneMaintenance.of(Wear(), maintained_at=None, due_at=None)
+NEVER_FLOWN: Final = DroneMaintenance.of(Wear(), maintained_at=None, due_since_at=None)
 
 
 def maintenance_alarm(

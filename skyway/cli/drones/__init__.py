@@ -1,1 +1,4 @@
-"""`skyway drone` and `skyway fleet`: both start the drone agent with options of their own."""
+"""Commands for drones: `skyway drone` and `skyway fleet` start the drone agent.
+
+`upkeep` has the commands for batteries and maintenance.
+"""

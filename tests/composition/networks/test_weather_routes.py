@@ -216,6 +216,16 @@ async def test_only_operators_change_the_weather(composition: Any) -> None:
 
 
 @_one
+async def test_an_unknown_network_is_not_one_without_a_forecast(composition: Any) -> None:
+    calm = await composition("customer:c", "GET", PATH)
+    unknown = await composition("customer:c", "GET", "/v1/networks/nowhere/weather")
+
+    assert (calm.status_code, unknown.status_code) == (404, 404)
+    assert calm.json()["detail"] == "no forecast for network 'row': its plans assume still air"
+    assert unknown.json()["detail"] == "no network 'nowhere'"
+
+
+@_one
 async def test_wind_above_a_models_limit_closes_segments_to_its_drones(
     composition: Any, make: Any
 ) -> None:

@@ -1,5 +1,7 @@
 """How people find things, and what the console asks and says before and after they act."""
 
+from typing import Any
+
 import pytest
 from playwright.sync_api import expect
 
@@ -62,6 +64,21 @@ def two_stations(stage: StagedPage) -> StagedPage:
     networks = {"items": [{"network_id": "n"}], "next_cursor": None}
     stage.answers |= {"/v1/networks": networks, "/v1/networks/n": TWO_STATIONS}
     return stage
+
+
+def test_a_customer_asks_for_a_shared_trip(two_stations: StagedPage) -> None:
+    two_stations.answers["/v1/sessions/current"] = {"subject_id": "books", "role": "customer"}
+    page = two_stations.open("/console#/new").page
+    page.get_by_role("combobox", name="Pickup").select_option("a")
+    page.get_by_role("combobox", name="To", exact=True).select_option("b")
+    page.get_by_label("Share the trip").check()
+    page.get_by_label("Wait for others, minutes").fill("15")
+    with page.expect_request(lambda request: request.url.endswith("/v1/quotes")) as asked:
+        page.get_by_role("button", name="Ask for offers").click()
+
+    qos = {"objective": "fastest", "pooling": True, "pooling_wait_s": 900}
+    body: Any = asked.value.post_data_json
+    assert body["qos"] == qos
 
 
 def test_a_segment_is_closed_for_some_hours(two_stations: StagedPage) -> None:

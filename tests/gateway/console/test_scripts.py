@@ -98,6 +98,67 @@ def test_a_page_that_slept_follows_the_picture_anew(stage: StagedPage) -> None:
     assert stage.streams(LIVE) == 2
 
 
+def test_a_drone_on_a_mission_is_shown_before_a_network_is_known(stage: StagedPage) -> None:
+    mission = {"delivery_id": "dlv_1", "drone_id": "drn_1", "state": "ACTIVE", "steps": {}}
+    drone = {"position": [0, 0], "state": "ON_MISSION", "mission_id": "msn_1"}
+    panel = stage.open("/console#/map/drone/drn_1").page.get_by_role("region", name="Drone")
+
+    stage.send(LIVE, "snapshot", {"drones": {"drn_1": drone}, "missions": {"msn_1": mission}})
+
+    expect(panel.get_by_role("group", name="Commands to the mission")).to_be_visible()
+
+
+def test_a_drone_shows_all_deliveries_of_a_shared_trip(stage: StagedPage) -> None:
+    def mission(delivery_id: str, place: str, **members: Any) -> dict[str, Any]:
+        times = {"start_at": "2026-03-01T12:04:00Z", "end_at": "2026-03-01T12:05:00Z"}
+        step = {"kind": "DELIVER", "status": "PLANNED", "station_id": place, **times}
+        shown = {"delivery_id": delivery_id, "drone_id": "drn_1", "state": "ACTIVE"}
+        return shown | {"packages": {}, "steps": {"1": step}} | members
+
+    picture = {
+        "drones": {"drn_1": {"position": [0, 0], "state": "ON_MISSION", "mission_id": "msn_1"}},
+        "missions": {
+            "msn_1": mission("dlv_1", "hill"),
+            "msn_2": mission("dlv_2", "vale", flown_as="msn_1"),
+            "msn_3": mission("dlv_3", "moor"),
+        },
+    }
+    panel = stage.open("/console#/map/drone/drn_1").page.get_by_role("region", name="Drone")
+    stage.send(LIVE, "snapshot", picture)
+
+    expect(panel).to_contain_text("A shared trip with packages of 2 deliveries.")
+    expect(panel).to_contain_text("Deliver at Hill")
+    expect(panel).to_contain_text("Deliver at Vale")
+    expect(panel).not_to_contain_text("Moor")
+
+    known = [{"mission_id": "msn_2", "drone_id": "drn_1", "is_pooled": False}]
+    stage.answers["/v1/deliveries/dlv_2"] = delivery("dlv_2", missions=known)
+    stage.page.evaluate("location.hash = '#/deliveries/dlv_2'")
+    expect(stage.page.get_by_text("It is a guest of mission msn_1.")).to_be_visible()
+
+
+@pytest.mark.parametrize(
+    ("state", "is_pooled", "shown"),
+    [
+        ("PLANNED", False, "possible until the drone is loaded"),
+        ("IN_PROGRESS", True, "yes, at the lower price"),
+        ("COMPLETED", False, "no"),
+    ],
+)
+def test_a_delivery_says_whether_its_trip_is_shared(
+    stage: StagedPage, state: str, is_pooled: bool, shown: str
+) -> None:
+    mission = {"mission_id": "msn_1", "drone_id": None, "is_pooled": is_pooled}
+    request = {"pickup": {"station_id": "a"}, "qos": {"pooling": True}}
+    stage.answers["/v1/deliveries/dlv_1"] = delivery(
+        "dlv_1", state=state, request=request, missions=[mission]
+    )
+
+    page = stage.open("/console#/deliveries/dlv_1").page
+
+    expect(page.locator("dt:text-is('Shared trip') + dd")).to_have_text(shown)
+
+
 def test_events_of_a_delivery_go_on_after_a_refusal_without_repetition(stage: StagedPage) -> None:
     stage.answers["/v1/deliveries/dlv_1"] = delivery("dlv_1")
     events = "/v1/deliveries/dlv_1/events"

@@ -62,8 +62,10 @@ async def test_the_price_falls_when_the_drone_has_loaded_for_others_too(
     gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
-    delivery_id = str(await gateway.accepted())
+    requested = (await gateway.post(make_request())).json()
+    delivery_id, page = requested["delivery_id"], requested["tracking_url"]
     await gateway.book_next()
+    alone = (await gateway.http.get(f"{page}/state")).json()
     before = (await gateway.get(delivery_id))["price"]
     mission = gateway.composition.booked[delivery_id, 1]
     pooled = Price(amount=before["amount"] // 2, currency=before["currency"])
@@ -79,6 +81,8 @@ async def test_the_price_falls_when_the_drone_has_loaded_for_others_too(
         each for each in await gateway.events(delivery_id) if each["type"] == "delivery.loaded"
     )
     assert (event["data"]["is_pooled"], event["data"]["price"]) == (True, pooled.model_dump())
+    shared = (await gateway.http.get(f"{page}/state")).json()
+    assert (alone["is_shared"], shared["is_shared"]) == (False, True)
     assert await broken_rules(gateway.parts.db, RULES, wall_at=gateway.clock.wall_now()) == []
 
 

@@ -7,7 +7,7 @@ import pytest
 from skyway_gateway.quotes.check_request import CachedPayloadLimits
 
 from skyway.contracts.candidate import PayloadLimit, PayloadLimitQuery
-from skyway.contracts.shortlist import Candidates
+from skyway.contracts.shortlist import CandidateLists, Candidates
 from skyway.delivery.request import ProviderChoice
 from skyway.ids import DroneModelId, ProviderId
 from skyway.runtime.clock import ManualClock
@@ -45,6 +45,9 @@ class Registry:
 
     async def candidates(self, query: object) -> Candidates:
         raise AssertionError(query)
+
+    async def candidate_lists(self, asked: object) -> CandidateLists:
+        raise AssertionError(asked)
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ import pytest
 class Gateway(ThreadingHTTPServer):
     """Answers each call as `answers` says, and records all calls.
 
-    A key of `answers` is a method and a path without its query; a value is a status and a body. A
-    body is JSON, or the bytes to send.
+    A key of `answers` is a method and a path, without its query or with it; a value is a status and
+    a body. A body is JSON, or the bytes to send.
     """
 
     daemon_threads = True
@@ -44,7 +44,10 @@ class _Handler(BaseHTTPRequestHandler):
             self.server.queries.append(query)
         self.server.calls.append((self.command, path, json.loads(raw) if raw else None))
         self.server.keys.append(self.headers.get("Authorization", "").removeprefix("Bearer "))
-        status, body = self.server.answers.get((self.command, path), (404, {"detail": "no route"}))
+        answers = self.server.answers
+        unknown = (404, {"detail": "no route"})
+        without_query = answers.get((self.command, path), unknown)
+        status, body = answers.get((self.command, self.path), without_query)
         content = body if isinstance(body, bytes) else json.dumps(body).encode()
         self.send_response(status)
         self.send_header("Content-Length", str(len(content)))
@@ -52,6 +55,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     do_POST = do_GET  # noqa: N815 - the standard library names it
+    do_PUT = do_GET  # noqa: N815 - the standard library names it
     do_PATCH = do_GET  # noqa: N815 - the standard library names it
     do_DELETE = do_GET  # noqa: N815 - the standard library names it
 

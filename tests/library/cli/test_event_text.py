@@ -27,6 +27,14 @@ def test_an_event_of_another_version_shows_its_json() -> None:
     assert event_text(event).endswith('delivery.planned  {"new": 1}')
 
 
+def test_a_shared_trip_is_loaded_with_its_lower_price() -> None:
+    alone = EVENTS["delivery.loaded"]
+    price = {"amount": 840, "currency": "USD"}
+    shared = alone | {"data": alone["data"] | {"is_pooled": True, "price": price}}
+
+    assert event_text(shared) == f"{event_text(alone)}, a shared trip for 8.40 USD"
+
+
 def test_there_is_an_example_of_every_type() -> None:
     assert set(EVENTS) == set(DeliveryEventType)
 

@@ -217,6 +217,31 @@ def test_an_unknown_priority_is_refused_with_those_that_exist(gateway: Gateway) 
     assert gateway.called == []
 
 
+@pytest.mark.parametrize(
+    ("options", "pooling"),
+    [
+        ([], {}),
+        (["--pooling"], {"pooling": True, "pooling_wait_s": 0.0}),
+        (["--pooling", "--pooling-wait-s", "600"], {"pooling": True, "pooling_wait_s": 600.0}),
+    ],
+)
+def test_a_request_may_share_its_trip(
+    gateway: Gateway, options: list[str], pooling: dict[str, Any]
+) -> None:
+    qos = requested(gateway, [*ASKED, *options])["qos"]
+
+    assert {name: qos[name] for name in qos if name.startswith("pooling")} == pooling
+
+
+def test_a_wait_for_others_needs_a_trip_that_may_be_shared(gateway: Gateway) -> None:
+    alone = runner.invoke(make_app(), [*ASKED, "--pooling-wait-s", "600"])
+    too_long = runner.invoke(make_app(), [*ASKED, "--pooling", "--pooling-wait-s", "3601"])
+
+    assert (alone.exit_code, alone.stderr) == (1, "--pooling-wait-s goes with --pooling\n")
+    assert too_long.exit_code == 2
+    assert gateway.calls == []
+
+
 def test_a_file_is_sent_as_it_is(gateway: Gateway, tmp_path: Path) -> None:
     file = tmp_path / "request.json"
     file.write_text('{"pickup": {"station_id": "a"}}')
@@ -226,7 +251,7 @@ def test_a_file_is_sent_as_it_is(gateway: Gateway, tmp_path: Path) -> None:
     assert sent == {"pickup": {"station_id": "a"}, "hold": True}
 
 
-@pytest.mark.parametrize("others", [["a"], ["-p", "b=1"], ["--latest", "+1h"]])
+@pytest.mark.parametrize("others", [["a"], ["-p", "b=1"], ["--latest", "+1h"], ["--pooling"]])
 def test_a_file_excludes_the_options_that_it_replaces(
     gateway: Gateway, tmp_path: Path, others: list[str]
 ) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -14,6 +15,7 @@ from skyway.dispatch.plan import FleetPlan
 from skyway.dispatch.pools import waits_for_more
 from skyway.dispatch.problem import CurrentTrip, FleetProblem, read_fleet_problem
 from skyway.errors import InvalidProblem
+from skyway.network.network import Network
 from tests.library.dispatch.fleets import small_fleet
 
 SEEDS = st.integers(min_value=0, max_value=10_000)
@@ -51,6 +53,41 @@ def test_a_plan_is_valid_and_never_worse_than_the_arrival_order(seed: int, fairn
             for one in (plan, first)
         )
         assert all(flown[each] >= before[each] for each in before)
+
+
+@settings(max_examples=5)
+@given(SEEDS)
+def test_drones_of_different_connectors_charge_on_pads_that_fit_them(seed: int) -> None:
+    fleet = small_fleet(seed, drones=3, requests=6)
+    names = ("blade", "pin")
+    stations = {
+        name: replace(each, properties={"pad_connectors": [names[number % 2]]})
+        for number, (name, each) in enumerate(fleet.network.stations.items())
+    }
+    drones = tuple(
+        each.model_copy(
+            update={
+                "model": each.model.model_copy(
+                    update={"model_id": f"m{number}", "connector": names[number % 2]}
+                )
+            }
+        )
+        for number, each in enumerate(fleet.drones)
+    )
+    network = Network(stations, fleet.network.segments)
+    mixed = fleet.model_copy(update={"network": network, "drones": drones})
+
+    plan = optimise(mixed, rounds=2, seed=seed, proves=True)
+
+    assert violations(mixed, plan) == ()
+    connector_of = {each.drone_id: each.model.connector for each in mixed.drones}
+    for trip in plan.trips:
+        for step in trip.plan.steps:
+            if isinstance(step, Recharge):
+                fitting = stations[step.station_id].properties["pad_connectors"]
+                assert connector_of[trip.drone_id] in fitting
+    assert plan.lower_bound_s is not None
+    assert plan.lower_bound_s <= plan.costs.total_s
 
 
 @settings(max_examples=10)

@@ -31,6 +31,7 @@ from skyway.planner.verify import PlanRejected
 from tests.library.planner.oracles.instances import (
     make_busy_problem,
     make_problem,
+    make_problem_with_connectors,
     make_problem_with_hours,
     make_problem_with_powers,
     make_stormy_problem,
@@ -102,6 +103,7 @@ def trips_of(problem: Problem, *, begins_s: float, count: int = 1) -> Trips:
         make_windowed_problem,
         make_problem_with_hours,
         make_problem_with_powers,
+        make_problem_with_connectors,
         make_stormy_problem,
     ],
 )

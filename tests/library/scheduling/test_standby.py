@@ -1,6 +1,7 @@
 """Where a drone stands by, which of the ways there wins, and a standby that ends early."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 import pytest
@@ -9,7 +10,7 @@ from skyway.contracts.candidate import Standby
 from skyway.delivery.plan import Fly, Plan, PlanStatus, Recharge, Wait
 from skyway.drone.models import DJI_MATRICE_300_RTK as MODEL
 from skyway.geo import Position
-from skyway.ids import StationId
+from skyway.ids import ConnectorId, StationId
 from skyway.network.network import Network, Station
 from skyway.planner.problem import DroneAtStart
 from skyway.scheduling.standby import StandbyChoice, search_standby, shortened_plan, shortened_step
@@ -87,6 +88,22 @@ NETWORK: Final = Network(
     (),
 )
 NO_PAD: Final = NoTrip("NO_PAD_IN_TIME", "all pads are taken", is_temporary=True)
+
+
+def test_a_drone_stands_by_at_pads_that_fit_it() -> None:
+    stations = {
+        name: replace(each, properties={"pad_connectors": ["blade"]}) if name in "bde" else each
+        for name, each in NETWORK.stations.items()
+    }
+    model = MODEL.model_copy(update={"connector": ConnectorId("pin")})
+    search = search_standby(
+        StandbyChoice("PARKING", HOME),
+        Network(stations, ()),
+        start=StationId("e"),
+        drone=DroneAtStart(model=model, soc=0.5),
+    )
+
+    assert next(search) == "c"
 
 
 def trip(end: str, *, is_charged: bool = True, ends_s: float = 60.0) -> Trip:

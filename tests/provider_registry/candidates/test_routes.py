@@ -9,7 +9,7 @@ from skyway_provider_registry.presence.follow import Recorder
 
 from skyway.announced_networks import NetworkLearner
 from skyway.contracts.drone_report import Connection, DroneState
-from skyway.contracts.shortlist import Candidates, Shortlist
+from skyway.contracts.shortlist import CandidateLists, Candidates, Shortlist
 from skyway.contracts.topics import CONNECTION, STATE
 from skyway.contracts.world import NetworkVersion
 from skyway.drone.model import DroneModel
@@ -216,6 +216,22 @@ async def test_without_providers_there_are_no_reasons(api: Any) -> None:
     assert await ask(api) == Candidates(shortlist=Shortlist(), infeasible=())
 
 
+async def test_one_call_answers_questions_about_several_requests(api: Any, ready: Ready) -> None:
+    providers = [await api.provider(), await api.provider()]
+    for provider_id in providers:
+        await ready(provider_id)
+    choices: list[dict[str, object]] = [{"pinned": each} for each in reversed(providers)]
+    queries = [{**QUERY, "providers": choice} for choice in choices]
+
+    answer = await api(None, "POST", "/internal/candidate-lists", {"queries": queries})
+
+    found = CandidateLists.model_validate_json(answer.content)
+    assert list(found.answers) == [await ask(api, providers=choice) for choice in choices]
+    assert [each.shortlist.provider_ids for each in found.answers] == [
+        (each,) for each in reversed(providers)
+    ]
+
+
 async def test_a_bad_query_is_refused_with_its_field(api: Any) -> None:
     answer = await api(None, "POST", "/internal/candidates", {**QUERY, "payload_kg": -1})
 
@@ -223,9 +239,11 @@ async def test_a_bad_query_is_refused_with_its_field(api: Any) -> None:
     assert answer.json()["errors"][0]["field"] == "payload_kg"
 
 
-@pytest.mark.parametrize("path", ["/internal/candidates", "/internal/payload-limit"])
+@pytest.mark.parametrize(
+    "path", ["/internal/candidates", "/internal/candidate-lists", "/internal/payload-limit"]
+)
 async def test_only_services_may_ask(api: Any, path: str) -> None:
-    answer = await api("customer:c", "POST", path, QUERY)
+    answer = await api("customer:c", "POST", path, {**QUERY, "queries": [QUERY]})
 
     assert answer.status_code == 403
 

@@ -65,7 +65,7 @@ async def test_a_drone_that_is_due_gets_no_missions_until_its_maintenance_is_rec
     for _ in range(4):
         await drone.flies(make_health(), seconds=300)
     found = await maintenance(drone)
-    assert (found["flight_hours"], found["due_at"]) == (pytest.approx(0.17, abs=0.01), None)
+    assert (found["flight_hours"], found["due_since_at"]) == (pytest.approx(0.17, abs=0.01), None)
     await drone.flies(make_health(), seconds=300)
     await drone.reports("ENDED", "COMPLETED")
 
@@ -83,7 +83,7 @@ async def test_a_drone_that_is_due_gets_no_missions_until_its_maintenance_is_rec
 
     assert answer.status_code == 200, answer.text
     done = answer.json()["maintenance"]
-    assert (done["flight_hours"], done["cycles"], done["due_at"]) == (0.0, 0.0, None)
+    assert (done["flight_hours"], done["cycles"], done["due_since_at"]) == (0.0, 0.0, None)
     assert done["maintained_at"] is not None
     assert len(await drone.candidates()) == 1
     assert await broken_rules(drone.db, RULES) == []
@@ -116,11 +116,11 @@ async def test_a_rule_counts_for_what_was_flown_before(drone: FlyingDrone, api: 
         "every_flight_hours": 0.1,
         "every_cycles": None,
     }
-    assert (await maintenance(drone))["due_at"] is not None
+    assert (await maintenance(drone))["due_since_at"] is not None
     assert await drone.candidates() == ()
     assert [each.drone_id for each in await alarms(drone)] == [drone.drone["drone_id"]]
     assert (await drone.provider_calls("GET", f"/drones/{other}")).json()["maintenance"][
-        "due_at"
+        "due_since_at"
     ] is None
     assert (await drone.provider_calls("GET", "/maintenance-rules")).json()["items"] == [
         {"model_id": MODEL.model_id, "every_flight_hours": 0.1, "every_cycles": None}
@@ -128,11 +128,11 @@ async def test_a_rule_counts_for_what_was_flown_before(drone: FlyingDrone, api: 
     assert await broken_rules(drone.db, RULES) == []
 
     await put_rule(drone, every_flight_hours=100.0)
-    assert (await maintenance(drone))["due_at"] is None
+    assert (await maintenance(drone))["due_since_at"] is None
     await put_rule(drone, every_flight_hours=0.1)
     assert (await drone.provider_calls("DELETE", RULE)).status_code == 204
 
-    assert (await maintenance(drone))["due_at"] is None
+    assert (await maintenance(drone))["due_since_at"] is None
     assert len(await drone.candidates()) == 1
     assert (await drone.provider_calls("DELETE", RULE)).status_code == 404
     assert await broken_rules(drone.db, RULES) == []

@@ -4,7 +4,7 @@ import {useEffect, useState} from "preact/hooks";
 
 import {get, post} from "../api.js";
 import {html} from "../html.js";
-import {picture} from "../live.js";
+import {guestsOf, picture} from "../live.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
 import {inWords, money, momentText, shortId, stationName} from "../words.js";
@@ -63,6 +63,9 @@ function Missions({missions}) {
       <section key=${mission_id}>
         <h3>Mission ${shortId(mission_id)}${drone_id && html` of
           ${" "}<a href=${pathTo("map", "drone", drone_id)}>drone ${shortId(drone_id)}</a>`}</h3>
+        ${live?.flown_as && html`<p>It is a guest of mission ${shortId(live.flown_as)}.</p>`}
+        ${guestsOf(mission_id).length > 0 && html`<p>Guests: ${guestsOf(mission_id).map((each) => html`
+          ${" "}<a href=${pathTo("deliveries", each.delivery_id)}>delivery ${shortId(each.delivery_id)}</a>`)}</p>`}
         ${live ? html`<${StepList} mission=${live} />` : html`<p>It is over.</p>`}
       </section>`;
   });
@@ -93,6 +96,13 @@ const askToCancel = (path, deliveryId) => confirm({
 
 const OVER = ["COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"];
 
+// Whether packages of others fly with the delivery; a customer learns no more about them.
+function sharedText({qos}, missions, state) {
+  if (missions.some((each) => each.is_pooled)) return "yes, at the lower price";
+  if (!qos?.pooling) return null;
+  return OVER.includes(state) ? "no" : "possible until the drone is loaded";
+}
+
 export function DeliveryPage({deliveryId, path: part}) {
   const path = `/v1/deliveries/${part}`;
   const {delivery, proof, problem} = useDelivery(path, deliveryId);
@@ -112,7 +122,8 @@ export function DeliveryPage({deliveryId, path: part}) {
         ["Why", code && `${inWords(code)}${detail ? `: ${detail}` : ""}`],
         ["Pickup", request.pickup.station_id && stationName(request.pickup.station_id)],
         ["Wanted", request.qos?.objective && inWords(request.qos.objective)],
-        ["Price", price && `${money(price)}${missions.some((each) => each.is_pooled) ? ", shared trip" : ""}`],
+        ["Price", price && money(price)],
+        ["Shared trip", sharedText(request, missions, state)],
         ["Provider", provider],
         ["Requested", momentText(delivery.created_at)],
       ]} />

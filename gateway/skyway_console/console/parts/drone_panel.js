@@ -2,7 +2,7 @@
 
 import {ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
-import {picture} from "../live.js";
+import {guestsOf, picture} from "../live.js";
 import {pathTo} from "../routes.js";
 import {isOperator, session} from "../session.js";
 import {distanceText, inWords, momentText, percent, shortId, stationName} from "../words.js";
@@ -40,6 +40,7 @@ export function DronePanel({droneId, onClose}) {
     return html`<${Panel} title=${title} onClose=${onClose}><p>It is not in the picture.</p></${Panel}>`;
   }
   const mission = picture.missions.value[drone.mission_id];
+  const flown = mission ? [mission, ...guestsOf(drone.mission_id)] : [];
   return html`
     <${Panel} title=${title} onClose=${onClose}>
       <${Facts} of=${droneFacts(drone, mission)} />
@@ -48,9 +49,12 @@ export function DronePanel({droneId, onClose}) {
       ${session.value.role !== "customer" && html`
         <${ChargeChart} droneId=${droneId} providerId=${drone.provider_id}
           missionId=${drone.mission_id} />`}
-      ${mission && html`
-        <h3>Plan of <a href=${pathTo("deliveries", mission.delivery_id)}>delivery
-          ${" "}${shortId(mission.delivery_id)}</a></h3>
-        <${StepList} mission=${mission} />`}
+      ${flown.length > 1 && html`<p>A shared trip with packages of ${flown.length} deliveries.</p>`}
+      ${flown.map((each) => html`
+        <section key=${each.delivery_id}>
+          <h3>Plan of <a href=${pathTo("deliveries", each.delivery_id)}>delivery
+            ${" "}${shortId(each.delivery_id)}</a></h3>
+          <${StepList} mission=${each} />
+        </section>`)}
     </${Panel}>`;
 }

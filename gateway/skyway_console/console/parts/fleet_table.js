@@ -46,7 +46,7 @@ function Commands({drone, onChange, onToken}) {
         Enrolment token</button>
       ${learned && html`<${SureButton} verb="Forget" label=${`Forget what flights of ${name} have shown`}
         onSure=${forget} />`}
-      ${maintenance?.due_at && html`<${SureButton} verb="Maintained" label=${`The maintenance of ${name} was done`}
+      ${maintenance?.due_since_at && html`<${SureButton} verb="Maintained" label=${`The maintenance of ${name} was done`}
         onSure=${maintained} />`}
     </div>`;
 }
@@ -62,7 +62,7 @@ function DroneRow({drone, onChange, onToken}) {
         ${learned && html`<br /><small>${learnedText(learned)}</small>`}</td>
       <td class="state">${inWords(state)}${activity && activity !== "IDLE" ? html`
         <br /><small>${inWords(activity)}</small>` : ""}
-        ${maintenance?.due_at && html`<br /><small class="late">due for maintenance, gets no missions</small>`}</td>
+        ${maintenance?.due_since_at && html`<br /><small class="late">due for maintenance, gets no missions</small>`}</td>
       <td>${percent(soc)}<${ShareBar} share=${soc} kind=${soc < LOW_CHARGE ? "low" : "charge"} /></td>
       <td class=${faults.length ? "late" : ""}>${faults.length ? faults.map(faultName).join(", ") : "none"}</td>
       <td><${Commands} drone=${drone} onChange=${onChange} onToken=${onToken} /></td>

@@ -1,6 +1,7 @@
 // Commands to a mission. Each shows first what it would do, by a dry run, and asks for a reason.
 
 import {signal} from "@preact/signals";
+import {useEffect} from "preact/hooks";
 
 import {part, post} from "../api.js";
 import {html} from "../html.js";
@@ -44,7 +45,10 @@ async function readStations() {
 }
 
 export function MissionCommands({missionId, mission}) {
-  if (stationIds.value.length === 0) readStations().catch(() => null);
+  // Not while it is drawn: an empty list draws it again, and so without end before networks are known.
+  useEffect(() => {
+    if (stationIds.value.length === 0) readStations().catch(() => null);
+  }, [networks.value]);
   const button = (command, isDisabled = false) => html`
     <button disabled=${isDisabled} onClick=${() => ask(command, missionId)}>
       ${inWords(command)}

@@ -28,7 +28,7 @@ function PackageRow({each, number, stations, isOnly}) {
 }
 
 function Wishes() {
-  const {objective, reference, latest, isHeld} = draft.value;
+  const {objective, reference, latest, isHeld, mayShare, waitMinutes} = draft.value;
   return html`
     <div class="fields">
       <label>Best is the<select value=${objective} onChange=${({target}) => change({objective: target.value})}>
@@ -41,6 +41,11 @@ function Wishes() {
       <label class="check"><input type="checkbox" checked=${isHeld}
         onChange=${({target}) => change({isHeld: target.checked})} />
         Keep the drones of the best offers for me until the offers end</label>
+      <label class="check"><input type="checkbox" checked=${mayShare}
+        onChange=${({target}) => change({mayShare: target.checked})} />
+        Share the trip with packages of others, at a lower price (not with a latest delivery)</label>
+      ${mayShare && html`<label>Wait for others, minutes<input required type="number" min="0" max="60" step="any"
+        value=${waitMinutes} onInput=${({target}) => change({waitMinutes: target.value})} /></label>`}
     </div>`;
 }
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Final
 
-from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.candidate import CandidateQueries, ProviderReason
 from skyway.contracts.mission import Booking, CancelMissions, Mission
 from skyway.contracts.shortlist import Candidates
 from skyway.ids import DeliveryId
@@ -60,7 +60,7 @@ from skyway_gateway.deliveries.records.stored_delivery import (
     StoredDelivery,
 )
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
-from skyway_gateway.lateness.forecast import LatenessForecast
+from skyway_gateway.lateness.lateness_forecast import LatenessForecast
 
 log = logging.getLogger(__name__)
 
@@ -103,19 +103,18 @@ class Booker:
     async def candidates_of(
         self, line: Sequence[QueuedDelivery]
     ) -> Mapping[DeliveryId, Candidates]:
-        """Candidates for requests of one line; the registry is asked for the last request first.
+        """Candidates for all requests of a line, by one state of the fleets.
 
-        So a drone that comes online meanwhile is a candidate for the requests in front too. Empty
-        if the registry is away: then each round asks again, and postpones its delivery.
+        So a drone that comes online meanwhile is a candidate for all of them, or for none. Empty if
+        the registry is away: then each round asks again, and postpones its delivery.
         """
-        found = {}
+        asked = CandidateQueries(queries=tuple(candidate_query(queued) for queued in line))
         try:
-            for queued in reversed(line):
-                query = candidate_query(queued)
-                found[queued.delivery.delivery_id] = await self.registry.candidates(query)
+            found = await self.registry.candidate_lists(asked)
         except (ServiceUnavailable, RemoteProblem):
             return {}
-        return found
+        ids = (queued.delivery.delivery_id for queued in line)
+        return dict(zip(ids, found.answers, strict=True))
 
     async def book_or_retry(
         self, queued: QueuedDelivery, candidates: Candidates | None = None

@@ -53,6 +53,30 @@ async def test_a_booking_reserves_drone_and_pads_and_sends_the_mission(
     assert await composition.broken() == []
 
 
+async def test_only_a_drone_that_fits_the_pads_on_its_way_is_booked(
+    composition: Any, make: Any
+) -> None:
+    network = make.network()
+    for feature in network["features"]:
+        if feature["properties"].get("station_id") == "b":
+            feature["properties"]["pad_connectors"] = ["blade"]
+    await composition.publish(network)
+    model = make.candidate().model
+    pin, blade = (
+        make.candidate(number, model=model.model_copy(update={"model_id": each, "connector": each}))
+        for number, each in enumerate(("pin", "blade"), 1)
+    )
+
+    unfit = await composition.book(pin, delivery_id="dlv_1")
+    booked = await composition.book(pin, blade, delivery_id="dlv_2")
+
+    assert [each.code for each in unfit.reasons] == ["OUT_OF_RANGE"]
+    (mission,) = booked.missions
+    assert mission.drone_id == blade.drone_id
+    assert "b" in {row.station_id for row in await composition.reservations()}
+    assert await composition.broken() == []
+
+
 async def test_pads_are_reserved_for_the_recharge_and_the_gap(composition: Any, make: Any) -> None:
     await composition.publish(make.network(pad_gap_s=90))
 

@@ -10,6 +10,7 @@ from skyway_gateway.deliveries.booking.wake_waiting import next_try_at
 from skyway.contracts.candidate import ProviderReason
 from skyway.ids import DeliveryId, ProviderId
 from tests.gateway.deliveries.booking.connections import connection
+from tests.gateway.peers import make_candidate
 from tests.gateway.whole_gateway import Gateway
 
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
@@ -44,29 +45,25 @@ async def wakes(gateway: Gateway) -> bool:
     return await gateway.parts.waker.noted.wait(0)
 
 
-async def test_a_drone_that_comes_online_meanwhile_goes_to_the_first_that_waits(
-    gateway: Gateway, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_the_registry_is_asked_once_about_all_requests_of_a_line(gateway: Gateway) -> None:
     standard = DeliveryId(await waiting(gateway))
-    urgent = DeliveryId(await waiting(gateway, qos={"priority": "PRIORITY"}))
-    gateway.composition.is_busy = False
-    online, gateway.registry.candidates_now = gateway.registry.candidates_now, []
-    asked = gateway.registry.candidates
-
-    async def comes_online_after_the_first_question(query: Any) -> Any:
-        answer = await asked(query)
-        gateway.registry.candidates_now = online
-        return answer
-
-    monkeypatch.setattr(gateway.registry, "candidates", comes_online_after_the_first_question)
+    pinned = {"priority": "PRIORITY", "providers": {"pinned": "prv_2"}}
+    gateway.registry.candidates_now += [make_candidate("drn_2", provider_id="prv_2")]
+    urgent = DeliveryId(await waiting(gateway, qos=pinned))
     gateway.parts.waker.note_change()
     await gateway.parts.waker.step()
     line = await gateway.parts.booker.claim(limit=9)
-    found = await gateway.parts.booker.candidates_of(line)
+    gateway.registry.lists.clear()
 
-    assert [queued.delivery.delivery_id for queued in line] == [urgent, standard]
-    assert not found[urgent].shortlist.is_empty
-    assert found[standard].shortlist.is_empty
+    found = await gateway.parts.booker.candidates_of(line)
+    gateway.registry.is_away = True
+
+    assert [len(asked.queries) for asked in gateway.registry.lists] == [2]
+    assert {each: found[each].shortlist.drone_ids for each in found} == {
+        urgent: ("drn_2",),
+        standard: ("drn_1", "drn_2"),
+    }
+    assert await gateway.parts.booker.candidates_of(line) == {}
 
 
 async def test_a_waiting_request_shows_when_the_first_drone_is_free(gateway: Gateway) -> None:

@@ -289,14 +289,21 @@ def _finish(problem: Problem, names: list[StationId], soc_per_m: float) -> list[
         for a in names:
             for b in names:
                 far[a, b] = min(far[a, b], far[a, via] + far[via, b])
-    with_pads = [name for name in names if problem.network.stations[name].pads > 0]
+    with_pads = [name for name in names if _pads(problem, name) > 0]
     return [soc_per_m * min((far[a, b] for b in with_pads), default=math.inf) for a in names]
+
+
+def _pads(problem: Problem, name: StationId) -> int:
+    """How many pads of a station fit the drone: all or none."""
+    station, connector = problem.network.stations[name], problem.drone.model.connector
+    listed = station.properties.get("pad_connectors", [connector])
+    return station.pads if connector is None or connector in listed else 0
 
 
 def _free(problem: Problem, name: StationId) -> list[Interval]:
     """The free times of all pads, from 0 on; reservations hold whole milliseconds."""
     free = []
-    for pad in range(problem.network.stations[name].pads):
+    for pad in range(_pads(problem, name)):
         taken = sorted(
             (
                 math.floor(one.start_s * 1000 + 1e-3) / 1000,

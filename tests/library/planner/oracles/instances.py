@@ -139,6 +139,26 @@ def with_powers(seed: int, made: dict[str, Any]) -> dict[str, Any]:
     return {**made, "network": {**made["network"], "features": features}}
 
 
+def make_problem_with_connectors(seed: int, **fields: Any) -> Problem:
+    """A busy problem on stations whose pads fit some drones only, for a drone with a connector."""
+    made = make_busy_problem(seed).model_dump(mode="json")
+    return Problem.model_validate({**with_connectors(seed, made), **fields})
+
+
+def with_connectors(seed: int, made: dict[str, Any]) -> dict[str, Any]:
+    """The problem with connectors of many stations, for a drone with the connector "own"."""
+    rng = Random(f"connectors {seed}")
+    features = []
+    for feature in made["network"]["features"]:
+        properties = dict(feature["properties"])
+        if properties["kind"] == "station" and properties["pads"] and rng.random() < 0.75:
+            properties["pad_connectors"] = rng.choice([["own"], ["other"], ["other", "own"]])
+        features.append({**feature, "properties": properties})
+    model = {**made["drone"]["model"], "connector": "own"}
+    network = {**made["network"], "features": features}
+    return {**made, "network": network, "drone": {**made["drone"], "model": model}}
+
+
 def make_problem_with_hours(seed: int, **fields: Any) -> Problem:
     """A problem with opening hours of half of its stations, and some windows."""
     rng = Random(f"hours {seed}")
