@@ -44,7 +44,7 @@ async def booked(composition: Any, drone: Any) -> tuple[Any, list[FlyStep]]:
     flights = [each for each in instruction.steps if isinstance(each, FlyStep)]
     # The drone itself accepts the steps, also if it uses a little more energy than its model says.
     assert not shortfall_of(
-        instruction.steps, model=drone.model, soc=drone.soc, packages=(), consumption_factor=1.04
+        instruction.steps, model=drone.model, soc=drone.soc, packages=(), energy_use=lambda _: 1.04
     )
     return mission, flights[: sum(step.kind == "FLY" for step in mission.plan.steps)]
 

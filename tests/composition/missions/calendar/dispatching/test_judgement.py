@@ -11,8 +11,9 @@ from skyway_composition.missions.mission.share import Share
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.mission import Mission, PackageEta
+from skyway.delivery.offer import Price
 from skyway.delivery.request import DeliveryRequest
-from skyway.ids import NetworkId, PackageId
+from skyway.ids import DeliveryId, MissionId, NetworkId, PackageId
 
 _NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
@@ -112,10 +113,19 @@ def test_a_customer_may_allow_more_than_the_tolerance_but_not_after_the_deadline
 
 
 def test_on_a_shared_mission_no_customer_allows_lateness_for_the_others() -> None:
+    price = Price(amount=100, currency="USD")
+    share = Share(
+        mission_id=MissionId("msn_1"),
+        delivery_id=DeliveryId("dlv_1"),
+        attempt=1,
+        price=price,
+        pooled_price=price,
+        packages={PackageId("p1"): PackageId("p1")},
+    )
     before, after = (
         replace(
             make_record(eta_min=eta_min, promised_min=60, may_be_later_s=600),
-            shares=(Share.model_construct(packages={PackageId("p1"): PackageId("p1")}),),
+            shares=(share,),
         )
         for eta_min in (60, 65)
     )
