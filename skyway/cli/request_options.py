@@ -30,12 +30,12 @@ FileOption = Annotated[
     Path | None, typer.Option(help="A delivery request as JSON, instead of the other options.")
 ]
 
-#: `skyway.delivery.request.Objective`, which would make the start of every command slow.
+#: `skyway.delivery.qos.Objective`, which would make the start of every command slow.
 _ObjectiveName = Literal["fastest", "cheapest", "greenest"]
 
 ObjectiveOption = Annotated[_ObjectiveName, typer.Option(help="What makes an offer best.")]
 
-#: `skyway.delivery.request.Priority`, which would make the start of every command slow.
+#: `skyway.delivery.qos.Priority`, which would make the start of every command slow.
 _PriorityName = Literal["STANDARD", "PRIORITY"]
 
 PriorityOption = Annotated[
@@ -43,7 +43,7 @@ PriorityOption = Annotated[
     typer.Option(help="PRIORITY is planned first, at a price factor of the provider."),
 ]
 
-#: `skyway.delivery.request.PromiseLevel`, which would make the start of every command slow.
+#: `skyway.delivery.qos.PromiseLevel`, which would make the start of every command slow.
 _PromiseName = Literal["P90", "P50"]
 
 PromiseOption = Annotated[

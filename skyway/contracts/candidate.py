@@ -9,7 +9,7 @@ from pydantic import Field
 
 from skyway.contracts.message import Soc
 from skyway.delivery.offer import Tariff
-from skyway.delivery.request import ProviderChoice
+from skyway.delivery.qos import ProviderChoice
 from skyway.drone.learned_values import AS_MODELLED, LearnedValues, model_as_learned
 from skyway.drone.model import DroneModel
 from skyway.geo import Position

@@ -6,7 +6,7 @@ from typing import Annotated, Final, Self
 
 from pydantic import Field
 
-from skyway.delivery.request import Priority, Weights
+from skyway.delivery.qos import Priority, Weights
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
 

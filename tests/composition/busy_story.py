@@ -12,7 +12,8 @@ from skyway_composition.closures.closure import Area, Closure
 from skyway_drone_agent.simulated.disturbances import Disturbances
 
 from skyway.contracts.mission_reports import MissionReport
-from skyway.delivery.request import DeliveryRequest, QoS
+from skyway.delivery.qos import QoS
+from skyway.delivery.request import DeliveryRequest
 from skyway.ids import StationId
 from tests.composition.busy_world import BusyWorld
 from tests.composition.dispatched_world import dispatch_fairly

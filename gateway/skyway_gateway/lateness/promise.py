@@ -3,7 +3,7 @@
 from datetime import datetime, timedelta
 
 from skyway.delivery.lateness import later_by_s
-from skyway.delivery.request import QoS
+from skyway.delivery.qos import QoS
 
 
 def p90_of(eta_at: datetime, *, start_at: datetime, share: float | None) -> datetime | None:

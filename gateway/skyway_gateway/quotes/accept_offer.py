@@ -13,7 +13,8 @@ from datetime import datetime
 from skyway.contracts.candidate import CandidateQuery, ProviderReason
 from skyway.contracts.mission import OfferHold, OfferLimits
 from skyway.contracts.quote import KeepOffer
-from skyway.delivery.request import DeliveryRequest, ProviderChoice
+from skyway.delivery.qos import ProviderChoice
+from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, HoldId, OfferId, QuoteId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, RemoteProblem, ServiceUnavailable

@@ -15,7 +15,8 @@ from typing import Any, Final, TypeVar
 from skyway.announced_networks import CachedNetworks
 from skyway.contracts.candidate import PayloadLimit, PayloadLimitQuery, ProviderReason
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
-from skyway.delivery.request import DeliveryRequest, ProviderChoice
+from skyway.delivery.qos import ProviderChoice
+from skyway.delivery.request import DeliveryRequest
 from skyway.errors import InvalidInput
 from skyway.geo import Position
 from skyway.ids import StationId

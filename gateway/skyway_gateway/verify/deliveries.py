@@ -7,7 +7,8 @@ from typing import Any, Final
 from sqlalchemy import ColumnElement, and_, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
-from skyway.delivery.request import PRIORITY_RANKS, DeliveryRequest
+from skyway.delivery.qos import PRIORITY_RANKS
+from skyway.delivery.request import DeliveryRequest
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES, TERMINAL_STATES

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Final, Self
 
 from skyway.contracts.shortlist import Shortlist
-from skyway.delivery.request import QoS
+from skyway.delivery.qos import QoS
 from skyway.ids import DroneId, MissionId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.scheduling.stays import Slot, Stay, slot_after

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import BestValues, OfferValues, no_show_factor
-from skyway.delivery.request import Weights
+from skyway.delivery.qos import Weights
 from skyway.ids import DroneId
 from skyway.network.columns import Floats
 from skyway_composition.planning.availability import Opening

@@ -10,7 +10,8 @@ import numpy as np
 
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Tariff
-from skyway.delivery.request import DeliveryRequest, Priority
+from skyway.delivery.qos import Priority
+from skyway.delivery.request import DeliveryRequest
 from skyway.drone.charging import fastest_s_per_soc
 from skyway.drone.flight import flight_power_w
 from skyway.drone.model import DroneModel

@@ -9,7 +9,8 @@ from skyway.contracts.mission import OfferLimits, PackageEta
 from skyway.contracts.quote import OfferTerms
 from skyway.delivery.offer import BestValues, OfferValues, Price, price_of
 from skyway.delivery.plan import Fly, Plan, Recharge
-from skyway.delivery.request import DeliveryRequest, QoS, Weights
+from skyway.delivery.qos import QoS, Weights
+from skyway.delivery.request import DeliveryRequest
 from skyway.ids import ProviderId, StationId
 from skyway.network.network import Network
 from skyway.scheduling.trip import Trip

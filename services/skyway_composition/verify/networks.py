@@ -4,7 +4,7 @@ A version never changes, and the stations are those of the current version. No l
 was closed before the plan was made (I11).
 
 A mission that a closure hits has a trouble, waits stuck, or has a proposal until it has another
-plan. A drone that took off before it heard of the closure flies to the end of its segment. A
+plan. A drone that took off before it knew of the closure flies to the end of its segment. A
 mission that was given up lands where it can, closed or not. Ground stops are left out: they forbid
 the next take-off only, and composition enforces them every second.
 """

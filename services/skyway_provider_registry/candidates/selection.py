@@ -16,7 +16,7 @@ from skyway.contracts.candidate import (
     ProviderReasonCode,
 )
 from skyway.contracts.shortlist import Candidates, Shortlist, learned_column
-from skyway.delivery.request import ProviderChoice
+from skyway.delivery.qos import ProviderChoice
 from skyway.geo import EARTH_RADIUS_M, unit_vector
 from skyway.ids import ProviderId
 from skyway_provider_registry.candidates.fleet_view import Flags, Fleet, FleetColumns, Rows

@@ -50,7 +50,7 @@ def test_the_same_actions_lead_to_the_same_reports(migrated_url: str) -> None:
 
 
 @pytest.mark.databases("sqlite")
-async def test_a_flight_that_began_before_its_drone_heard_of_a_closure_breaks_no_rule(
+async def test_a_flight_that_began_before_its_drone_knew_of_a_closure_breaks_no_rule(
     migrated_url: str,
 ) -> None:
     request = DeliveryRequest.model_validate(

@@ -13,7 +13,7 @@ from skyway_composition.planning.lower_bounds import LowerBounds
 from skyway.contracts.candidate import Candidate, Standby
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import OfferValues, Tariff, rank_offers
-from skyway.delivery.request import Weights
+from skyway.delivery.qos import Weights
 from skyway.drone.models import PAPER_SCENARIO
 from skyway.ids import DroneId, ProviderId, StationId
 

@@ -15,7 +15,7 @@ from skyway_composition.planning.world import World
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import BestValues, amount_of
 from skyway.delivery.plan import Plan
-from skyway.delivery.request import Weights
+from skyway.delivery.qos import Weights
 from skyway.ids import DroneId, StationId
 from skyway.planner.problem import Problem
 from skyway.units import moment_to_ms

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from skyway_gateway.lateness.promise import due_of
 
-from skyway.delivery.request import QoS
+from skyway.delivery.qos import QoS
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from skyway_gateway.quotes.check_request import CachedPayloadLimits
 
 from skyway.contracts.candidate import PayloadLimit, PayloadLimitQuery
 from skyway.contracts.shortlist import CandidateLists, Candidates
-from skyway.delivery.request import ProviderChoice
+from skyway.delivery.qos import ProviderChoice
 from skyway.ids import DroneModelId, ProviderId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable

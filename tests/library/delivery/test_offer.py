@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from skyway.delivery.offer import OfferValues, Price, Tariff, no_show_factor, price_of, rank_offers
-from skyway.delivery.request import Priority, Weights
+from skyway.delivery.qos import Priority, Weights
 from skyway.ids import DroneId, ProviderId
 
 

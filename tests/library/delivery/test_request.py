@@ -4,7 +4,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from skyway.delivery.request import DeliveryRequest, ProviderChoice, QoS
+from skyway.delivery.qos import ProviderChoice, QoS
+from skyway.delivery.request import DeliveryRequest
 from skyway.ids import ProviderId
 
 ASKED_AT = datetime(2026, 3, 1, 12, tzinfo=UTC)

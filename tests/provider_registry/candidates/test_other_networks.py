@@ -17,7 +17,7 @@ from skyway.contracts.candidate import CandidateQuery
 from skyway.contracts.shortlist import Candidates
 from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.offer import Tariff
-from skyway.delivery.request import ProviderChoice
+from skyway.delivery.qos import ProviderChoice
 from skyway.drone.models import DJI_MATRICE_300_RTK, PAPER_SCENARIO
 from skyway.geo import Position
 from skyway.ids import DroneId, NetworkId, ProviderId, StationId

@@ -12,7 +12,7 @@ from skyway.announced_networks import CachedNetworks
 from skyway.contracts.candidate import MAX_CANDIDATES_PER_PROVIDER, CandidateQuery
 from skyway.contracts.shortlist import Candidates
 from skyway.delivery.offer import Tariff
-from skyway.delivery.request import ProviderChoice
+from skyway.delivery.qos import ProviderChoice
 from skyway.drone.models import DJI_MATRICE_300_RTK, PAPER_SCENARIO
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId

@@ -10,7 +10,8 @@ from skyway.contracts.mission import Booking, BookMissions, OfferLimits
 from skyway.contracts.mission_reports import CALENDAR_CODES
 from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.delivery.offer import Price
-from skyway.delivery.request import DeliveryRequest, ProviderChoice
+from skyway.delivery.qos import ProviderChoice
+from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Refusal
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery

@@ -14,7 +14,8 @@ from datetime import datetime, timedelta
 from typing import Final, Never
 
 from skyway.contracts.shortlist import Candidates
-from skyway.delivery.request import PRIORITY_RANKS, DeliveryRequest
+from skyway.delivery.qos import PRIORITY_RANKS
+from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, NetworkId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.loops import MissingParts, Wake, always, repeat

@@ -10,7 +10,8 @@ from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.mission import OfferLimits
 from skyway.contracts.mission_reports import MissionReport
-from skyway.delivery.request import PRIORITY_RANKS, DeliveryRequest, Place
+from skyway.delivery.qos import PRIORITY_RANKS
+from skyway.delivery.request import DeliveryRequest, Place
 from skyway.geo import Position
 from skyway.runtime.sql.connection import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment

@@ -11,7 +11,7 @@ from typing import Final
 
 from skyway.contracts.mission import Booking, OfferHold
 from skyway.contracts.quote import HoldLoss, KeepOffer, KeptOffer
-from skyway.delivery.request import PRIORITY_RANKS
+from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.ids import DeliveryId, DroneId, HoldId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.sql.database import Database, Tx

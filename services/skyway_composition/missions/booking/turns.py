@@ -13,7 +13,7 @@ from datetime import datetime
 from typing import NamedTuple
 
 from skyway.contracts.mission import BookMissions
-from skyway.delivery.request import PRIORITY_RANKS
+from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.ids import DeliveryId, NetworkId
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from skyway.delivery.request import QoS
+from skyway.delivery.qos import QoS
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import RowRefused

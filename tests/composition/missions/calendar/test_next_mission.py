@@ -15,7 +15,7 @@ from skyway_composition.missions.calendar.next_mission import (
     decide,
 )
 
-from skyway.delivery.request import QoS
+from skyway.delivery.qos import QoS
 from skyway.ids import StationId
 from skyway.scheduling.stays import Slot, Stay
 

@@ -19,7 +19,7 @@ _NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
 
 def make_record(
-    *, eta_min: float, promised_min: float, drone: str = "drn_1", **qos: object
+    *, eta_min: float, promised_min: float, drone: str = "drn_1", **qos: Any
 ) -> MissionRecord:
     """A waiting mission with one package; minutes count from noon."""
 
@@ -104,7 +104,7 @@ def test_a_promise_holds_within_the_tolerance_and_a_late_mission_gets_no_later(
     ],
 )
 def test_a_customer_may_allow_more_than_the_tolerance_but_not_after_the_deadline(
-    qos: dict[str, object], new_min: float, is_late: bool
+    qos: dict[str, Any], new_min: float, is_late: bool
 ) -> None:
     before = make_record(eta_min=60, promised_min=60, **qos)
     after = make_record(eta_min=new_min, promised_min=60, **qos)

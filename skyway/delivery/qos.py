@@ -1,0 +1,154 @@
+"""The QoS that annotates a delivery request: what makes an offer best, limits, and permissions."""
+
+from collections.abc import Mapping
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import Field, model_validator
+
+from skyway.bounds import Moment
+from skyway.ids import ProviderId
+from skyway.json_model import JsonModel
+
+Objective = Literal["fastest", "cheapest", "greenest"]
+
+#: Which arrival time is promised: the moment by which nine of ten packages come, or half of them.
+PromiseLevel = Literal["P90", "P50"]
+
+#: The classes of requests.
+Priority = Literal["PRIORITY", "STANDARD"]
+
+#: The order of the classes: a lower rank is planned first.
+PRIORITY_RANKS: Final[Mapping[Priority, int]] = {"PRIORITY": 0, "STANDARD": 1}
+
+
+class Weights(JsonModel):
+    """How much time, price and energy count; only their proportions matter."""
+
+    time: Annotated[
+        float, Field(ge=0, le=1_000, description="How much the delivery time counts, 0 to 1000.")
+    ] = 0.0
+    price: Annotated[
+        float, Field(ge=0, le=1_000, description="How much the price counts, 0 to 1000.")
+    ] = 0.0
+    energy: Annotated[
+        float, Field(ge=0, le=1_000, description="How much the energy counts, 0 to 1000.")
+    ] = 0.0
+
+    @model_validator(mode="after")
+    def _something_counts(self) -> Self:
+        if self.time + self.price + self.energy == 0:
+            raise ValueError("at least one of time, price and energy must be above 0")
+        return self
+
+
+class ProviderChoice(JsonModel):
+    """Which providers may serve: one pinned, only those allowed, none of those denied."""
+
+    pinned: Annotated[ProviderId | None, Field(description="The only provider that may serve.")] = (
+        None
+    )
+    allowed: Annotated[
+        Annotated[tuple[ProviderId, ...], Field(max_length=100)] | None,
+        Field(description="The providers that may serve; all if null."),
+    ] = None
+    denied: Annotated[
+        Annotated[tuple[ProviderId, ...], Field(max_length=100)] | None,
+        Field(description="The providers that may not serve."),
+    ] = None
+
+    def admits(self, provider_id: ProviderId) -> bool:
+        """Whether this provider may serve."""
+        if self.pinned is not None and provider_id != self.pinned:
+            return False
+        if self.allowed is not None and provider_id not in self.allowed:
+            return False
+        return provider_id not in (self.denied or ())
+
+    @model_validator(mode="after")
+    def _agrees_with_itself(self) -> Self:
+        if self.pinned is not None and not self.admits(self.pinned):
+            raise ValueError(f"pinned provider {self.pinned!r} is denied, or not among the allowed")
+        both = set(self.allowed or ()) & set(self.denied or ())
+        if both:
+            raise ValueError(f"provider {min(both)!r} is both allowed and denied")
+        return self
+
+
+class QoS(JsonModel):
+    """What the customer asks for: `objective` or `weights` rank offers, the limits are hard.
+
+    `max_price` is in minor units of the network's currency. PRIORITY requests are planned before
+    STANDARD ones, and cost more.
+    """
+
+    objective: Annotated[
+        Objective | None,
+        Field(description="What makes an offer best; `fastest` without `weights`."),
+    ] = None
+    weights: Annotated[
+        Weights | None,
+        Field(description="How much time, price and energy count, instead of an objective."),
+    ] = None
+    deadline_at: Annotated[
+        Moment | None,
+        Field(description="The last delivery must be over by then, RFC 3339 UTC, fleet time."),
+    ] = None
+    max_price: Annotated[
+        Annotated[int, Field(ge=0, le=2**63 - 1)] | None,
+        Field(description="The most that it may cost, in minor units."),
+    ] = None
+    providers: Annotated[ProviderChoice, Field(description="Which providers may serve.")] = (
+        ProviderChoice()
+    )
+    priority: Annotated[
+        Priority,
+        Field(description="PRIORITY is planned first, at the tariff's `priority_factor`."),
+    ] = "STANDARD"
+    promise: Annotated[
+        PromiseLevel,
+        Field(
+            description="Which arrival time is promised: P90, by which nine of ten packages come, "
+            "or P50, the time of the plan. P50 is promised too while no P90 is known."
+        ),
+    ] = "P90"
+    pooling: Annotated[
+        bool,
+        Field(
+            strict=True,
+            description="Whether the drone may carry packages of other deliveries on this trip; "
+            "then each pays its `pooled_price`. A request with windows or a deadline flies alone.",
+        ),
+    ] = False
+    pooling_wait_s: Annotated[
+        float,
+        Field(ge=0, le=3600, description="Seconds that the start is delayed for others to join."),
+    ] = 0.0
+    may_be_later_s: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=14_400,
+            description="Seconds by which the delivery may come later than first planned, so that "
+            "the dispatcher can plan many deliveries better together. `due_at` counts them.",
+        ),
+    ] = 0.0
+
+    @model_validator(mode="after")
+    def _agrees_with_itself(self) -> Self:
+        if self.objective is not None and self.weights is not None:
+            raise ValueError("objective and weights exclude each other: give one of them")
+        if self.pooling_wait_s > 0 and not self.pooling:
+            raise ValueError("pooling_wait_s needs pooling: true")
+        return self
+
+    @property
+    def ranking(self) -> Weights:
+        """The weights by which offers are ranked; the fastest when nothing is asked."""
+        if self.weights is not None:
+            return self.weights
+        by_objective = {
+            "fastest": Weights(time=1),
+            "cheapest": Weights(price=1),
+            "greenest": Weights(energy=1),
+        }
+        return by_objective[self.objective or "fastest"]
