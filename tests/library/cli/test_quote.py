@@ -230,6 +230,7 @@ def test_a_customer_may_allow_shared_trips_and_later_deliveries(
     gateway: Gateway, options: list[str], allowed: dict[str, Any]
 ) -> None:
     usual = requested(gateway, ASKED)["qos"]
+    gateway.calls.clear()
 
     qos = requested(gateway, [*ASKED, *options])["qos"]
 
