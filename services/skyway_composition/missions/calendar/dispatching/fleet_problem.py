@@ -4,12 +4,12 @@ The search only proposes an order. So this description may leave out what plans 
 standbys that are planned anew, and that a drone may use the pads of its own standby.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from datetime import datetime
 from typing import Any, Final
 
 from skyway.dispatch.problem import CurrentTrip, FleetDrone, FleetRequest, Prices
-from skyway.ids import PackageId, StationId
+from skyway.ids import MissionId, PackageId, StationId
 from skyway.planner.pad_book import OPEN_MS
 from skyway.planner.problem_parts import PackageToDeliver, PadReservation
 from skyway.units import moment_to_ms, ms_to_moment
@@ -19,6 +19,7 @@ from skyway_composition.missions.calendar.dispatching.judgement import (
     latest_ms,
     weight_of,
 )
+from skyway_composition.missions.calendar.dispatching.merger import MOST_SHARES
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.pads.store import PadHeldBy
 from skyway_composition.planning.problem_for import with_margin
@@ -36,10 +37,11 @@ def fleet_problem(
     held: Iterable[PadHeldBy],
     times: Moments,
     tolerance_s: float,
+    may_merge: Collection[MissionId] = (),
 ) -> dict[str, Any]:  # the fields of `FleetProblem`, without the network
     """The fields of the fleet's problem, whose second 0 is the moment from which missions may move.
 
-    `held` are all reservations of the network.
+    `held` are all reservations of the network. The missions of `may_merge` may share trips.
     """
     settings, base_ms = world.skyway.settings, times.settled_ms
     waiting = fleet.waiting
@@ -67,6 +69,7 @@ def fleet_problem(
                 base_ms=base_ms,
                 age_s=float(len(waiting) - number),
                 tolerance_s=tolerance_s,
+                pooling=each.mission_id in may_merge,
             )
             for number, each in enumerate(waiting)
         ),
@@ -78,14 +81,20 @@ def fleet_problem(
         "pad_gap_s": settings.pad_gap_s,
         "prices": Prices(move_s=MOVE_S),
         "promise_tolerance_s": 0.0,
-        "most_pooled": 1,
+        "most_pooled": MOST_SHARES if may_merge else 1,
         "baseline": "current plan",
         "label_limit": _MOST_LABELS,
     }
 
 
 def _request(
-    record: MissionRecord, number: int, *, base_ms: int, age_s: float, tolerance_s: float
+    record: MissionRecord,
+    number: int,
+    *,
+    base_ms: int,
+    age_s: float,
+    tolerance_s: float,
+    pooling: bool,
 ) -> FleetRequest:
     """A waiting mission as a request; requests that were booked earlier have a higher age."""
 
@@ -113,6 +122,7 @@ def _request(
         deadline_s=seconds(deadline_at),
         # The end of the tolerance, so that the search needs no tolerance of its own.
         promised_s=(max(latest.values()) - base_ms) / 1000,
+        pooling=pooling,
         weight=weight_of(record),
         planned=CurrentTrip(
             drone_id=record.drone_id, start_s=(record.start.at_ms - base_ms) / 1000

@@ -1,10 +1,8 @@
 """The dispatcher moves what waits, and every calendar stays whole."""
 
 import asyncio
-import itertools
 import shutil
-import types
-from collections.abc import Coroutine, Generator, Iterator
+from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -13,7 +11,6 @@ import pytest
 from skyway_composition.closures.closure import Area
 from skyway_composition.links.store import lock_links
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder, adopt
-from skyway_composition.missions.calendar.dispatching.dispatch import Dispatcher
 from skyway_composition.missions.calendar.dispatching.search_process import (
     FoundOrder,
     Search,
@@ -36,6 +33,8 @@ from tests.composition.busy_world import BusyWorld
 from tests.composition.dispatched_world import (
     PROVIDER,
     OwnSearch,
+    adopt_after_kills,
+    better_order,
     dispatch_fairly,
     dispatcher_of,
     waiting_missions,
@@ -97,12 +96,6 @@ def batteries_of(plan: Plan | None, *, soc: float) -> Iterator[float]:
             yield step.energy_j / (soc - step.soc_end)
         if isinstance(step, Fly | Recharge):
             soc = step.soc_end
-
-
-async def better_order(dispatcher: Dispatcher) -> BetterOrder:
-    found = await dispatcher.finder.find(NETWORK_ID, PROVIDER)
-    assert isinstance(found, BetterOrder)
-    return found
 
 
 @_on_sqlite
@@ -288,38 +281,14 @@ async def test_an_order_whose_calendars_have_changed_meanwhile_is_not_adopted(
     await world.end()
 
 
-@types.coroutine
-def _until_wait(step: Coroutine[Any, Any, str], wait: int) -> Generator[Any, Any, str]:
-    """Run a step and kill it in its n-th wait; its clean-up may wait, too."""
-    for number in itertools.count(1):
-        try:
-            awaited = (
-                step.throw(asyncio.CancelledError()) if number == wait + 1 else step.send(None)
-            )
-        except StopIteration as done:
-            return str(done.value)
-        yield awaited
-    raise AssertionError
-
-
 @pytest.mark.databases("postgresql")
 async def test_an_adoption_that_is_killed_anywhere_changes_nothing(world: BusyWorld) -> None:
     """On PostgreSQL, where each statement is a wait."""
     await book_unevenly(world)
     dispatcher = dispatcher_of(world)
-    better, before = await better_order(dispatcher), await waiting_missions(world)
-    outcome, wait = None, 0
 
-    while outcome is None:
-        wait += 3
-        try:
-            outcome = await _until_wait(dispatcher.adopt(better), wait)
-        except asyncio.CancelledError:
-            assert await waiting_missions(world) == before
+    await adopt_after_kills(world, dispatcher, await better_order(dispatcher))
 
-    assert outcome == "adopted"
-    assert wait > 30, "the adoption was hardly ever killed inside"
-    await world.check()
     await world.end()
     assert sorted(delivered_by(world, 1) + delivered_by(world, 2)) == _ALL
 
