@@ -19,9 +19,11 @@ from skyway_composition.missions.calendar.dispatching.search_process import (
 )
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import missions_seen, owner_of
+from skyway_composition.networks.change_weather import WeatherChanges
 from skyway_composition.networks.prepared import PreparedNetworks
 
 from skyway.contracts.drones import OutOfServiceAnswer, OutOfServiceQuery
+from skyway.contracts.weather import ForecastDocument
 from skyway.delivery.offer import Price
 from skyway.ids import DeliveryId, MissionId, PackageId, ProviderId
 from skyway.network.network import Network
@@ -41,6 +43,21 @@ class OwnSearch(SearchProcess):
         if isinstance(found, str):
             raise SearchFailed(found)
         return found
+
+
+async def forecast_wind(world: BusyWorld, *, speed_mps: float, from_deg: float) -> None:
+    """Give the network a forecast of this wind for the next day."""
+    now = world.clock.now()
+    wind = {"wind_speed_mps": speed_mps, "wind_from_deg": from_deg}
+    reports = [
+        {"station_id": station, "valid_at": (now + timedelta(hours=hour)).isoformat(), **wind}
+        for station in "abc"
+        for hour in range(24)
+    ]
+    forecast = {"source": "test", "issued_at": now.isoformat(), "reports": reports}
+    networks = PreparedNetworks(world.db)
+    changes = WeatherChanges(world.db, networks, world.closings.impact, world.clock, Wake())
+    await changes.put(NETWORK_ID, ForecastDocument.model_validate(forecast))
 
 
 class RegistryInService:

@@ -112,9 +112,6 @@ class OrderFinder:
         times = self._times()
         skyway = await self.networks.current(network_id)
         world = await World.of(skyway, self.db, after_ms=times.now_ms)
-        if world.weather_note(times.now_ms) is not None:
-            # The search plans in still air, so its orders would not fit this weather.
-            return "unsearched"
         fleet = free_to_take_off(await self._fleet(network_id, provider_id, times), world, times)
         # Calendars of an earlier network or closure are planned again first, without this search.
         if not _can_improve(fleet) or not fleet.is_planned_in(world.present):

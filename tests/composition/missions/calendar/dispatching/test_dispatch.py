@@ -37,6 +37,7 @@ from tests.composition.dispatched_world import (
     better_order,
     dispatch_fairly,
     dispatcher_of,
+    forecast_wind,
     waiting_missions,
 )
 from tests.composition.missions.calendar.booked_chain import (
@@ -192,6 +193,44 @@ async def test_a_mission_that_moves_is_planned_with_what_its_new_drone_has_learn
         planned_j = each.candidate.planned_model.battery_j
         assert batteries == pytest.approx([planned_j] * len(batteries))
     await world.check()
+
+
+@_on_sqlite
+@pytest.mark.parametrize("from_deg", [90.0, 270.0], ids=["head wind", "tail wind"])
+async def test_an_order_is_judged_and_adopted_with_its_plans_in_the_forecast(
+    world: BusyWorld, from_deg: float
+) -> None:
+    await forecast_wind(world, speed_mps=5.0, from_deg=from_deg)
+    await book_unevenly(world)
+    dispatcher, before = dispatcher_of(world), await waiting_missions(world)
+
+    better = await better_order(dispatcher)
+    assert await dispatcher.adopt(better) == "adopted"
+
+    after = await waiting_missions(world)
+    ends = [
+        [one.mission.packages[0].eta_at for _, one in sorted(each.items())]
+        for each in (before, after)
+    ]
+    saved_s = sum((old - new).total_seconds() for old, new in zip(*ends, strict=True))
+    assert better.judgement.saved_s == pytest.approx(saved_s, abs=0.1)
+    for record in after.values():
+        assert record.mission.weather is not None
+        flights = [each for each in record.mission.plan.steps if isinstance(each, Fly)]
+        assert {each.time_factor for each in flights} != {1.0}
+    await world.check()
+
+
+@_on_sqlite
+async def test_a_promise_that_only_a_tail_wind_keeps_does_not_end_the_search(
+    world: BusyWorld,
+) -> None:
+    await forecast_wind(world, speed_mps=5.0, from_deg=270.0)
+    later = world.clock.now() + timedelta(minutes=20)
+    assert await book(world, "dlv9", "c", "b", drone=4, earliest_pickup_at=later) == "BOOKED"
+    await book_unevenly(world)
+
+    assert (await dispatch_fairly(world, tolerance_s=0.0))[0] == "adopted"
 
 
 @_on_sqlite
