@@ -3,10 +3,10 @@
 from collections.abc import Collection
 from typing import Final
 
-from sqlalchemy import and_, or_, select, update
+from sqlalchemy import and_, delete, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.ids import DeliveryId, DroneId, NetworkId, ProviderId, StationId
+from skyway.ids import DeliveryId, DroneId, MissionId, NetworkId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway_composition.missions.mission.record import MissionRecord
@@ -23,6 +23,11 @@ _WAITING_FLEETS: Final = (
 )
 _REFUSALS: Final = select(missions.c.delivery_id, missions.c.drone_id).where(
     in_list(missions.c.delivery_id, "delivery_ids"), missions.c.state == "REFUSED"
+)
+_SEVERAL_TRIPS: Final = (
+    select(missions.c.delivery_id)
+    .distinct()
+    .where(in_list(missions.c.delivery_id, "delivery_ids"), missions.c.trip > 1)
 )
 
 
@@ -105,6 +110,19 @@ def add_guest(tx: Tx, record: MissionRecord, guest: Share) -> None:
         "attempt": guest.attempt,
     }
     tx.add(guests, [row])
+
+
+async def delete_mission(tx: Tx, mission_id: MissionId) -> None:
+    """Delete a QUEUED mission that has no steps, pads or custody any more."""
+    await tx.execute(delete(missions).where(missions.c.mission_id == mission_id, is_queued))
+
+
+async def with_several_trips(
+    connection: AsyncConnection, delivery_ids: Collection[DeliveryId]
+) -> frozenset[DeliveryId]:
+    """The deliveries among these that one booking has split over several missions."""
+    found = await connection.execute(_SEVERAL_TRIPS, {"delivery_ids": [*delivery_ids]})
+    return frozenset(found.scalars())
 
 
 async def refusals_of(
