@@ -140,9 +140,10 @@ def _check_gain(
     assert sum(_ends_s(later)) < sum(_ends_s(earlier))
     promised = _promised(before.values())
     assert _promised(after.values()) == promised
-    tolerance = timedelta(seconds=tolerance_s)
+    allowed_s = _allowed(before.values())
     for each, eta_at in later.items():
-        latest_at = max(earlier[each], promised.get(each, earlier[each]) + tolerance)
+        allowed = timedelta(seconds=max(tolerance_s, allowed_s[each]))
+        latest_at = max(earlier[each], promised.get(each, earlier[each]) + allowed)
         assert eta_at <= latest_at
 
 
@@ -167,6 +168,17 @@ def _promised(records: Iterable[MissionRecord]) -> dict[tuple[DeliveryId, Packag
         owner_of(record, each.package_id): each.eta_at
         for record in records
         for each in record.promised
+    }
+
+
+def _allowed(records: Iterable[MissionRecord]) -> dict[tuple[DeliveryId, PackageId], float]:
+    """How much later its customer lets each package come, seconds; a shared mission may not."""
+    return {
+        owner_of(record, each.package_id): (
+            0.0 if record.shares else record.request.qos.may_be_later_s
+        )
+        for record in records
+        for each in record.mission.packages
     }
 
 
