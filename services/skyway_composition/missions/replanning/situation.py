@@ -110,7 +110,9 @@ class Situation:
 
     def energy_margin(self, settings: NetworkSettings) -> float:
         """The share of energy that plans add to what the drone's planned model says."""
-        return max(settings.energy_margin, planned_more(self.consumption_factor))
+        # The next flights may have a tail wind, and the flights after them none.
+        factor = max(self.consumption_factor, self.lasting_factor)
+        return max(settings.energy_margin, planned_more(factor))
 
     @property
     def needs_pad_closed(self) -> bool:
