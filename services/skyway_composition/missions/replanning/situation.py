@@ -112,7 +112,9 @@ class Situation:
         """The share of energy that plans add to what the drone's planned model says."""
         candidate = self.record.candidate
         margin = world.for_drone(candidate.learned).energy_margin(candidate.model)
-        return max(margin, planned_more(self.consumption_factor))
+        # The next flights may have a tail wind, and the flights after them none.
+        factor = max(self.consumption_factor, self.lasting_factor)
+        return max(margin, planned_more(factor))
 
     @property
     def needs_pad_closed(self) -> bool:
