@@ -17,6 +17,6 @@ async def test_a_stormy_day_with_a_forecast_delivers_and_says_how() -> None:
 
     day = await fly_virtually(trial)
 
-    assert {state: count for state, count in day.states.items() if count} == {"COMPLETED": 1}
+    assert {state: each for state, each in day.states.items() if each} == {"COMPLETED": 1}
     assert (len(day.late_min), day.landings_below_reserve, day.down) == (1, 0, 0)
     assert sum(day.replanned_by.values()) == sum(day.new_plans)
