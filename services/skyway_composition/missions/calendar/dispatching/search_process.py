@@ -174,7 +174,11 @@ def answer(search: Search, network: Network, *, rounds: int | None = None) -> Fo
 
 def serve() -> None:
     """Answer the searches on standard input until it ends, behind the work of other processes."""
+    from skyway.dispatch.warm import warm
+
     os.nice(_NICENESS)
+    # Loading the compiled search would use up the budget of the first search.
+    warm()
     source, target = sys.stdin.buffer, sys.stdout.buffer
     network: Network | None = None
     with suppress(KeyboardInterrupt):

@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from typing import Final
 
-from sqlalchemy import and_, delete, or_, select, update
+from sqlalchemy import and_, delete, or_, select, union_all, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DeliveryId, DroneId, MissionId, NetworkId, ProviderId, StationId
@@ -21,8 +21,14 @@ _WAITING_FLEETS: Final = (
     .where(is_queued)
     .order_by(missions.c.network_id, missions.c.provider_id)
 )
-_REFUSALS: Final = select(missions.c.delivery_id, missions.c.drone_id).where(
-    in_list(missions.c.delivery_id, "delivery_ids"), missions.c.state == "REFUSED"
+#: A drone that refuses a mission has refused its guests too.
+_REFUSALS: Final = union_all(
+    select(missions.c.delivery_id, missions.c.drone_id).where(
+        in_list(missions.c.delivery_id, "delivery_ids"), missions.c.state == "REFUSED"
+    ),
+    select(guests.c.delivery_id, missions.c.drone_id)
+    .join(missions, missions.c.mission_id == guests.c.host_id)
+    .where(in_list(guests.c.delivery_id, "delivery_ids"), missions.c.state == "REFUSED"),
 )
 _SEVERAL_TRIPS: Final = (
     select(missions.c.delivery_id)

@@ -12,6 +12,7 @@ from skyway_composition.live.live_store import missions_with_steps, open_mission
 from skyway_composition.live.present import live_missions
 from skyway_composition.missions.booking.shared_trip import SharedTrip, SharedTrips
 from skyway_composition.missions.calendar.dispatching.merger import MOST_SHARES
+from skyway_composition.missions.calendar.dispatching.store import refusals_of
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import missions_seen, own_fields
@@ -209,6 +210,10 @@ async def test_both_deliveries_are_booked_again_when_the_drone_refuses(world: Bu
     while not (await kinds_of(world, "dlv2"))["REFUSED"]:
         await pass_minutes(world, 1)
 
+    both = {DeliveryId("dlv1"), DeliveryId("dlv2")}
+    async with world.db.read() as connection:
+        # The dispatcher gives neither to this drone again.
+        assert await refusals_of(connection, both) == {(each, drone.drone_id) for each in both}
     for delivery_id in ("dlv1", "dlv2"):
         assert (await kinds_of(world, delivery_id))["REFUSED"] == 1
         left = await left_to_book(world, delivery_id)
