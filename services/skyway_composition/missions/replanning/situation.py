@@ -92,7 +92,8 @@ class Situation:
     def lasting_factor(self) -> float:
         """The part of `consumption_factor` that is left without the wind that the drone feels."""
         health = None if self.link.state is None else self.link.state.health
-        if health is None or health.wind is None:
+        # A battery without any health says nothing about the use in still air.
+        if health is None or health.wind is None or not health.state_of_health:
             return self.consumption_factor
         in_still_air = (health.still_air_factor or 1.0) / health.state_of_health
         return self.record.candidate.learned.beyond(in_still_air)
