@@ -163,9 +163,10 @@ class Situation:
 
 
 def energy_to_pad_j(network: Network, model: DroneModel, start: StationId) -> float:
-    """Energy of the empty flight to the nearest station with a pad, taken or not; inf if none.
+    """Energy of the empty flight to the nearest station with a pad, taken or not.
 
-    Zones, closures and the landing itself do not count (docs/reference/planner-problem.md).
+    Infinite if no full battery reaches one. Zones, closures and the landing itself do not count
+    (docs/reference/planner-problem.md).
     """
     # With one speed and one power the path of least energy is the shortest path.
     tie_breaker = count()
@@ -175,8 +176,12 @@ def energy_to_pad_j(network: Network, model: DroneModel, start: StationId) -> fl
         length_m, _, here = heapq.heappop(heap)
         if here in settled:
             continue
+        energy_j = flight_energy_j(model, length_m=length_m, load_kg=0.0)
         if network.stations[here].pads > 0:
-            return flight_energy_j(model, length_m=length_m, load_kg=0.0)
+            return energy_j
+        # Where the pads fit no drone of this kind, the whole network would be searched.
+        if energy_j > model.battery_j:
+            return math.inf
         settled.add(here)
         for segment in network.segments_from(here):
             if segment.to_id not in settled:

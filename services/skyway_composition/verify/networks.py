@@ -248,9 +248,11 @@ def _flies(row: Any, closure: Closure, segments: Iterable[Any]) -> bool:  # of m
 def _is_begun(row: Any) -> bool:  # of mission_steps, with the drone's last state
     """Whether the drone has taken off: it may have missed the plan that avoids the closure."""
     state = json.loads(row.state or "{}")
-    under_way = state.get("step_id")
-    is_on_mission = state.get("mission_id") == row.mission_id and under_way is not None
-    return is_on_mission and bool(under_way >= row.step_id)
+    if state.get("mission_id") != row.mission_id:
+        return False
+    # A standing drone reports the next step, which it may not begin before it is released.
+    step_id, released_through = state.get("step_id") or 0, state.get("released_through") or 0
+    return bool(step_id > row.step_id or released_through >= row.step_id == step_id)
 
 
 def _begins_within(moment_ms: int, closure: Closure) -> bool:

@@ -125,7 +125,8 @@ def shortfall_of(
     """
     have_j, has_flown = _above_reserve_j(model, soc), False
     for stretch in _stretches(steps, packages):
-        factor = _later_use(stretch, energy_use) if has_flown else energy_use(stretch.flights)
+        factor = energy_use(() if has_flown else stretch.flights)
+        factor *= _in_planned_weather(stretch, model) if has_flown else 1.0
         factor = factor if factor > _AS_PLANNED_FACTOR else 1.0
         failing, need_j = None, 0.0
         for step, load_kg in stretch.flights:
@@ -172,13 +173,14 @@ def _stretches(
     yield stretch
 
 
-def _later_use(stretch: _Stretch, energy_use: EnergyUse) -> float:
-    """The energy use in the weather of the plan, as a multiple of the model's energy."""
-    length_m = sum(step.length_m for step, _ in stretch.flights)
-    planned = sum(
-        step.length_m * step.time_factor * step.energy_factor for step, _ in stretch.flights
-    )
-    return energy_use(()) * (planned / length_m if length_m else 1.0)
+def _in_planned_weather(stretch: _Stretch, model: DroneModel) -> float:
+    """By how much the weather of the plan multiplies the energy of these flights."""
+    still_j = planned_j = 0.0
+    for step, load_kg in stretch.flights:
+        flight_j = flight_energy_j(model, length_m=step.length_m, load_kg=load_kg)
+        still_j += flight_j
+        planned_j += flight_j * step.time_factor * step.energy_factor
+    return planned_j / still_j if still_j else 1.0
 
 
 def stretch_of(steps: tuple[FlightStep, ...]) -> tuple[FlightStep, ...]:

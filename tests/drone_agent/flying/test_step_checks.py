@@ -10,6 +10,8 @@ from skyway_drone_agent.flying.step_checks import (
     stretch_of,
 )
 
+from skyway.drone.flight import flight_energy_j
+
 
 def fault(made: Any, first_step: int = 1) -> str | None:
     return fault_in(made, first_step=first_step, packages=())
@@ -201,3 +203,31 @@ def test_the_felt_wind_counts_up_to_the_next_recharge_and_the_planned_weather_af
     assert later is not None
     assert later.step == in_planned_wind[3]
     assert later.need_j == pytest.approx(2 * (1.2 * 1000 * 100 + 1000))
+
+
+@pytest.mark.parametrize("factors", [(1.0, 1.5), (1.5, 1.0)])
+def test_the_planned_weather_counts_for_each_flight_with_its_load(
+    drone: Any, steps: Any, factors: tuple[float, float]
+) -> None:
+    (picked_up,) = steps().pick_up("home", p1=2.0).made
+    needed_j = 2 * drone.model.stop_j
+    for load_kg, factor in zip((2.0, 0.0), factors, strict=True):
+        needed_j += factor * flight_energy_j(drone.model, length_m=5_000, load_kg=load_kg)
+
+    def short(spare_j: float) -> Any:
+        until_soc = drone.model.reserve_soc + (needed_j + spare_j) / drone.model.battery_j
+        made = (
+            steps()
+            .fly("home", "shop", length_m=1_000, duration_s=1)
+            .recharge("shop", until_soc=until_soc, duration_s=1)
+            .fly("shop", "farm", length_m=5_000, duration_s=1)
+            .deliver("farm", "p1")
+            .fly("farm", "home", length_m=5_000, duration_s=1)
+            .made
+        )
+        for number, factor in zip((2, 4), factors, strict=True):
+            made[number] = made[number].model_copy(update={"energy_factor": factor})
+        return shortfall_of(made, model=drone.model, soc=0.2, packages=picked_up.packages)
+
+    assert short(0.0) is None
+    assert short(-0.05 * drone.model.battery_j).need_j == pytest.approx(needed_j)

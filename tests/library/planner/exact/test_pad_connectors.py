@@ -1,17 +1,22 @@
 """Exact plans where pads fit some drones only: as if the pads that do not fit were not there."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import pytest
 
 from skyway.delivery.plan import Recharge
+from skyway.drone.flight import flight_energy_j
 from skyway.errors import InvalidProblem
-from skyway.ids import ConnectorId
-from skyway.network.network import Network
+from skyway.geo import Position
+from skyway.ids import ConnectorId, StationId
+from skyway.network.network import Network, Segment, Station
 from skyway.planner import Hierarchy, TripTerms, compose
 from skyway.planner.problem import Problem
+from skyway.planner.situation import energy_to_pad_j
 from skyway.planner.verify import verify
 from tests.library.planner.oracles.grid import bracket
 from tests.library.planner.oracles.instances import (
@@ -146,3 +151,34 @@ def test_terms_are_for_drones_that_fit_the_same_pads(
     assert len(TripTerms.of(network, [blade, any_pad]).models) == 2
     with pytest.raises(InvalidProblem, match="different pads fit them"):
         TripTerms.of(network, [blade, pin])
+
+
+def test_pads_are_searched_as_far_as_a_full_battery_reaches(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stations = {
+        StationId(f"s{number}"): Station(
+            StationId(f"s{number}"),
+            Position(longitude_deg=0.01 * number, latitude_deg=0.0),
+            properties={"pad_connectors": ["other"]},
+        )
+        for number in range(1_000)
+    }
+    ways = [Segment(one, other, 1_000.0) for one, other in pairwise(stations)]
+    network = Network(stations, ways)
+    made = make_busy_problem(0).drone.model
+    model = made.model_copy(update={"connector": ConnectorId("own")})
+    reach = model.battery_j / flight_energy_j(model, length_m=1_000.0, load_kg=0.0)
+    leaving: dict[StationId, tuple[Segment, ...]] = {each.from_id: (each,) for each in ways}
+    looked_at: list[StationId] = []
+
+    def segments_from(_: Network, start: StationId) -> tuple[Segment, ...]:
+        looked_at.append(start)
+        return leaving.get(start, ())
+
+    monkeypatch.setattr(Network, "segments_from", segments_from)
+
+    found_j = energy_to_pad_j(network.fitting(model.connector), model, StationId("s0"))
+
+    assert found_j == math.inf
+    assert len(looked_at) == math.floor(reach) + 1 < 1_000
