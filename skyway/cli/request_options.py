@@ -69,7 +69,7 @@ PoolingWaitOption = Annotated[
         min=0.0,
         max=3600.0,
         metavar="SECONDS",
-        help="With --pooling: begin so much later, so that others can join.",
+        help="With --pooling: begin so many seconds later, so that others can join.",
     ),
 ]
 
@@ -158,7 +158,7 @@ class RequestOptions:
         The gateway of the folder says what the fleet time is, if an option counts from now.
         """
         if self.pooling_wait_s is not None and not self.pooling:
-            fail("--pooling-wait-s goes with --pooling")
+            fail("--pooling-wait-s needs --pooling")
         if self.file is not None:
             given = [option for option, texts in self._windows.items() if texts]
             given += ["--pooling"] if self.pooling else []
