@@ -123,7 +123,7 @@ class Network:
         """
         if connector is None:
             return self
-        # Drones with connectors that no pad has see the same network, so few are kept.
+        # All connectors that are on no pad lead to the same network, so few networks are cached.
         key = connector if connector in self._pad_connectors.named else None
         seen = self._fitting.get(key)
         return seen or self._fitting.setdefault(key, self._seen_with(connector))
