@@ -73,6 +73,17 @@ PoolingWaitOption = Annotated[
     ),
 ]
 
+MayBeLaterOption = Annotated[
+    float,
+    typer.Option(
+        "--may-be-later-s",
+        min=0,
+        max=14_400,
+        help="How much later than first planned it may come, so that all deliveries together come "
+        "earlier.",
+    ),
+]
+
 _WINDOWS = "Windows, in fleet time: 2026-03-02T14:00:00Z, or +2h30m from now"
 
 EarliestPickupOption = Annotated[
@@ -128,6 +139,7 @@ class RequestOptions:
     promise: str
     pooling: bool
     pooling_wait_s: float | None
+    may_be_later_s: float
     earliest_pickup: str | None
     latest_pickup: str | None
     not_before: Sequence[str]
@@ -146,11 +158,14 @@ class RequestOptions:
         return dict(zip(_FIELDS, (*pickup_texts, self.not_before, self.latest), strict=True))
 
     @property
-    def _pooling(self) -> dict[str, Any]:
-        """The members of `qos` that say whether the trip may be shared."""
-        if not self.pooling:
-            return {}
-        return {"pooling": True, "pooling_wait_s": self.pooling_wait_s or 0.0}
+    def _allowed(self) -> dict[str, Any]:
+        """The members of `qos` that let the fleet plan many deliveries better together."""
+        allowed: dict[str, Any] = {}
+        if self.pooling:
+            allowed |= {"pooling": True, "pooling_wait_s": self.pooling_wait_s or 0.0}
+        if self.may_be_later_s:
+            allowed["may_be_later_s"] = self.may_be_later_s
+        return allowed
 
     def document(self, folder: DataFolder) -> dict[str, Any]:
         """The JSON of the delivery request; the command ends with a message at a wrong option.
@@ -162,6 +177,7 @@ class RequestOptions:
         if self.file is not None:
             given = [option for option, texts in self._windows.items() if texts]
             given += ["--pooling"] if self.pooling else []
+            given += ["--may-be-later-s"] if self.may_be_later_s else []
             if self.pickup or self.packages or given:
                 options = ", ".join(given) or "a pickup station or --package"
                 fail(f"--file excludes {options}: write what you request into {self.file}")
@@ -175,7 +191,7 @@ class RequestOptions:
                 "objective": self.objective,
                 "priority": self.priority,
                 "promise": self.promise,
-                **self._pooling,
+                **self._allowed,
             },
         }
         read_moment = moment_reader(folder, key_name=CUSTOMER_KEY)

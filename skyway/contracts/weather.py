@@ -117,7 +117,7 @@ class WeatherGrid(_FewMembers):
     ] = None
     error_mps: Annotated[
         _Values[_Error] | None,
-        Field(description="Standard error of the wind; it counts as wind against the drone."),
+        Field(description="Standard error of the wind in each direction; plans allow for it."),
     ] = None
 
     @field_validator(*_VARIABLES, mode="before")

@@ -40,7 +40,7 @@ _LARGEST_SHARE: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class ArrivedPackage:
+class PackageArrival:
     """A package that has come: its planned time from the drone's start, and its lateness, seconds.
 
     `was_covered` says whether it came by its P90; None if it had none.
@@ -52,7 +52,7 @@ class ArrivedPackage:
 
 
 def late_share(
-    own: Sequence[ArrivedPackage], others: Sequence[Sequence[ArrivedPackage]] = ()
+    own: Sequence[PackageArrival], others: Sequence[Sequence[PackageArrival]] = ()
 ) -> float | None:
     """The lateness that nine of ten packages do not exceed, as a share of the planned time.
 
@@ -78,12 +78,12 @@ def later_by_s(planned_s: float, share: float) -> float:
     return share * max(planned_s, _SHORTEST_S)
 
 
-def _score(arrival: ArrivedPackage) -> float:
+def _score(arrival: PackageArrival) -> float:
     return arrival.late_s / max(arrival.planned_s, _SHORTEST_S)
 
 
 def _shared_evenly(
-    groups: Sequence[Sequence[ArrivedPackage]], *, weight: float
+    groups: Sequence[Sequence[PackageArrival]], *, weight: float
 ) -> Iterator[tuple[float, float]]:
     """The scores of the packages, each with its weight: each group weighs the same."""
     for group in groups:
@@ -100,7 +100,7 @@ def _weighted(scores: Sequence[tuple[float, float]], needed: float) -> float:
     return largest
 
 
-def _level(arrivals: Sequence[ArrivedPackage]) -> float:
+def _level(arrivals: Sequence[PackageArrival]) -> float:
     level = COVERED
     for each in arrivals:
         if each.was_covered is not None:

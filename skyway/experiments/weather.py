@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
-from skyway.delivery.lateness import ArrivedPackage, late_share, later_by_s
+from skyway.delivery.lateness import PackageArrival, late_share, later_by_s
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.experiments.contest import EXACT
 from skyway.experiments.figures import Axis, Stack, draw_groups
@@ -105,7 +105,7 @@ def weather(laboratory: Laboratory) -> Section:
 def run_weather_trial(trial: WeatherTrial) -> list[PromisedDelivery]:
     """Plan, promise and fly the deliveries; each P90 is learned from the deliveries before."""
     kind, error_mps = DAYS[trial.day], _ERRORS_MPS[trial.knowledge]
-    come: list[ArrivedPackage] = []
+    come: list[PackageArrival] = []
     flown: list[PromisedDelivery] = []
     for number in range(trial.deliveries):
         # All trials of a day have the same requests, weather and random numbers.
@@ -121,7 +121,7 @@ def run_weather_trial(trial: WeatherTrial) -> list[PromisedDelivery]:
         one = _promised(number, plan.delivery_time_s, delivery, p90_s=p90_s)
         flown.append(one)
         was_covered = None if p90_s is None else one.came_by_p90
-        come.append(ArrivedPackage(one.planned_s, one.late_s, was_covered))
+        come.append(PackageArrival(one.planned_s, one.late_s, was_covered))
     return flown
 
 

@@ -71,6 +71,7 @@ class Network:
         }
         self._pad_powers = PadPowers.of(columns)
         self._pad_connectors = PadConnectors.of(columns)
+        self._whole = self
         self._fitting: dict[ConnectorId | None, Network] = {}
         if len({zone.zone_id for zone in self._zones}) < len(self._zones):
             raise InvalidNetwork("zones", "two zones share an id")
@@ -121,12 +122,13 @@ class Network:
 
         Rows are the same. A drone without a connector fits every pad, and sees this network.
         """
+        whole = self._whole
         if connector is None:
-            return self
+            return whole
         # All connectors that are on no pad lead to the same network, so few networks are cached.
         key = connector if connector in self._pad_connectors.named else None
-        seen = self._fitting.get(key)
-        return seen or self._fitting.setdefault(key, self._seen_with(connector))
+        seen = whole._fitting.get(key)
+        return seen or whole._fitting.setdefault(key, whole._seen_with(connector))
 
     def _seen_with(self, connector: ConnectorId) -> "Network":
         unfit = [self._row_of[each] for each in self._pad_connectors.unfit(connector)]
@@ -182,6 +184,10 @@ class Network:
         )
 
     __hash__ = None  # type: ignore[assignment]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but what is cached: other threads may add to that while the network is packed."""
+        return self.__dict__ | {"_fitting": {}, "_leaving": {}}
 
     def __repr__(self) -> str:
         sizes = f"{len(self._row_of)} stations, {len(self._columns.length_m)} segments"

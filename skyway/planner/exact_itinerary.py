@@ -4,7 +4,7 @@ The acts are flown one after another. Pads are chosen at the end, for all sessio
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, NamedTuple
 
 from skyway.drone.charging import recharge_time_s, soc_after_recharge
@@ -15,8 +15,8 @@ from skyway.planner.exact_acts import Act
 from skyway.planner.flight_log import FlightLog, StepFields
 from skyway.planner.itinerary import Itinerary
 from skyway.planner.kernels import memory
-from skyway.planner.pad_book import Taken, booked_from_ms, booked_until_ms
-from skyway.planner.pad_calendar import windows_on_end
+from skyway.planner.pad_book import booked_from_ms, booked_until_ms
+from skyway.planner.pad_calendar import FreeWindow, windows_on_end
 from skyway.planner.situation import Situation
 from skyway.planner.weather import STILL_AIR, Air
 from skyway.units import TIME_TOLERANCE_S
@@ -73,7 +73,7 @@ class _Flight:
         self._weather = situation.problem.weather
         self._undelivered = set(situation.destinations)
         self._in_air: list[_Crossing] = []
-        self._take_load(0.0)
+        self._set_load(0.0)
 
     def do(self, act: Act, *, is_followed_by_hand_over: bool) -> None:
         """Do one act; a drone that hands over next shows its landing by that."""
@@ -110,9 +110,9 @@ class _Flight:
     def _hand_over(self) -> None:
         self.log.hand_over()
         self._undelivered.discard(self.log.here)
-        self._take_load(self._situation.load_kg(self._undelivered))
+        self._set_load(self._situation.load_kg(self._undelivered))
 
-    def _take_load(self, load_kg: float) -> None:
+    def _set_load(self, load_kg: float) -> None:
         self._load_kg = load_kg
         self._speed_mps = speed_mps(self._model, load_kg)
         self._power_w = flight_power_w(self._model, load_kg)
@@ -199,48 +199,39 @@ def _with_pads(situation: Situation, steps: Sequence[StepFields]) -> Iterator[St
 
     A session for which there is no pad is left out.
     """
-    sessions = [step for step in steps if step["kind"] == "RECHARGE"]
-    taken = iter(
-        situation.pads.taken_during(
-            [(one["station_id"], one["start_s"], one["end_s"]) for one in sessions]
-        )
-    )
-    is_full = situation.problem.recharge_policy == "full"
+    spans = [
+        (step["station_id"], step["start_s"], step["end_s"])
+        for step in steps
+        if step["kind"] == "RECHARGE"
+    ]
+    taken = iter(situation.pads.taken_during(spans))
+    may_split = situation.problem.recharge_policy == "partial"
     for step in steps:
         if step["kind"] != "RECHARGE":
             yield step
-        elif is_full:
-            yield from _on_one_pad(situation, step, next(taken))
-        else:
-            yield from _on_pads(situation, step, next(taken))
-
-
-def _on_one_pad(
-    situation: Situation, session: StepFields, taken: Sequence[Taken]
-) -> Iterator[StepFields]:
-    """The session on the first pad that is free for the whole time."""
-    pads_taken = {each.pad for each in taken}
-    for pad in range(situation.pads.count(session["station_id"])):
-        if pad not in pads_taken:
-            yield {**session, "pad": pad}
-            return
+            continue
+        reserved = next(taken)
+        pads = situation.pads.count(step["station_id"])
+        pads_taken = {each.pad for each in reserved}
+        pad = next((pad for pad in range(pads) if pad not in pads_taken), None)
+        if pad is not None:
+            yield {**step, "pad": pad}
+        elif may_split:
+            start_s, end_s = step["start_s"], step["end_s"]
+            windows = windows_on_end(reserved, pads, from_s=start_s, until_s=end_s)
+            yield from _on_pads(situation, step, windows)
 
 
 def _on_pads(
-    situation: Situation, session: StepFields, taken: Sequence[Taken]
+    situation: Situation, session: StepFields, windows: Iterable[FreeWindow]
 ) -> Iterator[StepFields]:
-    """The parts of the session, each on the pad that then stays free longest."""
-    station_id, end_s, until_soc = session["station_id"], session["end_s"], session["soc_end"]
-    pads = situation.pads.count(station_id)
+    """The parts of the session, one in each of these windows."""
     now_s, soc = session["start_s"], session["soc_start"]
-    for window in windows_on_end(taken, pads, from_s=now_s, until_s=end_s):
+    model = situation.model_at(session["station_id"])
+    for window in windows:
         part = {**session, "pad": window.pad, "start_s": now_s, "soc_start": soc}
-        if window.end_s >= end_s:
-            yield part
-            return
-        model = situation.model_at(station_id)
         reached_soc = soc_after_recharge(model, soc, window.end_s - now_s)
-        if reached_soc >= until_soc:
+        if window.end_s >= session["end_s"] or reached_soc >= session["soc_end"]:
             yield part
             return
         until_s = now_s + recharge_time_s(model, soc, reached_soc)

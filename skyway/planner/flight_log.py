@@ -104,15 +104,15 @@ class FlightLog:
         """Take all packages on board; hand over those for the source right after."""
         problem = self._situation.problem
         package_ids = [package.package_id for package in problem.packages]
-        self._change_hands("PICK_UP", package_ids, duration_s=problem.loading_s)
+        self._transfer("PICK_UP", package_ids, duration_s=problem.loading_s)
         if self._situation.packages_for(self.here):
             self._deliver()
 
     def _deliver(self) -> None:
         package_ids = [one.package_id for one in self._situation.packages_for(self.here)]
-        self._change_hands("DELIVER", package_ids, duration_s=self._situation.problem.dropoff_s)
+        self._transfer("DELIVER", package_ids, duration_s=self._situation.problem.dropoff_s)
 
-    def _change_hands(self, kind: str, package_ids: list[PackageId], *, duration_s: float) -> None:
+    def _transfer(self, kind: str, package_ids: list[PackageId], *, duration_s: float) -> None:
         end_s = self.now_s + duration_s
         self.steps.append(
             {

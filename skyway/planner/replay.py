@@ -13,7 +13,6 @@ from skyway.ids import PackageId, StationId
 from skyway.network.pad_connectors import PAD_CONNECTORS
 from skyway.planner.obstacles import (
     STILL,
-    FlightInAir,
     MovingAir,
     OpenSky,
     does_fit,
@@ -58,7 +57,8 @@ class Replay:
         self._clashes = pad_clashes(problem, steps, booked=booked)
         self._sky = OpenSky(problem, steps)
         self._air = MovingAir(problem)
-        self._may_be_closed = self._sky.has_obstacles or problem.weather is not None
+        self._has_weather = problem.weather is not None
+        self._may_be_closed = self._has_weather or self._sky.has_obstacles
         self._here: StationId = problem.start_station_id
         self._now_s = 0.0
         #: The tolerance for moments near the end of the current step.
@@ -185,23 +185,24 @@ class Replay:
             return
         stop_s, stop_j = (self._model.stop_s, self._model.stop_j) if lands else (0.0, 0.0)
         still_s, still_j = self._still(length_m, load_kg)
-        flight: FlightInAir | None = FlightInAir(still_s, still_j, STILL)
-        if self._problem.weather is not None:
-            flight = self._air.flight(step, still_s, still_j, stop_s=stop_s, stop_j=stop_j)
-        if flight is None:
-            self._note("closed", "the weather closes the segment when the flight begins")
-            return
-        self._check_duration(step, flight.flight_s + stop_s)
+        flight = still_s, still_j, STILL
+        if self._has_weather:
+            met = self._air.flight(step, still_s, still_j, stop_s=stop_s, stop_j=stop_j)
+            if met is None:
+                self._note("closed", "the weather closes the segment when the flight begins")
+                return
+            flight = met
+        flight_s, energy_j, air = flight
+        self._check_duration(step, flight_s + stop_s)
         if not (
-            abs(step.time_factor - flight.air.longer) <= _FACTOR_TOLERANCE
-            and abs(step.energy_factor - flight.air.harder) <= _FACTOR_TOLERANCE
+            abs(step.time_factor - air.longer) <= _FACTOR_TOLERANCE
+            and abs(step.energy_factor - air.harder) <= _FACTOR_TOLERANCE
         ):
             stated = f"{step.time_factor} and {step.energy_factor}"
-            met = f"{flight.air.longer} and {flight.air.harder}"
-            self._note("air", f"factors {stated} stated, {met} met")
-        self._check_charge_used(step, flight.energy_j + stop_j)
+            self._note("air", f"factors {stated} stated, {air.longer} and {air.harder} met")
+        self._check_charge_used(step, energy_j + stop_j)
         if self._may_be_closed:
-            self._check_open(step, arrival_s=step.start_s + flight.flight_s, lands=lands)
+            self._check_open(step, arrival_s=step.start_s + flight_s, lands=lands)
 
     def _still(self, length_m: float, load_kg: float) -> tuple[float, float]:
         """Seconds and joules of a flight in still air, without a landing."""
@@ -222,10 +223,10 @@ class Replay:
             self._note("closed", closed)
 
     def _check_charge_used(self, step: Fly, energy_j: float) -> None:
-        allowed_j = CHARGE_TOLERANCE * self._model.battery_j
-        if not abs(step.energy_j - energy_j) <= allowed_j:
+        battery_j = self._model.battery_j
+        if not abs(step.energy_j - energy_j) <= CHARGE_TOLERANCE * battery_j:
             self._note("energy", f"{step.energy_j} J stated, {energy_j} J used")
-        soc_end = self._soc - energy_j / self._model.battery_j
+        soc_end = self._soc - energy_j / battery_j
         if not abs(step.soc_end - soc_end) <= CHARGE_TOLERANCE:
             self._note("charge", f"ends at {step.soc_end} stated, at {soc_end} true")
         if not soc_end >= self._model.reserve_soc - CHARGE_TOLERANCE:

@@ -44,12 +44,9 @@ def text_of(path: Path) -> str:
         return ""
 
 
-def page_named(name: str) -> Path | None:
-    """The page of this name: a path from the root, or the end of one page's path."""
-    for page in PAGES:
-        if page.as_posix() == name or page.as_posix().endswith(f"/{name}"):
-            return page
-    return None
+def pages_named(name: str) -> list[Path]:
+    """The pages of this name: a path from the root, or the end of a path."""
+    return [page for page in PAGES if f"/{page.as_posix()}".endswith(f"/{name}")]
 
 
 def anchors_of(page: Path) -> set[str]:
@@ -75,11 +72,10 @@ def broken_citations(path: Path) -> Iterator[str]:
     for name, anchor in PAGE.findall(text_of(path)):
         if name in WRITTEN_BY_PROGRAMS:
             continue
-        cited = name.lstrip("./")
-        page = page_named(cited)
-        if page is None:
+        pages = pages_named(name.lstrip("./"))
+        if not pages:
             yield name
-        elif anchor and anchor not in anchors_of(page):
+        elif anchor and all(anchor not in anchors_of(page) for page in pages):
             yield f"{name}#{anchor}"
 
 
@@ -145,7 +141,7 @@ def test_every_reference_page_is_in_both_tables() -> None:
 
 
 def test_a_page_that_does_not_exist_is_noticed() -> None:
-    assert page_named("docs/reference/rest.md") is not None
-    assert page_named("rest.md") is not None
-    assert page_named("no-such-page.md") is None
+    assert pages_named("docs/reference/rest.md")
+    assert pages_named("rest.md")
+    assert not pages_named("no-such-page.md")
     assert "versions-and-etag" not in anchors_of(Path("README.md"))

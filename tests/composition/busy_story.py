@@ -111,11 +111,13 @@ class Story:
             }
         )
         loading = "CONFIRMED" if chance.random() < 0.3 else "AUTOMATIC"
+        qos = QoS(may_be_later_s=chance.choice([0.0, 0.0, 3_600.0]))
         if chance.random() < 0.5:
             wait_s = chance.choice([0.0, 600.0, 1_800.0])
-            qos = QoS(objective="cheapest", pooling=True, pooling_wait_s=wait_s)
-            request = request.model_copy(update={"qos": qos})
-            request = request.begun_after_wait(self.world.clock.now())
+            shared = {"objective": "cheapest", "pooling": True, "pooling_wait_s": wait_s}
+            qos = qos.model_copy(update=shared)
+        request = request.model_copy(update={"qos": qos})
+        request = request.begun_after_wait(self.world.clock.now())
         note(f"  {await self.world.book(delivery_id, request, loading=loading)} {delivery_id}")
 
     async def book_again(self, chance: Random) -> None:

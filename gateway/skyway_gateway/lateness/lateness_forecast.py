@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
-from skyway.delivery.lateness import ArrivedPackage, late_share
+from skyway.delivery.lateness import PackageArrival, late_share
 from skyway.ids import NetworkId, ProviderId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.sql.connection import AnyRow
@@ -21,10 +21,10 @@ _MOST_AT_START: Final = 50_000
 #: seconds.
 _LOOK_BACK: Final = (600.0, 30.0)
 
-_Providers = dict[ProviderId, deque[ArrivedPackage]]
+_Providers = dict[ProviderId, deque[PackageArrival]]
 
 
-def _no_arrivals() -> deque[ArrivedPackage]:
+def _no_arrivals() -> deque[PackageArrival]:
     return deque(maxlen=MOST_OF_PROVIDER)
 
 
@@ -85,9 +85,9 @@ def _key(row: AnyRow) -> tuple[str, str]:
     return row.delivery_id, row.package_id
 
 
-def _arrival(row: AnyRow) -> ArrivedPackage:
+def _arrival(row: AnyRow) -> PackageArrival:
     p90_ms = row.promised_p90_ms
-    return ArrivedPackage(
+    return PackageArrival(
         planned_s=max(0, row.promised_ms - row.start_ms) / 1000,
         late_s=(row.delivered_ms - row.promised_ms) / 1000,
         was_covered=None if p90_ms is None else row.delivered_ms <= p90_ms,

@@ -5,7 +5,18 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any, Final, Literal
 
-from sqlalchemy import BigInteger, Integer, Select, and_, bindparam, case, func, select, true
+from sqlalchemy import (
+    BigInteger,
+    Integer,
+    Select,
+    and_,
+    bindparam,
+    case,
+    func,
+    or_,
+    select,
+    true,
+)
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import NetworkId, ProviderId
@@ -14,6 +25,14 @@ from skyway_gateway.delivery_tables import deliveries, missions, packages
 
 #: The last packages of a provider in a network that count. Our own choice.
 MOST_OF_PROVIDER: Final = 300
+
+#: Whether the customer of a package allows no later delivery than promised. The dispatcher may plan
+#: others later, which says nothing about how late a provider is. True or false, never null.
+IS_DUE_AS_PROMISED: Final = or_(
+    packages.c.due_ms.is_(None),
+    packages.c.due_ms == func.coalesce(packages.c.promised_ms, -1),
+    packages.c.due_ms == func.coalesce(packages.c.promised_p90_ms, -1),
+)
 
 _LAST: Final = (
     select(
@@ -32,6 +51,7 @@ _LAST: Final = (
         packages.c.delivered_ms >= bindparam("since_ms", type_=BigInteger),
         packages.c.promised_ms.is_not(None),
         missions.c.start_ms.is_not(None),
+        IS_DUE_AS_PROMISED,
     )
     .order_by(packages.c.delivered_ms.desc(), packages.c.delivery_id, packages.c.package_id)
     .limit(bindparam("most", type_=Integer))
@@ -71,7 +91,10 @@ _MOST_PAIRS: Final = 500
 
 @dataclass(frozen=True, slots=True)
 class KeptPromises:
-    """How many packages with a P90 a provider delivered in a network, and how many by then."""
+    """How many packages with a P90 a provider delivered in a network, and how many by then.
+
+    Packages whose customers allow more are left out.
+    """
 
     network_id: NetworkId | None
     provider_id: ProviderId
@@ -97,7 +120,11 @@ def _kept() -> Select[*tuple[Any, ...]]:  # columns of every type
         )
         .join_from(packages, missions, missions.c.mission_id == packages.c.mission_id)
         .join(deliveries, deliveries.c.delivery_id == packages.c.delivery_id)
-        .where(delivered >= bindparam("week_ms", type_=BigInteger), p90.is_not(None))
+        .where(
+            delivered >= bindparam("week_ms", type_=BigInteger),
+            p90.is_not(None),
+            IS_DUE_AS_PROMISED,
+        )
         .group_by(*pair)
         .order_by(func.count().desc(), *pair)
         .limit(_MOST_PAIRS)

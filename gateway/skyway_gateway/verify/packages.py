@@ -2,17 +2,20 @@
 
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, and_, exists, func, or_, select
+from sqlalchemy import ColumnElement, and_, exists, func, not_, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.delivery.request import DeliveryRequest
 from skyway.runtime.verification.rule import Rule, Survey
-from skyway.units import moment_to_ms
+from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.deliveries.lifecycle.delivery import (
     ON_BOARD_STATES,
     SETTLED_PACKAGE_STATES,
     Proof,
 )
-from skyway_gateway.delivery_tables import custody, missions, packages
+from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
+from skyway_gateway.lateness.promise import due_of
+from skyway_gateway.lateness.store import IS_DUE_AS_PROMISED
 from skyway_gateway.verify.package_stories import PackageStory, packages_where
 
 _is_of_package = and_(
@@ -95,6 +98,31 @@ def _proof_differs(row: Any) -> bool:  # a row of packages
         row.mission_id,
         row.delivered_ms,
     )
+
+
+async def _due_at_another_moment(survey: Survey) -> list[str]:
+    """Packages that are due neither when promised, nor as much later as their customers allow."""
+    of_package = (packages.c.delivery_id, packages.c.package_id, packages.c.promised_ms)
+    query = (
+        select(*of_package, packages.c.promised_p90_ms, packages.c.due_ms, deliveries.c.request)
+        .join(deliveries, deliveries.c.delivery_id == packages.c.delivery_id)
+        .where(not_(IS_DUE_AS_PROMISED))
+    )
+    return [
+        f"{row.delivery_id}/{row.package_id}"
+        async for row in survey.each(query)
+        if not _is_due_as_allowed(row)
+    ]
+
+
+def _is_due_as_allowed(row: Any) -> bool:  # a row of packages, with the delivery's request
+    qos = DeliveryRequest.read(row.request).qos
+    if row.promised_ms is None or qos.may_be_later_s == 0:
+        return False
+    p90_at = None if row.promised_p90_ms is None else ms_to_moment(row.promised_p90_ms)
+    due_at = due_of(ms_to_moment(row.promised_ms), p90_at, qos)
+    # The parts of a millisecond that are not stored may add up to another one.
+    return bool(abs(row.due_ms - moment_to_ms(due_at)) <= 1)
 
 
 PACKAGES: Final = (
@@ -204,17 +232,8 @@ PACKAGES: Final = (
     ),
     Rule(
         "a package is due at the moment that was promised",
-        select(_name).where(
-            packages.c.due_ms.is_not(None),
-            or_(
-                packages.c.promised_ms.is_(None),
-                and_(
-                    packages.c.due_ms != packages.c.promised_ms,
-                    packages.c.due_ms
-                    != func.coalesce(packages.c.promised_p90_ms, packages.c.promised_ms),
-                ),
-            ),
-        ),
-        "Set `due_ms` to null: then lateness counts from `promised_ms`.",
+        _due_at_another_moment,
+        "Set `due_ms` to `promised_p90_ms`, or `promised_ms` without it or with `promise` P50, and "
+        "add what the request allows (`may_be_later_s`), up to its deadline.",
     ),
 )

@@ -20,7 +20,7 @@ GUSTS_SMOOTHED_OVER_S: Final = 45.0
 
 #: The same for the wind on the flights ahead. A gust is over after a few minutes, so it must not
 #: count for the next half hour.
-AHEAD_SMOOTHED_OVER_S: Final = 600.0
+AHEAD_SMOOTHED_OVER_S: Final = 240.0
 
 #: A slower drone hovers, climbs or stands: its speeds say little about the wind on the way.
 _LEAST_AIR_SPEED_MPS: Final = 3.0

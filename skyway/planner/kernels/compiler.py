@@ -10,7 +10,10 @@ from importlib.resources import files
 from typing import Any, Final, TypeVar
 
 import numba
-from numba.core import caching, config
+from llvmlite import ir
+from numba import types
+from numba.core import caching, cgutils, config
+from numba.extending import intrinsic, overload
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -82,3 +85,38 @@ def _compiled(function: _Function, options: dict[str, Any]) -> _Function:
     finally:
         config.CACHE_LOCATOR_CLASSES = before
     return compiled
+
+
+def fetch_soon(array: Any, index: int) -> None:
+    """Let the processor load this element into its cache, because it is read soon.
+
+    It changes no result, and does nothing where kernels are not compiled.
+    """
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _fetch(_typing: Any, array: Any, index: Any) -> Any:
+    """The processor's own instruction, which numba does not offer."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        of_array = signature.args[0]
+        view = context.make_array(of_array)(context, builder, arguments[0])
+        element = cgutils.get_item_pointer(
+            context, builder, of_array, view, [arguments[1]], wraparound=False
+        )
+        number, address = ir.IntType(32), cgutils.voidptr_t
+        of_fetch = ir.FunctionType(ir.VoidType(), [address, number, number, number])
+        fetch = cgutils.get_or_insert_function(builder.module, of_fetch, "llvm.prefetch.p0")
+        # To read (0) data (1), and keep them in every cache (3).
+        builder.call(fetch, [builder.bitcast(element, address), number(0), number(3), number(1)])
+        return context.get_dummy_value()
+
+    return types.void(array, index), generate
+
+
+@overload(fetch_soon)  # type: ignore[untyped-decorator]
+def _compiled_fetch_soon(array: Any, index: Any) -> Any:
+    def fetch(array: Any, index: Any) -> Any:
+        return _fetch(array, index)
+
+    return fetch

@@ -7,7 +7,7 @@ next.
 
 import numpy as np
 
-from skyway.planner.kernels.compiler import entrance, kernel
+from skyway.planner.kernels.compiler import entrance, fetch_soon, kernel
 from skyway.planner.kernels.hierarchy import measure
 from skyway.planner.kernels.memory import INWARD, Floats, Ints, Longs, Memory, int64
 from skyway.planner.kernels.places import arcs_of, place_of
@@ -53,11 +53,25 @@ def grow(
             before = arc_place[arc]
             length_m = radius_m + arc_length[arc]
             if length_m < distance[before]:
+                _fetch_arcs(skyway, memory, before)
                 distance[before] = length_m
                 size = _lift(keys, heap, slots, size, before, length_m)
     memory.tree_size[tree] = size
     memory.radius[tree] = radius_m if size > 0 else np.inf
     return not is_full
+
+
+@kernel
+def _fetch_arcs(skyway: Skyway, memory: Memory, place: int) -> None:
+    """Fetch the segments that arrive at a place, which are read when a tree settles this place.
+
+    On a network of a million stations the processor would wait longest for them.
+    """
+    if memory.arc_first[place, INWARD] < 0:
+        first = skyway.in_offsets[memory.row[place]]
+        fetch_soon(skyway.in_station, first)
+        fetch_soon(skyway.in_segment, first)
+        fetch_soon(skyway.in_length, first)
 
 
 @kernel

@@ -123,7 +123,14 @@ async def test_without_a_risk_plans_have_the_constant_margin_for_each_drone(
     before, _ = await booked(composition, make.candidate(1))
 
     await composition.publish(make.network(reserve_risk=None))
-    after, _ = await booked(composition, make.candidate(2, learned={"still_air_deviation": 0.2}))
+    varied = {"still_air_deviation": 0.2}
+    after, _ = await booked(composition, make.candidate(2, learned=varied))
+    _, asked = await offers_of(
+        composition, make.request("b"), make.candidate(3), make.candidate(4, learned=varied)
+    )
+
+    # Drones whose energy use varies differently share a plan, as before.
+    assert asked == ["a"]
 
     steps = [
         [each.model_dump(exclude={"pad"}) for each in mission.plan.steps]

@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from skyway_drone_agent.analysis.flight_estimates import (
+    AHEAD_SMOOTHED_OVER_S,
+    GUSTS_SMOOTHED_OVER_S,
     EnergyUseMonitor,
     WindEstimate,
     ground_speed_mps,
@@ -69,6 +71,23 @@ def test_the_wind_is_followed_when_it_turns() -> None:
         found = estimate.update(make_reading(at_s, wind_mps=(0.0, 8.0)), is_flying=True)
 
     assert found == pytest.approx((0.0, 8.0), abs=0.1)
+
+
+def test_a_gust_of_a_minute_hardly_counts_for_the_flights_ahead() -> None:
+    now, ahead = (
+        WindEstimate(smoothed_over_s=each)
+        for each in (GUSTS_SMOOTHED_OVER_S, AHEAD_SMOOTHED_OVER_S)
+    )
+
+    for at_s in range(660):
+        east_mps = 8.0 if at_s >= 600 else 3.0
+        reading = make_reading(at_s, wind_mps=(east_mps, 0.0))
+        felt, lasting = (each.update(reading, is_flying=True) for each in (now, ahead))
+
+    assert felt is not None
+    assert lasting is not None
+    assert felt[0] > 6.5
+    assert lasting[0] < 4.3
 
 
 def test_readings_on_the_ground_or_without_gps_do_not_change_the_wind() -> None:

@@ -107,6 +107,33 @@ async def test_lateness_counts_from_the_promise_that_was_asked(
     assert answer.json()["on_time_share"] == (0.0 if is_late else 1.0)
 
 
+async def test_what_one_customer_allows_makes_no_promise_to_others_later(
+    gateway_on_both: Gateway,
+) -> None:
+    gateway = gateway_on_both
+    await teach(gateway)
+    before = await gateway.get(await gateway.planned())
+    assert await gateway.verified() == []
+    for _ in range(FEWEST):
+        moved = await gateway.accepted(qos={"may_be_later_s": 3600})
+        while await gateway.book_next():
+            pass
+        [package] = (await gateway.get(moved))["packages"]
+        assert moment(package, "due_at") > moment(package, "promised_p90_at")
+        await deliver_at(gateway, moved, moment(package, "due_at"))
+    assert [rule for rule in await gateway.verified() if "due" in rule] == []
+    await gateway.parts.forecast.step()
+
+    after = await gateway.get(await gateway.planned())
+    margins = [
+        moment(package, "promised_p90_at") - moment(package, "promised_at")
+        for package in (*before["packages"], *after["packages"])
+    ]
+    assert margins[1] == margins[0]
+    answer = await gateway.http.get("/v1/stats/promises", headers=gateway.operator)
+    assert answer.json()["items"] == []
+
+
 async def deliver_at(gateway: Gateway, delivery_id: str, at: datetime) -> None:
     async with gateway.parts.db.write() as tx:
         this = update(packages).where(packages.c.delivery_id == delivery_id)

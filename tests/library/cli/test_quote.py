@@ -218,27 +218,32 @@ def test_an_unknown_priority_is_refused_with_those_that_exist(gateway: Gateway) 
 
 
 @pytest.mark.parametrize(
-    ("options", "pooling"),
+    ("options", "allowed"),
     [
         ([], {}),
+        (["--may-be-later-s", "1800"], {"may_be_later_s": 1800.0}),
         (["--pooling"], {"pooling": True, "pooling_wait_s": 0.0}),
         (["--pooling", "--pooling-wait-s", "600"], {"pooling": True, "pooling_wait_s": 600.0}),
     ],
 )
-def test_a_request_may_share_its_trip(
-    gateway: Gateway, options: list[str], pooling: dict[str, Any]
+def test_a_customer_may_allow_shared_trips_and_later_deliveries(
+    gateway: Gateway, options: list[str], allowed: dict[str, Any]
 ) -> None:
+    usual = requested(gateway, ASKED)["qos"]
+    gateway.calls.clear()
+
     qos = requested(gateway, [*ASKED, *options])["qos"]
 
-    assert {name: qos[name] for name in qos if name.startswith("pooling")} == pooling
+    assert qos == usual | allowed
 
 
 def test_a_wait_for_others_needs_a_trip_that_may_be_shared(gateway: Gateway) -> None:
     alone = runner.invoke(make_app(), [*ASKED, "--pooling-wait-s", "600"])
     too_long = runner.invoke(make_app(), [*ASKED, "--pooling", "--pooling-wait-s", "3601"])
+    too_late = runner.invoke(make_app(), [*ASKED, "--may-be-later-s", "14401"])
 
     assert (alone.exit_code, alone.stderr) == (1, "--pooling-wait-s needs --pooling\n")
-    assert too_long.exit_code == 2
+    assert (too_long.exit_code, too_late.exit_code) == (2, 2)
     assert gateway.calls == []
 
 

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skyway.delivery.lateness import BORROWED, FEWEST, ArrivedPackage, late_share, later_by_s
+from skyway.delivery.lateness import BORROWED, FEWEST, PackageArrival, late_share, later_by_s
 
 
 def come(
     count: int, late_s: Callable[[int], float], *, was_covered: bool | None = None
-) -> list[ArrivedPackage]:
-    return [ArrivedPackage(1000.0, late_s(each), was_covered) for each in range(count)]
+) -> list[PackageArrival]:
+    return [PackageArrival(1000.0, late_s(each), was_covered) for each in range(count)]
 
 
 def test_nothing_is_forecast_from_few_packages() -> None:
@@ -30,7 +30,7 @@ def test_packages_that_come_early_make_no_forecast_earlier_than_the_plan() -> No
 
 
 def test_lateness_in_a_short_plan_is_a_share_of_five_minutes() -> None:
-    share = late_share([ArrivedPackage(10.0, 60.0, None)] * 50)
+    share = late_share([PackageArrival(10.0, 60.0, None)] * 50)
 
     assert share == pytest.approx(0.2)
     assert later_by_s(10.0, 0.2) == pytest.approx(60.0)
@@ -68,11 +68,11 @@ def days(chance: random.Random) -> Iterator[float]:
 def test_about_nine_of_ten_packages_come_by_their_p90_although_the_weather_changes(
     seed: int,
 ) -> None:
-    arrivals: list[ArrivedPackage] = []
+    arrivals: list[PackageArrival] = []
     for late_s in days(random.Random(seed)):
         share = late_share(arrivals[-300:])
         was_covered = None if share is None else late_s <= later_by_s(1000.0, share)
-        arrivals.append(ArrivedPackage(1000.0, late_s, was_covered))
+        arrivals.append(PackageArrival(1000.0, late_s, was_covered))
 
     covered = [each.was_covered for each in arrivals if each.was_covered is not None]
     assert 0.87 <= sum(covered) / len(covered) <= 0.93
@@ -110,7 +110,7 @@ def test_few_packages_of_all_providers_together_give_no_late_share() -> None:
 def test_the_late_share_is_a_score_that_was_seen_and_covers_enough_packages(
     own: list[float], others: list[list[float]]
 ) -> None:
-    groups = [[ArrivedPackage(1000.0, each, None) for each in some] for some in (own, *others)]
+    groups = [[PackageArrival(1000.0, each, None) for each in some] for some in (own, *others)]
 
     share = late_share(groups[0], groups[1:])
 
@@ -122,4 +122,4 @@ def test_the_late_share_is_a_score_that_was_seen_and_covers_enough_packages(
     # The order of the other providers does not matter.
     assert late_share(groups[0], groups[:0:-1]) == pytest.approx(share)
     # More of the same lateness changes nothing about a provider whose packages agree.
-    assert late_share([ArrivedPackage(1000.0, 50.0, None)] * 500) == pytest.approx(0.05)
+    assert late_share([PackageArrival(1000.0, 50.0, None)] * 500) == pytest.approx(0.05)

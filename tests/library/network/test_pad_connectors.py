@@ -1,12 +1,13 @@
 """Connectors of pads: the network as a drone sees it, and the faults in documents."""
 
 import json
+import pickle
 from typing import Any
 
 import pytest
 
 from skyway.errors import InvalidNetwork
-from skyway.ids import ConnectorId
+from skyway.ids import ConnectorId, StationId
 from skyway.network.geojson import read_network, write_network
 from skyway.network.geojson_text import network_text, read_network_text
 from skyway.network.network import Network
@@ -50,6 +51,27 @@ def test_the_network_of_a_connector_is_made_once_and_differs_only_in_pads(networ
     assert seen.columns.pads.tolist() == [3, 0, 1]
     assert seen.row_of == network.row_of
     assert seen.pad_powers is network.pad_powers
+
+
+def test_what_one_drone_sees_does_not_change_what_others_see(network: Network) -> None:
+    seen = network.fitting(ConnectorId("pin"))
+
+    assert seen.fitting(None) is network
+    assert pads_for(seen, "blade") == pads_for(network, "blade") == [3, 2, 1]
+    assert pads_for(seen, "coil") == pads_for(network, "coil") == [3, 0, 0]
+
+
+def test_a_packed_network_leaves_out_what_drones_see(network: Network) -> None:
+    _ = network.outgoing, network.incoming
+    size = len(pickle.dumps(network))
+    network.segments_from(StationId("s0"))
+    assert pads_for(network, "pin") == [3, 0, 1]
+
+    packed = pickle.dumps(network)
+
+    # Another thread may look at the network meanwhile, so nothing that grows is packed.
+    assert len(packed) == size
+    assert pads_for(pickle.loads(packed), "pin") == [3, 0, 1]
 
 
 def test_connectors_survive_each_form_of_a_network(network: Network) -> None:

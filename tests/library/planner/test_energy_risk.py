@@ -8,10 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from skyway.delivery.plan import Fly
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.network.network import Network, Segment, Station
+from skyway.planner import compose
 from skyway.planner.energy_risk import (
     CLIMATE_MPS,
     LEAST_MARGIN,
@@ -20,6 +22,7 @@ from skyway.planner.energy_risk import (
     EnergyRisk,
 )
 from skyway.planner.forecast import FADING, FADING_S, Forecast, weather_at_risk
+from skyway.planner.verify import verify
 from skyway.planner.weather import Weather
 from skyway.planner.wind import SegmentWind
 from tests.library.planner.conftest import MODEL
@@ -169,3 +172,22 @@ def test_without_a_forecast_a_slow_drone_has_the_largest_margin(model: DroneMode
 
     assert risk.in_climate(slow) == math.inf
     assert risk.climate_margin(slow) == MOST_MARGIN
+
+
+def test_a_plan_at_a_risk_is_proven_and_carries_the_margin(make_problem: Any) -> None:
+    still, risk = make_problem("a-b:4", "b"), EnergyRisk(0.01)
+    careful = MODEL.model_copy(update={"power_empty_w": 100.0 * (1 + risk.own_margin)})
+    wind = SegmentWind.of(still.network, forecast(-2.0, error_mps=0.5).field_with_deviations())
+    air = weather_at_risk(wind, MODEL, risk)
+    drone = still.drone.model_copy(update={"model": careful})
+    problem = still.model_copy(update={"drone": drone, "weather": air})
+
+    plan = compose(problem)
+
+    assert plan.status == "optimal"
+    assert verify(problem, plan) == ()
+    (flight,) = (step for step in plan.steps if isinstance(step, Fly))
+    air_of_flight = air.air_between("a", "b", at_s=flight.start_s)
+    assert (flight.time_factor, flight.energy_factor) == air_of_flight
+    most = air_of_flight.time_factor * air_of_flight.energy_factor * (1 + risk.own_margin)
+    assert flight.energy_j == pytest.approx(40_000 * most)

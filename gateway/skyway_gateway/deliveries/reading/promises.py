@@ -15,7 +15,11 @@ class PromisesOfSpan(JsonModel):
     """The packages of a span that ends now."""
 
     packages: Annotated[
-        int, Field(description="How many packages with a `promised_p90_at` were delivered.")
+        int,
+        Field(
+            description="How many packages with a `promised_p90_at` were delivered, without those "
+            "whose customers allow more (`may_be_later_s`)."
+        ),
     ]
     p90_share: Annotated[
         float | None,

@@ -90,9 +90,9 @@ class DeliveryNumbers(JsonModel):
 
     A package is on time when it is handed over at most a minute after its `due_at`, which is the
     promised P90, or the promised P50 if the customer asked for that, and later by what the customer
-    allows. Times of completed deliveries count from the planned start to the last hand-over. Shares
-    are parts of that time over all missions; the remaining part is loading, handing over and
-    starting late.
+    allows (`may_be_later_s`). Times of completed deliveries count from the planned start to the
+    last hand-over. Shares are parts of that time over all missions; the remaining part is loading,
+    handing over and starting late.
     """
 
     deliveries: Annotated[int, Field(description="How many deliveries were requested.")]
@@ -105,7 +105,11 @@ class DeliveryNumbers(JsonModel):
     ]
     on_time_share: Share
     packages_with_p90: Annotated[
-        int, Field(description="How many of them had a `promised_p90_at`.")
+        int,
+        Field(
+            description="How many of them had a `promised_p90_at`, and customers who allow nothing "
+            "later (`may_be_later_s`)."
+        ),
     ]
     p90_share: Annotated[
         float | None,

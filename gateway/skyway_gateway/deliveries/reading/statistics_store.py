@@ -28,6 +28,7 @@ from skyway_gateway.deliveries.reading.statistics import (
     waiting_requests,
 )
 from skyway_gateway.delivery_tables import deliveries, missions, packages
+from skyway_gateway.lateness.store import IS_DUE_AS_PROMISED
 
 #: A package that is handed over at most this late is on time, milliseconds of fleet time.
 _ON_TIME_MS: Final = 60_000
@@ -102,13 +103,14 @@ def _package_sums(counted: Counted) -> _Query:
     due = func.coalesce(packages.c.due_ms, packages.c.promised_ms)
     is_on_time = delivered <= due + _ON_TIME_MS
     p90 = packages.c.promised_p90_ms
+    has_p90 = and_(p90.is_not(None), IS_DUE_AS_PROMISED)
     statement = (
         select(
             bucket,
             func.count().label("packages_delivered"),
             func.sum(case((is_on_time, 1), else_=0)).label("packages_on_time"),
-            func.count(p90).label("packages_with_p90"),
-            func.sum(case((delivered <= p90, 1), else_=0)).label("packages_by_p90"),
+            func.sum(case((has_p90, 1), else_=0)).label("packages_with_p90"),
+            func.sum(case((and_(has_p90, delivered <= p90), 1), else_=0)).label("packages_by_p90"),
         )
         .join_from(deliveries, packages, packages.c.delivery_id == deliveries.c.delivery_id)
         .where(counted.is_counted, delivered.is_not(None))

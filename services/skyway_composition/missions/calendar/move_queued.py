@@ -4,7 +4,7 @@ A standby ends early for the mission after it. A mission that moves gets new ste
 times in one transaction.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from datetime import timedelta
 from typing import Final
@@ -140,17 +140,20 @@ def _report_times(
 ) -> MissionRecord:
     """Report the new plan; REPLANNED notifies the customer, RETIMED does not."""
     before = {each.package_id: each.eta_at for each in earlier.mission.packages}
-    shifts = [
-        abs(each.eta_at - before[each.package_id])
+    shifts = {
+        each.package_id: abs(each.eta_at - before[each.package_id])
         for each in record.mission.packages
         if each.package_id in before
-    ]
-    is_small = max(shifts, default=timedelta(0)) <= _TOLERANCE
+    }
     return report(
         work,
         replace(record, report_seq=earlier.report_seq),
-        "RETIMED" if is_small else "REPLANNED",
+        _kind(shifts.values()),
         at=work.clock.now(),
+        kinds={
+            share.mission_id: _kind(shifts[each] for each in share.packages if each in shifts)
+            for share in record.shares
+        },
         code="CALENDAR_CHANGED",
         detail="its place in the calendars of its provider's drones has changed",
         etas=record.mission.packages,
@@ -158,3 +161,8 @@ def _report_times(
         free_from=free_from(record),
         drone_before=earlier.drone_id if earlier.drone_id != record.drone_id else None,
     )
+
+
+def _kind(shifts: Iterable[timedelta]) -> str:
+    """The kind of the report about packages whose arrival times change by this much."""
+    return "RETIMED" if max(shifts, default=timedelta(0)) <= _TOLERANCE else "REPLANNED"

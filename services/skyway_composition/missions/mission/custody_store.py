@@ -1,6 +1,7 @@
 """Who holds each package: a chain from the pickup station to the recipient, and all its SQL.
 
-A chain only grows; its links are never changed.
+A chain only grows; its links are never changed. Only the mission of a link changes, if another
+mission carries the packages before any drone has them.
 """
 
 from collections.abc import Collection, Mapping
@@ -8,7 +9,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, Final, Literal
 
-from sqlalchemy import bindparam, insert, select
+from sqlalchemy import bindparam, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, StationId
@@ -161,6 +162,13 @@ async def add_custody(tx: Tx, record: MissionRecord, rows: Collection[Held], *, 
     added = _custody_rows(record, rows, at_ms=at_ms)
     if added:
         await tx.execute(_ADD_CUSTODY, added)
+
+
+async def give_custody(tx: Tx, mission_id: MissionId, *, to: MissionId) -> None:
+    """Have the links that a mission has made belong to another one, which carries its packages."""
+    await tx.execute(
+        update(custody).where(custody.c.mission_id == mission_id).values(mission_id=to)
+    )
 
 
 def _custody_rows(

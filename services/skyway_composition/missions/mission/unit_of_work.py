@@ -24,7 +24,7 @@ from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_links, save_links
 from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.share import Share
 from skyway_composition.missions.mission.share_views import own_fields
 
@@ -160,11 +160,13 @@ def report_in(
     kind: str,
     *,
     at: datetime,
+    kinds: Mapping[MissionId, str] | None = None,
     **fields: Any,  # as for `report`
 ) -> MissionRecord:
     """Report as `report` does, in a transaction that has locked the mission or adds it.
 
-    Each delivery of a shared mission gets a report of its own, with its own packages.
+    Each delivery of a shared mission gets a report of its own, with its own packages. `kinds` has
+    the kind for each of them, if the kinds differ.
     """
     if not record.shares:
         seq = record.report_seq + 1
@@ -173,18 +175,32 @@ def report_in(
         return replace(record, report_seq=seq)
     shares = []
     for share in record.shares:
-        own = own_fields(record, share, kind, {"at": at, **fields})
+        own_kind = kind if kinds is None else kinds[share.mission_id]
+        own = own_fields(record, share, own_kind, {"at": at, **fields})
         is_host = share.mission_id == record.mission_id
         last = record.report_seq if is_host else share.report_seq
         if own is not None:
             # A guest that has just joined knows its arrival times from its booking.
             has_joined = record.mission.state == "QUEUED" and last == 0 and not is_host
-            of_share = "QUEUED" if has_joined else kind
+            of_share = "QUEUED" if has_joined else own_kind
             sent = _sent(mint, record, share, of_share, last + 1, own)
             _send(tx, record, sent, traceparent=share.traceparent)
             last += 1
         shares.append(share.model_copy(update={"report_seq": last}))
     return replace(record, report_seq=shares[0].report_seq, shares=tuple(shares))
+
+
+def report_left(work: MissionUnitOfWork, record: MissionRecord) -> None:
+    """Report to the registry that a drone does not fly a QUEUED mission any more.
+
+    Another mission carries its packages. The gateway gets the report with this number from that
+    mission, under the same id.
+    """
+    gone = moved(record, "CANCELLED")
+    fields = {"at": work.clock.now(), "code": "CALENDAR_CHANGED"}
+    sent = _sent(work.mint, gone, gone.mission, "ENDED", record.report_seq + 1, fields)
+    with in_trace_of(record.traceparent):
+        work.tx.report("registry", MISSION_REPORTS, sent, stream=sent.mission_id)
 
 
 def _sent(

@@ -92,7 +92,8 @@ class Situation:
     def lasting_factor(self) -> float:
         """`consumption_factor` without the effect of the wind that the drone feels."""
         health = None if self.link.state is None else self.link.state.health
-        if health is None or health.wind is None:
+        # A battery without any health says nothing about the use in still air.
+        if health is None or health.wind is None or not health.state_of_health:
             return self.consumption_factor
         in_still_air = (health.still_air_factor or 1.0) / health.state_of_health
         return self.record.candidate.learned.beyond(in_still_air)
@@ -112,7 +113,9 @@ class Situation:
         """The share of energy that plans add to what the drone's planned model says."""
         candidate = self.record.candidate
         margin = world.for_drone(candidate.learned).energy_margin(candidate.model)
-        return max(margin, planned_more(self.consumption_factor))
+        # The next flights may have a tail wind, and the flights after them none.
+        factor = max(self.consumption_factor, self.lasting_factor)
+        return max(margin, planned_more(factor))
 
     @property
     def needs_pad_closed(self) -> bool:

@@ -77,6 +77,18 @@ async def test_a_drone_in_worse_condition_than_booked_needs_another_plan(
     assert "MORE_ENERGY" in trouble
 
 
+@pytest.mark.parametrize(("factor", "needs_another"), [(1.0, False), (1.8, True)])
+async def test_a_drone_that_says_its_battery_is_dead_is_judged_by_what_it_uses(
+    composition: Any, drone: Any, ready: Any, factor: float, needs_another: bool
+) -> None:
+    wind = {"east_mps": -4.0, "north_mps": 0.0}
+    said = {"state_of_health": 0.0, "wind": wind, "consumption_factor": factor}
+    await composition.receive(drone.state(**ready | {"soc": 0.9, "health": HEALTH | said}))
+
+    (trouble,) = await troubles(composition)
+    assert (trouble is not None) is needs_another
+
+
 @pytest.mark.parametrize(("learned", "needs_another"), [({}, True), (WORN, False)])
 async def test_a_drone_that_uses_what_was_learned_about_it_keeps_its_plan(
     composition: Any, drone: Any, make: Any, learned: dict[str, float], needs_another: bool

@@ -320,12 +320,15 @@ async def test_a_drone_in_headwind_gets_a_plan_that_it_can_fly(
     assert isinstance(revision.steps[0], RechargeStep)
 
 
-@pytest.mark.parametrize(("east_mps", "margin"), [(-7.0, 0.5), (7.0, 0.15)])
-async def test_a_new_plan_has_the_energy_for_the_wind_that_the_drone_feels(
-    composition: Any, drone: Any, east_mps: float, margin: float
+@pytest.mark.parametrize(
+    ("east_mps", "own", "margin"), [(-7.0, 1.0, 0.5), (7.0, 1.0, 0.15), (7.0, 1.31, 0.35)]
+)
+async def test_a_new_plan_has_the_energy_for_the_wind_that_the_drone_feels_and_for_calm_air(
+    composition: Any, drone: Any, east_mps: float, own: float, margin: float
 ) -> None:
     first = await failed_at(composition, drone, 4, "b", "BATTERY_SHORT", soc=0.6, detail="short")
-    felt = health(1.0).model_copy(update={"wind": Wind(east_mps=east_mps, north_mps=0.0)})
+    wind = Wind(east_mps=east_mps, north_mps=0.0)
+    felt = health(1.0).model_copy(update={"wind": wind, "still_air_factor": own})
     stands = drone.state(
         mission_id=first.mission_id,
         mission_revision=1,

@@ -8,6 +8,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway_composition.links.store import held_among
+from skyway_composition.missions.calendar.dispatching import store
 from skyway_composition.missions.calendar.dispatching.fleet import (
     Calendar,
     Fleet,
@@ -15,13 +16,16 @@ from skyway_composition.missions.calendar.dispatching.fleet import (
     calendar_of,
 )
 from skyway_composition.missions.calendar.dispatching.judgement import Judgement
+from skyway_composition.missions.calendar.dispatching.merger import Merge
 from skyway_composition.missions.calendar.move_queued import give_back_pads, move
 from skyway_composition.missions.calendar.plan_queue import Moved
+from skyway_composition.missions.mission.custody_store import give_custody
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.release_pads import restore_pads
 from skyway_composition.missions.mission.standby import end_standby_before, restore_standby
-from skyway_composition.missions.mission.store import queued_of_drone
-from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.mission.step_store import replace_steps
+from skyway_composition.missions.mission.store import queued_of_drone, save_request
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report_left
 from skyway_composition.pads.store import lock_stations
 from skyway_composition.planning.world import World, still_holds
 
@@ -30,7 +34,7 @@ from skyway_composition.planning.world import World, still_holds
 class BetterOrder:
     """New plans for the waiting missions of a fleet, and the fleet as it was when they were made.
 
-    `moved` has an entry for each drone of the fleet.
+    `moved` has an entry for each drone of the fleet. The guests of `merges` are in no entry.
     """
 
     fleet: Fleet
@@ -38,6 +42,7 @@ class BetterOrder:
     times: Moments
     moved: Mapping[DroneId, Sequence[Moved]]
     judgement: Judgement
+    merges: tuple[Merge, ...] = ()
 
     @property
     def provider_id(self) -> ProviderId:
@@ -70,6 +75,9 @@ async def adopt(tx: Tx, better: BetterOrder, *, clock: FleetClock, mint: Mint) -
     await lock_stations(tx, [pad for each in all_moved for pad in each.trip.booked_pads])
     waiting = {each.mission_id: each for each in fleet.waiting}
     await give_back_pads(tx, [*waiting.values()])
+    for merge in better.merges:
+        waiting[merge.host.mission_id] = merge.host
+        await _end_guests(work, merge)
     for drone_id in drone_ids:
         calendar, moved = fleet.calendars[drone_id], better.moved[drone_id]
         await _save(work, calendar, moved, waiting, better.world, times=times)
@@ -77,6 +85,23 @@ async def adopt(tx: Tx, better: BetterOrder, *, clock: FleetClock, mint: Mint) -
         await restore_pads(tx, drone_id)
         await _restore_standby(work, fleet.calendars[drone_id], better.moved[drone_id])
     return True
+
+
+async def _end_guests(work: MissionUnitOfWork, merge: Merge) -> None:
+    """Make guests of the missions whose packages the host carries; they have no pads any more.
+
+    A guest keeps the id under which the gateway knows the mission, and the numbers of its reports.
+    """
+    tx, host = work.tx, merge.host
+    await save_request(tx, host)
+    await store.save_promises(tx, host)
+    shares = {each.mission_id: each for each in host.shares}
+    for guest in merge.guests:
+        report_left(work, guest)
+        await give_custody(tx, guest.mission_id, to=host.mission_id)
+        await replace_steps(tx, guest.mission_id, (), first_step=1, revision=1)
+        await store.delete_mission(tx, guest.mission_id)
+        store.add_guest(tx, host, shares[guest.mission_id])
 
 
 async def _is_unchanged(work: MissionUnitOfWork, fleet: Fleet, *, times: Moments) -> bool:

@@ -75,11 +75,16 @@ class Dispatcher:
         self.calendars.set()
         about = "seconds by which adopted orders deliver earlier"
         count("skyway_dispatch_saved_seconds", about, judgement.saved_s)
+        guests = sum(len(each.guests) for each in better.merges)
+        if guests:
+            about = "deliveries that joined the mission of another one"
+            count("skyway_shared_trips", about, guests)
         log.info(
             "better order adopted",
             extra={
                 "missions": len(better.fleet.waiting),
                 "moves": judgement.moves,
+                "guests": guests,
                 "saved_s": round(judgement.saved_s),
             },
         )

@@ -11,7 +11,7 @@ from typing import Final
 
 from skyway.contracts.mission import BookMissions, PackageEta
 from skyway.delivery.offer import OfferValues, rank_offers
-from skyway.delivery.request import MAX_PACKAGES, MAX_TRIP_DESTINATIONS, DeliveryRequest
+from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, MissionId, ProviderId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.minting import Mint
@@ -26,6 +26,7 @@ from skyway_composition.missions.calendar.dispatching.find_order import free_to_
 from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Moments, fleet_of
 from skyway_composition.missions.calendar.dispatching.join_host import JoinedTrip
 from skyway_composition.missions.calendar.dispatching.judgement import judge
+from skyway_composition.missions.calendar.dispatching.merger import Guest, carrying
 from skyway_composition.missions.calendar.dispatching.plan_orders import plan_orders
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import Share, flight_id
@@ -41,9 +42,6 @@ _SETTLED_S: Final = (60.0, 2.0)
 
 #: How many waiting missions a request is compared with: those that begin first. Our own choice.
 _MOST_HOSTS: Final = 5
-
-#: The most deliveries that share a trip, as in the search of `skyway.dispatch`.
-MOST_SHARES: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +109,9 @@ class HostFinder:
         moved = await plan_orders(
             self.solver,
             world,
-            _with_mission(fleet, together),
+            fleet,
             fleet.orders,
+            instead=[together],
             times=times,
             clock=self.clock,
         )
@@ -138,20 +137,11 @@ class HostFinder:
     def _together(self, asked: _JoiningRequest, host: MissionRecord) -> MissionRecord | None:
         """The mission with the packages of both, to be planned again; None if they do not fit."""
         request, solo = asked.request, asked.of_provider[host.mission.provider_id]
-        shares = host.shares or (_share_of(host),)
-        packages = (*host.request.packages, *request.packages)
-        destinations = {each.destination.station_id for each in packages}
-        if len(shares) >= MOST_SHARES or len(packages) > MAX_PACKAGES:
-            return None
-        if len(destinations) > MAX_TRIP_DESTINATIONS:
-            return None
-        if host.request.qos.priority != request.qos.priority:
-            return None
         mission_id = MissionId(self.mint("msn"))
         flying = {
             flight_id(mission_id, number): each for number, each in enumerate(request.packages, 1)
         }
-        guest = Share(
+        share = Share(
             mission_id=mission_id,
             delivery_id=asked.delivery_id,
             attempt=asked.requested.attempt,
@@ -163,17 +153,10 @@ class HostFinder:
         added = tuple(
             each.model_copy(update={"package_id": flown}) for flown, each in flying.items()
         )
-        etas = tuple(PackageEta(package_id=each, eta_at=host.mission.start_at) for each in flying)
         # A guest may begin before it has waited for others, but not before its packages are there.
-        ready = [host.request.earliest_pickup_at, asked.requested.ready_at]
-        earliest_at = max((each for each in ready if each is not None), default=None)
-        update = {"packages": host.request.packages + added, "earliest_pickup_at": earliest_at}
-        return replace(
-            host,
-            request=host.request.model_copy(update=update),
-            mission=host.mission.model_copy(update={"packages": host.mission.packages + etas}),
-            shares=(*shares, guest),
-        )
+        update = {"packages": added, "earliest_pickup_at": asked.requested.ready_at}
+        etas = tuple(PackageEta(package_id=each, eta_at=host.mission.start_at) for each in flying)
+        return carrying(host, Guest(share, request.model_copy(update=update), etas))
 
     def _times(self) -> Moments:
         fleet_s, wall_s = _SETTLED_S
@@ -202,37 +185,6 @@ def _asked(
         if request.qos.ranking.price == 0 or each.price.amount <= best.price.amount:
             of_provider.setdefault(each.provider_id, each)
     return _JoiningRequest(delivery_id, requested, best, of_provider) if of_provider else None
-
-
-def _share_of(host: MissionRecord) -> Share:
-    """The share of the delivery whose mission it is."""
-    mission = host.mission
-    return Share(
-        mission_id=mission.mission_id,
-        delivery_id=mission.delivery_id,
-        attempt=mission.attempt,
-        trip=mission.trip,
-        price=mission.price,
-        pooled_price=mission.price.pooled(host.candidate.tariff),
-        packages={each.package_id: each.package_id for each in host.request.packages},
-        traceparent=host.traceparent,
-    )
-
-
-def _with_mission(fleet: Fleet, changed: MissionRecord) -> Fleet:
-    """The fleet with a changed waiting mission."""
-    return Fleet(
-        {
-            drone_id: replace(
-                calendar,
-                waiting=tuple(
-                    changed if each.mission_id == changed.mission_id else each
-                    for each in calendar.waiting
-                ),
-            )
-            for drone_id, calendar in fleet.calendars.items()
-        }
-    )
 
 
 def _values(asked: _JoiningRequest, trip: JoinedTrip) -> OfferValues:

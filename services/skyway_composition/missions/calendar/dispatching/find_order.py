@@ -10,7 +10,7 @@ from skyway.contracts.drones import (
     OutOfServiceAnswer,
     OutOfServiceQuery,
 )
-from skyway.ids import DroneId, NetworkId, ProviderId
+from skyway.ids import DroneId, MissionId, NetworkId, ProviderId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.metrics import count
@@ -23,6 +23,11 @@ from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
 from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Moments, Orders, fleet_of
 from skyway_composition.missions.calendar.dispatching.fleet_problem import fleet_problem
 from skyway_composition.missions.calendar.dispatching.judgement import judge
+from skyway_composition.missions.calendar.dispatching.merger import (
+    MergedOrder,
+    may_merge,
+    merged_order,
+)
 from skyway_composition.missions.calendar.dispatching.plan_orders import plan_orders
 from skyway_composition.missions.calendar.dispatching.search_process import (
     Search,
@@ -107,9 +112,6 @@ class OrderFinder:
         times = self._times()
         skyway = await self.networks.current(network_id)
         world = await World.of(skyway, self.db, after_ms=times.now_ms)
-        if world.weather_note(times.now_ms) is not None:
-            # The search plans in still air, so its orders would not fit this weather.
-            return "unsearched"
         fleet = free_to_take_off(await self._fleet(network_id, provider_id, times), world, times)
         # Calendars of an earlier network or closure are planned again first, without this search.
         if not _can_improve(fleet) or not fleet.is_planned_in(world.present):
@@ -123,11 +125,18 @@ class OrderFinder:
 
     async def _better(self, fleet: Fleet, world: World, times: Moments) -> BetterOrder | NotBetter:
         """A better order of this fleet, or why none."""
+        pools = True
         for _ in range(_MOST_SEARCHES):
-            orders = await self._searched_orders(fleet, world, times)
-            if orders is None:
+            order = await self._searched_order(fleet, world, times, pools=pools)
+            if order is None:
                 return "failed"
-            found = await self._planned(fleet, orders, world, times)
+            found = await self._planned(fleet, order, world, times)
+            if isinstance(found, BetterOrder) or found == "no plan now":
+                return found
+            if order.merges:
+                # An order without new shared trips may be better than the present one.
+                pools = False
+                continue
             if not isinstance(found, Broken):
                 return found
             # The drones that break promises keep their calendars in the next search.
@@ -157,13 +166,20 @@ class OrderFinder:
         )
         return frozenset((*answer.drone_ids, *answer.due_drone_ids, *drone_ids[MOST_DRONES:]))
 
-    async def _searched_orders(self, fleet: Fleet, world: World, times: Moments) -> Orders | None:
-        """The order that the search proposes; None if it fails."""
+    async def _searched_order(
+        self, fleet: Fleet, world: World, times: Moments, *, pools: bool
+    ) -> MergedOrder | None:
+        """The order that the search proposes, if it pools with shared trips; None if it fails."""
         skyway = world.skyway
         async with self.db.read() as connection:
             held = await booked_everywhere(connection, skyway.network_id, moment_ms=times.now_ms)
         fields = fleet_problem(
-            fleet, world, held=held, times=times, tolerance_s=self.terms.tolerance_s
+            fleet,
+            world,
+            held=held,
+            times=times,
+            tolerance_s=self.terms.tolerance_s,
+            may_merge=await self._may_merge(fleet) if pools else (),
         )
         search = Search(
             skyway.network_id, skyway.version, fields, self.terms.budget_s, seed=times.now_ms
@@ -175,41 +191,64 @@ class OrderFinder:
             return None
         about = "processor seconds of searches for a better order"
         count("skyway_dispatch_processor_seconds", about, found.processor_s)
-        return found.orders if found.is_complete else fleet.orders
+        if not found.is_complete:
+            return MergedOrder(fleet.orders)
+        return merged_order(fleet, found.orders, found.shared)
 
-    async def _planned(self, fleet: Fleet, orders: Orders, world: World, times: Moments) -> Found:
+    async def _may_merge(self, fleet: Fleet) -> frozenset[MissionId]:
+        """The waiting missions that may share a trip with others, if there are some."""
+        found = {
+            each.mission_id: each.mission.delivery_id for each in fleet.waiting if may_merge(each)
+        }
+        if len(found) < 2:
+            return frozenset()
+        async with self.db.read() as connection:
+            split = await store.with_several_trips(connection, {*found.values()})
+        return frozenset(each for each, of in found.items() if of not in split)
+
+    async def _planned(
+        self, fleet: Fleet, order: MergedOrder, world: World, times: Moments
+    ) -> Found:
         """The order with exact plans, if it is better."""
-        changed = {each for each, order in orders.items() if order != fleet.orders[each]}
+        changed = order.changed_from(fleet)
         if not changed:
             return "kept"
-        if await self._breaks_refusals(fleet, orders):
+        if await self._breaks_refusals(fleet, order.orders):
             return "no plan"
-        found = await self._judged(fleet.only(changed), orders, world, times)
+        found = await self._judged(fleet.only(changed), order, world, times)
         others = {each.drone_id for each in fleet.waiting} - changed
         if not isinstance(found, BetterOrder) and others:
             # The standbys of all other drones make room for the services too.
-            found = await self._judged(fleet.only(changed | others), orders, world, times)
+            found = await self._judged(fleet.only(changed | others), order, world, times)
         return found
 
-    async def _judged(self, affected: Fleet, orders: Orders, world: World, times: Moments) -> Found:
+    async def _judged(
+        self, affected: Fleet, order: MergedOrder, world: World, times: Moments
+    ) -> Found:
         """The order of these drones with exact plans, if it is better."""
+        hosts = [each.host for each in order.merges]
         moved = await plan_orders(
-            self.solver, world, affected, orders, times=times, clock=self.clock
+            self.solver,
+            world,
+            affected,
+            order.orders,
+            instead=hosts,
+            times=times,
+            clock=self.clock,
         )
         if isinstance(moved, NoTrip):
             log.info("better order has no plan", extra={"code": moved.code, "detail": moved.detail})
             return "no plan now" if moved.is_temporary else "no plan"
-        before = {each.mission_id: each for each in affected.waiting}
+        before = {each.mission_id: each for each in (*affected.waiting, *hosts)}
         after = [each.record for planned in moved.values() for each in planned]
-        judgement = judge(
-            ((before[each.mission_id], each) for each in after),
-            tolerance_s=self.terms.tolerance_s,
-        )
+        changes = ((before[each.mission_id], each) for each in after)
+        guests = sum(len(each.guests) for each in order.merges)
+        judgement = judge(changes, tolerance_s=self.terms.tolerance_s, guests=guests)
         if judgement.late:
             return Broken(judgement.late)
         if not judgement.is_better:
             return "no gain"
-        return BetterOrder(affected, world, times, moved, judgement)
+        return BetterOrder(affected, world, times, moved, judgement, order.merges)
 
     async def _breaks_refusals(self, fleet: Fleet, orders: Orders) -> bool:
         """Whether a mission would go to a drone that has refused its delivery."""

@@ -1,15 +1,16 @@
 """Describes a fleet for the search of `skyway.dispatch`.
 
 The search only proposes an order. So this description may leave out what plans need besides: the
-standbys that are planned anew, and that a drone may use the pads of its own standby.
+standbys that are planned anew, that a drone may use the pads of its own standby, and the weather.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from datetime import datetime
 from typing import Any, Final
 
+from skyway.delivery.plan import Fly
 from skyway.dispatch.problem import CurrentTrip, FleetDrone, FleetRequest, Prices
-from skyway.ids import PackageId, StationId
+from skyway.ids import MissionId, PackageId, StationId
 from skyway.planner.pad_book import OPEN_MS
 from skyway.planner.problem_parts import PackageToDeliver, PadReservation
 from skyway.units import moment_to_ms, ms_to_moment
@@ -19,6 +20,7 @@ from skyway_composition.missions.calendar.dispatching.judgement import (
     latest_ms,
     weight_of,
 )
+from skyway_composition.missions.calendar.dispatching.merger import MOST_SHARES
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.pads.store import PadHeldBy
 from skyway_composition.planning.problem_for import Standing, with_margins
@@ -36,13 +38,14 @@ def fleet_problem(
     held: Iterable[PadHeldBy],
     times: Moments,
     tolerance_s: float,
+    may_merge: Collection[MissionId] = (),
 ) -> dict[str, Any]:  # the fields of `FleetProblem`, without the network
     """The fields of the fleet's problem, whose second 0 is the moment from which missions may move.
 
-    `held` are all reservations of the network.
+    `held` are all reservations of the network. The missions of `may_merge` may share trips.
     """
     settings, base_ms = world.skyway.settings, times.settled_ms
-    waiting = fleet.waiting
+    waiting, later_s = fleet.waiting, _later_in_still_air_s(fleet)
     slots = [
         (each, slot)
         for each in fleet.calendars.values()
@@ -70,6 +73,8 @@ def fleet_problem(
                 base_ms=base_ms,
                 age_s=float(len(waiting) - number),
                 tolerance_s=tolerance_s,
+                later_s=later_s[each.mission_id],
+                pooling=each.mission_id in may_merge,
             )
             for number, each in enumerate(waiting)
         ),
@@ -81,16 +86,26 @@ def fleet_problem(
         "pad_gap_s": settings.pad_gap_s,
         "prices": Prices(move_s=MOVE_S),
         "promise_tolerance_s": 0.0,
-        "most_pooled": 1,
+        "most_pooled": MOST_SHARES if may_merge else 1,
         "baseline": "current plan",
         "label_limit": _MOST_LABELS,
     }
 
 
 def _request(
-    record: MissionRecord, number: int, *, base_ms: int, age_s: float, tolerance_s: float
+    record: MissionRecord,
+    number: int,
+    *,
+    base_ms: int,
+    age_s: float,
+    tolerance_s: float,
+    later_s: float,
+    pooling: bool,
 ) -> FleetRequest:
-    """A waiting mission as a request; requests that were booked earlier have a higher age."""
+    """A waiting mission as a request; requests that were booked earlier have a higher age.
+
+    Its promise is `later_s` later than the customer's.
+    """
 
     def seconds(moment: datetime | None) -> float | None:
         return None if moment is None else (moment_to_ms(moment) - base_ms) / 1000
@@ -115,12 +130,30 @@ def _request(
         pickup_latest_s=seconds(asked.latest_pickup_at),
         deadline_s=seconds(deadline_at),
         # The end of the tolerance, so that the search needs no tolerance of its own.
-        promised_s=(max(latest.values()) - base_ms) / 1000,
+        promised_s=(max(latest.values()) - base_ms) / 1000 + later_s,
+        pooling=pooling,
         weight=weight_of(record),
         planned=CurrentTrip(
             drone_id=record.drone_id, start_s=(record.start.at_ms - base_ms) / 1000
         ),
     )
+
+
+def _later_in_still_air_s(fleet: Fleet) -> dict[MissionId, float]:
+    """How much later each waiting mission would deliver without the tail winds of its plan.
+
+    The search plans in still air. Without this span it would count promises as broken that the
+    present plans keep with a tail wind, and find no order.
+    """
+    found: dict[MissionId, float] = {}
+    for calendar in fleet.calendars.values():
+        later_s = 0.0
+        for each in calendar.waiting:
+            flights = (step for step in each.mission.plan.steps if isinstance(step, Fly))
+            saved_s = sum((one.end_s - one.start_s) * (1 / one.time_factor - 1) for one in flights)
+            later_s += max(0.0, saved_s)
+            found[each.mission_id] = later_s
+    return found
 
 
 def _reservations(

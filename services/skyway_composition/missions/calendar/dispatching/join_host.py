@@ -9,6 +9,7 @@ from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions.calendar.dispatching import store
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder, adopt
+from skyway_composition.missions.calendar.dispatching.merger import promises_of
 from skyway_composition.missions.mission.custody_store import Custodian, Held, begin_custody
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import Share
@@ -54,8 +55,7 @@ class JoinedTrip:
         if not await adopt(tx, self.better, clock=clock, mint=mint):
             return None
         record = self.record
-        promised = {each.package_id: each for each in self.host_before.mission.packages}
-        promised |= {each.package_id: each for each in record.promised}
+        promised = promises_of(self.host_before)
         new = [each for each in record.mission.packages if each.package_id in self.guest.packages]
         record = replace(record, promised=(*promised.values(), *new))
         await save_request(tx, record)

@@ -24,9 +24,10 @@ _PRIORITY_WEIGHT: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What a change saves, in seconds of a STANDARD delivery, and how many missions change drones.
+    """What a change saves, in seconds of a STANDARD delivery, and how many missions move.
 
-    `late` are the drones that would deliver later than allowed.
+    A mission moves to another drone, or its packages to another mission. `late` are the drones that
+    would deliver later than allowed.
     """
 
     saved_s: float
@@ -40,10 +41,13 @@ class Judgement:
 
 
 def judge(
-    changes: Iterable[tuple[MissionRecord, MissionRecord]], *, tolerance_s: float
+    changes: Iterable[tuple[MissionRecord, MissionRecord]], *, tolerance_s: float, guests: int = 0
 ) -> Judgement:
-    """The judgement on missions that change from the first to the second record of each pair."""
-    saved_s, moves, late = 0.0, 0, set[DroneId]()
+    """The judgement on missions that change from the first to the second record of each pair.
+
+    So many `guests` end, because other missions carry their packages.
+    """
+    saved_s, moves, late = 0.0, guests, set[DroneId]()
     for before, after in changes:
         earlier, later = _etas_ms(before), _etas_ms(after)
         latest = latest_ms(before, tolerance_s=tolerance_s)

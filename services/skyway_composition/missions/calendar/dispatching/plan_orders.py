@@ -5,7 +5,7 @@ the standby of each drone's last mission, around the pads of all services.
 """
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -58,12 +58,14 @@ class OrderPlanner:
     clock: FleetClock
     _pads: dict[MissionId, Sequence[BookedPad]] = field(default_factory=dict)
 
-    async def plan(self, fleet: Fleet, orders: Orders) -> dict[DroneId, tuple[Moved, ...]] | NoTrip:
+    async def plan(
+        self, fleet: Fleet, orders: Orders, *, instead: Iterable[MissionRecord]
+    ) -> dict[DroneId, tuple[Moved, ...]] | NoTrip:
         """The missions of these drones with their new plans; why there is none for some mission.
 
-        `orders` holds each waiting mission of the fleet once.
+        `orders` names waiting missions of the fleet, each at most once.
         """
-        missions = {each.mission_id: each for each in fleet.waiting}
+        missions = {each.mission_id: each for each in (*fleet.waiting, *instead)}
         rows = {
             drone_id: _Row(calendar, [missions[each] for each in orders[drone_id]])
             for drone_id, calendar in fleet.calendars.items()
@@ -205,14 +207,16 @@ async def plan_orders(
     *,
     times: Moments,
     clock: FleetClock,
+    instead: Iterable[MissionRecord] = (),
 ) -> dict[DroneId, tuple[Moved, ...]] | NoTrip:
     """The fleet's missions in this order with their new plans; why some mission has none.
 
-    Planning stops when the first missions that may move could begin.
+    `instead` are missions of the fleet with other packages than now. Missions that the order leaves
+    out have no pads. Planning stops when the first missions that may move could begin.
     """
     free = world.without([each.mission_id for each in fleet.waiting])
     try:
-        return await OrderPlanner(solver, free, times, clock).plan(fleet, orders)
+        return await OrderPlanner(solver, free, times, clock).plan(fleet, orders, instead=instead)
     except InvalidProblem as error:
         # A newer version of the network has hand-overs that are longer than a window.
         return NoTrip("WINDOW_MISSED", str(error), is_temporary=False)

@@ -41,12 +41,14 @@ class SearchFailed(SkywayError):
 class FoundOrder:
     """The order of the missions of each drone, and the processor time of the search.
 
-    It is not complete if some mission found no place.
+    It is not complete if some mission found no place. `shared` has the missions of each shared
+    trip; in the order they follow one another.
     """
 
     orders: Mapping[DroneId, tuple[MissionId, ...]]
     is_complete: bool
     processor_s: float
+    shared: tuple[tuple[MissionId, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,18 +158,27 @@ def answer(search: Search, network: Network, *, rounds: int | None = None) -> Fo
     except (SkywayError, ValueError) as error:
         return str(error)
     orders: dict[DroneId, list[MissionId]] = {each.drone_id: [] for each in problem.drones}
+    shared = []
     for trip in plan.trips:
-        orders[trip.drone_id] += [MissionId(one.request_id) for one in trip.requests]
+        missions = tuple(MissionId(one.request_id) for one in trip.requests)
+        orders[trip.drone_id] += missions
+        if len(missions) > 1:
+            shared.append(missions)
     return FoundOrder(
         {drone_id: tuple(order) for drone_id, order in orders.items()},
         not plan.unserved,
         time.process_time() - began_s,
+        tuple(shared),
     )
 
 
 def serve() -> None:
     """Answer the searches on standard input until it ends, behind the work of other processes."""
+    from skyway.dispatch.warm import warm
+
     os.nice(_NICENESS)
+    # Loading the compiled search would use up the budget of the first search.
+    warm()
     source, target = sys.stdin.buffer, sys.stdout.buffer
     network: Network | None = None
     with suppress(KeyboardInterrupt):

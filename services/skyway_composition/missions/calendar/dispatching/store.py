@@ -3,10 +3,10 @@
 from collections.abc import Collection
 from typing import Final
 
-from sqlalchemy import and_, or_, select, update
+from sqlalchemy import and_, delete, or_, select, union_all, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.ids import DeliveryId, DroneId, NetworkId, ProviderId, StationId
+from skyway.ids import DeliveryId, DroneId, MissionId, NetworkId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway_composition.missions.mission.record import MissionRecord
@@ -21,8 +21,19 @@ _WAITING_FLEETS: Final = (
     .where(is_queued)
     .order_by(missions.c.network_id, missions.c.provider_id)
 )
-_REFUSALS: Final = select(missions.c.delivery_id, missions.c.drone_id).where(
-    in_list(missions.c.delivery_id, "delivery_ids"), missions.c.state == "REFUSED"
+#: A drone that refuses a mission has refused its guests too.
+_REFUSALS: Final = union_all(
+    select(missions.c.delivery_id, missions.c.drone_id).where(
+        in_list(missions.c.delivery_id, "delivery_ids"), missions.c.state == "REFUSED"
+    ),
+    select(guests.c.delivery_id, missions.c.drone_id)
+    .join(missions, missions.c.mission_id == guests.c.host_id)
+    .where(in_list(guests.c.delivery_id, "delivery_ids"), missions.c.state == "REFUSED"),
+)
+_SEVERAL_TRIPS: Final = (
+    select(missions.c.delivery_id)
+    .distinct()
+    .where(in_list(missions.c.delivery_id, "delivery_ids"), missions.c.trip > 1)
 )
 
 
@@ -105,6 +116,19 @@ def add_guest(tx: Tx, record: MissionRecord, guest: Share) -> None:
         "attempt": guest.attempt,
     }
     tx.add(guests, [row])
+
+
+async def delete_mission(tx: Tx, mission_id: MissionId) -> None:
+    """Delete a QUEUED mission that has no steps, pads or custody any more."""
+    await tx.execute(delete(missions).where(missions.c.mission_id == mission_id, is_queued))
+
+
+async def with_several_trips(
+    connection: AsyncConnection, delivery_ids: Collection[DeliveryId]
+) -> frozenset[DeliveryId]:
+    """The deliveries among these that one booking has split over several missions."""
+    found = await connection.execute(_SEVERAL_TRIPS, {"delivery_ids": [*delivery_ids]})
+    return frozenset(found.scalars())
 
 
 async def refusals_of(

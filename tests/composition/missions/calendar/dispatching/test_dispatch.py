@@ -1,10 +1,8 @@
 """The dispatcher moves what waits, and every calendar stays whole."""
 
 import asyncio
-import itertools
 import shutil
-import types
-from collections.abc import Coroutine, Generator, Iterator
+from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -13,7 +11,6 @@ import pytest
 from skyway_composition.closures.closure import Area
 from skyway_composition.links.store import lock_links
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder, adopt
-from skyway_composition.missions.calendar.dispatching.dispatch import Dispatcher
 from skyway_composition.missions.calendar.dispatching.search_process import (
     FoundOrder,
     Search,
@@ -36,8 +33,11 @@ from tests.composition.busy_world import BusyWorld
 from tests.composition.dispatched_world import (
     PROVIDER,
     OwnSearch,
+    adopt_after_kills,
+    better_order,
     dispatch_fairly,
     dispatcher_of,
+    forecast_wind,
     waiting_missions,
 )
 from tests.composition.missions.calendar.booked_chain import (
@@ -97,12 +97,6 @@ def batteries_of(plan: Plan | None, *, soc: float) -> Iterator[float]:
             yield step.energy_j / (soc - step.soc_end)
         if isinstance(step, Fly | Recharge):
             soc = step.soc_end
-
-
-async def better_order(dispatcher: Dispatcher) -> BetterOrder:
-    found = await dispatcher.finder.find(NETWORK_ID, PROVIDER)
-    assert isinstance(found, BetterOrder)
-    return found
 
 
 @_on_sqlite
@@ -202,6 +196,44 @@ async def test_a_mission_that_moves_is_planned_with_what_its_new_drone_has_learn
 
 
 @_on_sqlite
+@pytest.mark.parametrize("from_deg", [90.0, 270.0], ids=["head wind", "tail wind"])
+async def test_an_order_is_judged_and_adopted_with_its_plans_in_the_forecast(
+    world: BusyWorld, from_deg: float
+) -> None:
+    await forecast_wind(world, speed_mps=5.0, from_deg=from_deg)
+    await book_unevenly(world)
+    dispatcher, before = dispatcher_of(world), await waiting_missions(world)
+
+    better = await better_order(dispatcher)
+    assert await dispatcher.adopt(better) == "adopted"
+
+    after = await waiting_missions(world)
+    ends = [
+        [one.mission.packages[0].eta_at for _, one in sorted(each.items())]
+        for each in (before, after)
+    ]
+    saved_s = sum((old - new).total_seconds() for old, new in zip(*ends, strict=True))
+    assert better.judgement.saved_s == pytest.approx(saved_s, abs=0.1)
+    for record in after.values():
+        assert record.mission.weather is not None
+        flights = [each for each in record.mission.plan.steps if isinstance(each, Fly)]
+        assert {each.time_factor for each in flights} != {1.0}
+    await world.check()
+
+
+@_on_sqlite
+async def test_a_promise_that_only_a_tail_wind_keeps_does_not_end_the_search(
+    world: BusyWorld,
+) -> None:
+    await forecast_wind(world, speed_mps=5.0, from_deg=270.0)
+    later = world.clock.now() + timedelta(minutes=20)
+    assert await book(world, "dlv9", "c", "b", drone=4, earliest_pickup_at=later) == "BOOKED"
+    await book_unevenly(world)
+
+    assert (await dispatch_fairly(world, tolerance_s=0.0))[0] == "adopted"
+
+
+@_on_sqlite
 @pytest.mark.parametrize("is_due", [False, True])
 async def test_a_drone_out_of_service_or_due_for_maintenance_gets_no_mission(
     world: BusyWorld, is_due: bool
@@ -288,38 +320,14 @@ async def test_an_order_whose_calendars_have_changed_meanwhile_is_not_adopted(
     await world.end()
 
 
-@types.coroutine
-def _until_wait(step: Coroutine[Any, Any, str], wait: int) -> Generator[Any, Any, str]:
-    """Run a step and kill it in its n-th wait; its clean-up may wait, too."""
-    for number in itertools.count(1):
-        try:
-            awaited = (
-                step.throw(asyncio.CancelledError()) if number == wait + 1 else step.send(None)
-            )
-        except StopIteration as done:
-            return str(done.value)
-        yield awaited
-    raise AssertionError
-
-
 @pytest.mark.databases("postgresql")
 async def test_an_adoption_that_is_killed_anywhere_changes_nothing(world: BusyWorld) -> None:
     """On PostgreSQL, where each statement is a wait."""
     await book_unevenly(world)
     dispatcher = dispatcher_of(world)
-    better, before = await better_order(dispatcher), await waiting_missions(world)
-    outcome, wait = None, 0
 
-    while outcome is None:
-        wait += 3
-        try:
-            outcome = await _until_wait(dispatcher.adopt(better), wait)
-        except asyncio.CancelledError:
-            assert await waiting_missions(world) == before
+    await adopt_after_kills(world, dispatcher, await better_order(dispatcher))
 
-    assert outcome == "adopted"
-    assert wait > 30, "the adoption was hardly ever killed inside"
-    await world.check()
     await world.end()
     assert sorted(delivered_by(world, 1) + delivered_by(world, 2)) == _ALL
 

@@ -59,3 +59,21 @@ async def test_the_process_answers_dies_and_is_replaced() -> None:
         last = process._process
     assert last is not None
     assert last.returncode is not None
+
+
+async def test_the_first_search_of_a_new_process_has_its_whole_budget() -> None:
+    """The later request lies on the drone's way to the earlier one, which only a round finds."""
+    requests = tuple(
+        FleetRequest.model_validate(
+            {
+                "request_id": request_id,
+                "source": source,
+                "packages": [{"package_id": request_id, "mass_kg": 0.3, "destination": to}],
+            }
+        )
+        for request_id, source, to in (("msn_1", _FIRST, _LAST), ("msn_2", _MIDDLE, _FIRST))
+    )
+    async with SearchProcess() as process:
+        found = await process.find(make_search(budget_s=0.1, requests=requests), line_network())
+
+    assert found.orders == {"d": ("msn_2", "msn_1")}

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from skyway_composition.live.live_store import missions_with_steps, open_missions
 from skyway_composition.live.present import live_missions
 from skyway_composition.missions.booking.shared_trip import SharedTrip, SharedTrips
-from skyway_composition.missions.calendar.dispatching.find_host import MOST_SHARES
+from skyway_composition.missions.calendar.dispatching.merger import MOST_SHARES
+from skyway_composition.missions.calendar.dispatching.store import refusals_of
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import missions_seen, own_fields
@@ -22,7 +23,6 @@ from skyway_composition.verify.rules import RULES
 from sqlalchemy import delete, select
 
 from skyway.contracts.mission import Mission
-from skyway.contracts.mission_reports import MissionReport
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
 from skyway.runtime.clock import FleetClock
@@ -32,23 +32,9 @@ from tests.broken_rules import broken_rules
 from tests.composition.busy_world import BusyWorld
 from tests.composition.left_packages import left_to_book
 from tests.composition.missions.calendar.booked_chain import kinds_of, pass_minutes, reports_of
+from tests.composition.missions.calendar.dispatching.shared_requests import asks, packages_named
 
 _on_sqlite = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
-
-
-def asks(*to: str, wait_s: float = 1200.0, mass_kg: float = 0.4, **members: Any) -> DeliveryRequest:
-    """A request from a that may be pooled; all customers name their packages p1, p2, ..."""
-    return DeliveryRequest.model_validate(
-        {
-            "pickup": {"station_id": "a"},
-            "packages": [
-                {"package_id": f"p{n}", "mass_kg": mass_kg, "destination": {"station_id": each}}
-                for n, each in enumerate(to, 1)
-            ],
-            "qos": {"objective": "cheapest", "pooling": True, "pooling_wait_s": wait_s},
-            **members,
-        }
-    )
 
 
 async def book(world: BusyWorld, delivery_id: str, request: DeliveryRequest) -> None:
@@ -78,22 +64,6 @@ async def book_both(world: BusyWorld) -> MissionRecord:
     await book(world, "dlv2", asks("b", "c"))
     await world.check()
     return await shared_mission(world)
-
-
-def packages_named(reports: list[MissionReport]) -> set[str]:
-    """All packages that the reports name."""
-    return {
-        package_id
-        for each in reports
-        for package_id in (
-            *each.package_ids,
-            *each.stranded_package_ids,
-            *(eta.package_id for eta in each.etas),
-            *each.data.get("mass_kg", {}),
-            *(eta.package_id for eta in (each.mission.packages if each.mission else ())),
-            *(one.package_id for one in (each.mission.plan.deliveries if each.mission else ())),
-        )
-    }
 
 
 async def test_two_deliveries_share_a_trip_and_pay_the_pooled_price(world: BusyWorld) -> None:
@@ -240,6 +210,10 @@ async def test_both_deliveries_are_booked_again_when_the_drone_refuses(world: Bu
     while not (await kinds_of(world, "dlv2"))["REFUSED"]:
         await pass_minutes(world, 1)
 
+    both = {DeliveryId("dlv1"), DeliveryId("dlv2")}
+    async with world.db.read() as connection:
+        # The dispatcher gives neither to this drone again.
+        assert await refusals_of(connection, both) == {(each, drone.drone_id) for each in both}
     for delivery_id in ("dlv1", "dlv2"):
         assert (await kinds_of(world, delivery_id))["REFUSED"] == 1
         left = await left_to_book(world, delivery_id)

@@ -1,0 +1,22 @@
+"""A day in virtual time, at its smallest."""
+
+from benchmarks.days.day import Trial
+from tests.composition.virtual_day import fly_virtually
+
+
+async def test_a_stormy_day_with_a_forecast_delivers_and_says_how() -> None:
+    trial = Trial(
+        "stormy",
+        deliveries=1,
+        drones=2,
+        every_s=180.0,
+        clock_rate=120.0,
+        seed=2,
+        error_mps=1.0,
+    )
+
+    day = await fly_virtually(trial)
+
+    assert {state: each for state, each in day.states.items() if each} == {"COMPLETED": 1}
+    assert (len(day.late_min), day.landings_below_reserve, day.down) == (1, 0, 0)
+    assert sum(day.replanned_by.values()) == sum(day.new_plans)
