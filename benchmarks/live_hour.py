@@ -1,11 +1,11 @@
-"""Flies a simulated hour of requests on the real services, and compares both.
+"""Flies a simulated hour on the real services, and compares real and simulated delivery times.
 
 `python -m benchmarks live_hour --places city,corridor` runs a whole Skyway on the embedded database
 and broker for each case of `skyway experiment --only fleet`: the same network, homes and requests,
 at the same moments of the hour. The drones fly as planned. The simulation is that of `skyway
 experiment --only dispatch`: calendars in the order of asking, and the search that plans all waiting
-requests each minute. It keeps promises as the live dispatcher does, which looks once a minute of
-fleet time too.
+requests each minute. The search keeps promises as the live dispatcher does. The live dispatcher
+also plans once a minute of fleet time.
 """
 
 import argparse
@@ -60,7 +60,7 @@ _HEADER: Final = (
 
 @dataclass(frozen=True, slots=True)
 class _Hour:
-    """A case, and how late each of its customers allows."""
+    """A case, and by how many seconds each customer allows a later delivery."""
 
     case: FleetCase
     may_be_later_s: float
@@ -81,7 +81,7 @@ def main() -> int:
     parser.add_argument("--drones", type=int, default=25)
     parser.add_argument("--requests", type=int, default=100)
     parser.add_argument(
-        "--may-be-later-s", type=float, default=0.0, help="how late each customer allows"
+        "--may-be-later-s", type=float, default=0.0, help="seconds of lateness that customers allow"
     )
     parser.add_argument("--clock-rate", type=float, default=60.0, help="fleet seconds in a second")
     parser.add_argument("--seeds", default="1", help="whole numbers, separated by commas")

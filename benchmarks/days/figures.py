@@ -30,8 +30,8 @@ class Day:
     #: Drones that came down away from every station.
     down: int
     violations: str = ""
-    #: How often missions got a new plan, and how often they ended early, by reason; only of days
-    #: in virtual time.
+    #: How often missions got a new plan, and how often they ended early, by reason. Only days in
+    #: virtual time have these numbers.
     replanned_by: Mapping[str, int] = field(default_factory=dict)
     ended_by: Mapping[str, int] = field(default_factory=dict)
 

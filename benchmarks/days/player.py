@@ -1,4 +1,4 @@
-"""Somebody who plays operator, provider and customer of a whole Skyway over its public API."""
+"""One caller that is operator, provider and customer of a whole Skyway, over its public API."""
 
 import asyncio
 import json

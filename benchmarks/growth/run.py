@@ -35,7 +35,7 @@ _PORTS: Final = Ports(gateway=0, broker=0)
 
 async def run(size: Size, load: Burst) -> Outcome:
     """What the load costs in a system of this size."""
-    # The same stations are served at each size, else the drones of a larger network fly longer.
+    # As many stations are served at each size, else the drones of a larger network fly longer.
     served = load.stations
     profile = None if load.profile is None else load.profile / size.name
     load = replace(load, stations=size.stations, profile=profile)

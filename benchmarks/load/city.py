@@ -57,7 +57,7 @@ class Place(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class City:
-    """A network, the stations with drones and customers, and who is near whom."""
+    """A network, its stations with drones and customers, and the stations near each station."""
 
     network: Network
     served: Sequence[StationId] = field(repr=False)
@@ -65,7 +65,7 @@ class City:
 
     @classmethod
     def of(cls, *, stations: int, seed: int, served: int | None = None) -> "City":
-        """The synthetic city of this size; only so many stations in its middle are served."""
+        """The synthetic city of this size; only `served` stations in its middle are served."""
         network = synthetic_city(stations=stations, seed=seed, pads=_PADS, spacing_m=_SPACING_M)
         return cls.on(network, served=served)
 

@@ -56,7 +56,8 @@ class CompositionSettings(ServiceSettings):
         default=60.0,
         ge=0.0,
         le=86_400.0,
-        description="Seconds of fleet time by which the dispatcher may deliver after a promise.",
+        description="Seconds of fleet time by which the dispatcher may deliver after a promise, "
+        "unless the customer allows more.",
     )
     strategies: str = Field(
         default="exact,heuristic",

@@ -12,7 +12,7 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import StationId
 
-#: Flights, each with what is on board, kilograms.
+#: Flights, each with the mass of what is on board, in kilograms.
 LoadedFlights = Sequence[tuple[FlyStep, float]]
 
 #: The energy that the drone uses for flights in the wind that it feels, as a multiple of its

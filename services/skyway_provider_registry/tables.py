@@ -147,7 +147,7 @@ learned_values = Table(
     Column("flights", BigInteger, nullable=False),
     Column("recharges", BigInteger, nullable=False),
     Column("still_air_factor", Double, nullable=False),
-    # The mean square of how far a flight is from that mean. The default is that of a new drone.
+    # The mean square of the distance from that mean. The default is that of a new drone.
     Column("still_air_variance", Double, nullable=False, server_default="0.0064"),
     Column("state_of_health", Double, nullable=False),
     Column("charge_rate_factor", Double, nullable=False),

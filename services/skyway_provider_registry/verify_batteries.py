@@ -45,7 +45,7 @@ BATTERY_RULES: Final = (
         select(learned_values.c.drone_id).where(
             or_(
                 ~learned_values.c.still_air_factor.between(*STILL_AIR_BOUNDS),
-                # No flight counts as further from the mean than 0.25.
+                # A flight counts as at most 0.25 away from the mean.
                 ~learned_values.c.still_air_variance.between(0.0, 0.25**2),
                 ~learned_values.c.state_of_health.between(*HEALTH_BOUNDS),
                 ~learned_values.c.charge_rate_factor.between(*CHARGE_RATE_BOUNDS),

@@ -69,7 +69,7 @@ PoolingWaitOption = Annotated[
         min=0.0,
         max=3600.0,
         metavar="SECONDS",
-        help="With --pooling: begin so much later, so that others can join.",
+        help="With --pooling: begin so many seconds later, so that others can join.",
     ),
 ]
 
@@ -79,8 +79,9 @@ MayBeLaterOption = Annotated[
         "--may-be-later-s",
         min=0,
         max=14_400,
-        help="How much later than first planned it may come, so that all deliveries together come "
-        "earlier.",
+        metavar="SECONDS",
+        help="By how much it may come later than first planned, so that the dispatcher can plan "
+        "the whole fleet better.",
     ),
 ]
 
@@ -159,7 +160,7 @@ class RequestOptions:
 
     @property
     def _allowed(self) -> dict[str, Any]:
-        """The members of `qos` that let the fleet plan many deliveries better together."""
+        """The members of `qos` that let the dispatcher plan the whole fleet better."""
         allowed: dict[str, Any] = {}
         if self.pooling:
             allowed |= {"pooling": True, "pooling_wait_s": self.pooling_wait_s or 0.0}
@@ -173,7 +174,7 @@ class RequestOptions:
         The gateway of the folder says what the fleet time is, if an option counts from now.
         """
         if self.pooling_wait_s is not None and not self.pooling:
-            fail("--pooling-wait-s goes with --pooling")
+            fail("--pooling-wait-s needs --pooling")
         if self.file is not None:
             given = [option for option, texts in self._windows.items() if texts]
             given += ["--pooling"] if self.pooling else []

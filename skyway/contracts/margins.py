@@ -11,9 +11,10 @@ from skyway.json_model import WireModel
 class RiskMargin(WireModel):
     """What the energy margin of a plan is made of, if it follows from a network's `reserve_risk`.
 
-    The three deviations are independent, so their squares add up. `flight_margin` is what follows
-    from `deviations` of them, within 0.05 and 0.40. It is that of the flight with the largest
-    margin, which leads from `from` to `to`; both are null if the plan has no flight.
+    The three deviations are independent, so together they are the root of the sum of their
+    squares. `flight_margin` covers `deviations` times this root, within 0.05 and 0.40. The values
+    are those of the flight with the largest margin, which leads from `from` to `to`; both are null
+    if the plan has no flight.
     """
 
     reserve_risk: Annotated[
@@ -31,10 +32,16 @@ class RiskMargin(WireModel):
     ]
     use_deviation: Annotated[
         float,
-        Field(description="That by the drone's energy use, which changes from flight to flight."),
+        Field(
+            description="Standard deviation of the energy by the drone's energy use, which changes "
+            "from flight to flight."
+        ),
     ]
     model_deviation: Annotated[
-        float, Field(description="That by what the model of a drone leaves out.")
+        float,
+        Field(
+            description="Standard deviation of the energy by what the model of a drone leaves out."
+        ),
     ]
     flight_margin: Annotated[
         float, Field(ge=0, description="The margin of the flight, as a share of its energy.")
@@ -65,7 +72,7 @@ class Margins(WireModel):
         Field(
             ge=0,
             description="Energy on top of what flights need, as a share. With `risk` and a "
-            "forecast it leaves out the error of the wind, which the flights' `energy_factor` has.",
+            "forecast it does not cover the error of the wind: `energy_factor` of flights does.",
         ),
     ] = 0.0
     pad_gap_s: Annotated[float, Field(ge=0, description="Seconds between two drones on a pad.")] = (

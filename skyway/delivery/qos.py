@@ -129,7 +129,7 @@ class QoS(JsonModel):
             ge=0,
             le=14_400,
             description="Seconds by which the delivery may come later than first planned, so that "
-            "the dispatcher can plan many deliveries better together. `due_at` counts them.",
+            "the dispatcher can plan the whole fleet better. They are added to `due_at`.",
         ),
     ] = 0.0
 

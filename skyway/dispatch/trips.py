@@ -24,7 +24,10 @@ from skyway.scheduling.stays import Slot
 
 
 class _Ledgers(NamedTuple):
-    """The ledgers of the models that fit the same pads: without held pads, and with them."""
+    """The ledgers for models that fit the same pads: without held pads, and with them.
+
+    `kinds` are the numbers of these models.
+    """
 
     kinds: Sequence[int]
     free: PadLedger
@@ -34,7 +37,7 @@ class _Ledgers(NamedTuple):
 def _ledgers(
     problem: FleetProblem, models: Sequence[DroneModel], book: PadBook
 ) -> Iterator[_Ledgers]:
-    """The ledgers of the models, which are counted from 0."""
+    """The ledgers for each group of models that fit the same pads."""
     fitting = [id(problem.network.fitting(model.connector)) for model in models]
     for network in dict.fromkeys(fitting):
         kinds = [kind for kind, each in enumerate(fitting) if each == network]

@@ -34,7 +34,7 @@ _LEAST_BATTERY_J, _MOST_POWER_W, _MOST_TIME_S = 1.0, 1e9, 1e9
 
 
 class LearnedValues(WireModel):
-    """One drone against its model; each value is 1 for a drone that is as its model says."""
+    """One drone against its model; the first three are 1 for a drone that is as its model says."""
 
     still_air_factor: Annotated[
         float,

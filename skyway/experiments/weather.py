@@ -49,7 +49,7 @@ _SENSOR_ERROR_SOC: Final = 0.005
 
 @dataclass(frozen=True, slots=True)
 class WeatherTrial:
-    """Deliveries one after the other, on days of one kind, planned with one knowledge of them."""
+    """Deliveries one after the other on one kind of day; `knowledge` is what plans know of it."""
 
     day: str
     knowledge: str
@@ -61,7 +61,7 @@ class WeatherTrial:
 class PromisedDelivery:
     """A delivery of a trial; `p90_s` is how much later than planned its P90 is, None without P90.
 
-    `number` counts the deliveries of the trial from 0, with those that have no plan.
+    `number` counts all deliveries of the trial from 0, also those without a plan.
     """
 
     number: int
@@ -103,12 +103,12 @@ def weather(laboratory: Laboratory) -> Section:
 
 
 def run_weather_trial(trial: WeatherTrial) -> list[PromisedDelivery]:
-    """Plan, promise and fly the deliveries; each promise is learned from those before."""
+    """Plan, promise and fly the deliveries; each P90 is learned from the deliveries before."""
     kind, error_mps = DAYS[trial.day], _ERRORS_MPS[trial.knowledge]
     come: list[PackageArrival] = []
     flown: list[PromisedDelivery] = []
     for number in range(trial.deliveries):
-        # All trials of a day have the same requests, weather and chance.
+        # All trials of a day have the same requests, weather and random numbers.
         seed = seed_of(trial.seed, number)
         problem = texas_problem(SETTING, seed=seed)
         day = WeatherDay.of(kind, chance(f"{seed}/day"))
@@ -238,7 +238,7 @@ def _section(
     intro = (
         "Requests of one package between random places of the Texas corridor, "
         f"`{SETTING.model.model_id}`, all pads free. On each kind of day the wind, its gusts, the "
-        "frost and the noise are those of the simulator's scenario of this name, and the mean wind "
+        "cold and the noise are those of the simulator's scenario of this name, and the mean wind "
         f"comes from any direction. {deliveries} deliveries follow one another, each with its own "
         "wind. They are planned in still air, with the forecast of the mean wind, and with a "
         "forecast whose wind is wrong by a standard error of 1 m/s in each of its two components. "
@@ -259,9 +259,10 @@ def _section(
         "landings below the reserve",
     )
     notes = (
-        "Late: against the planned time. By the plan: a promise of P50 should hold for half of the "
-        "packages; plans that count gusts as head wind are earlier than that. P90 after the plan: "
-        "median of the packages that count in the column before."
+        "Late: against the planned time. By the plan: the share of packages that came by the "
+        "planned time. A promise of P50 should hold for half of them; plans that count gusts as "
+        "head wind keep it for more. P90 after the plan: how much later than planned the P90 is; "
+        "the median of the packages that the column before counts."
     )
     return Section(
         "Weather: what a forecast is worth",

@@ -1,4 +1,4 @@
-"""Kinds of days with wind and frost, and a plan that is flown on such a day without new plans."""
+"""Kinds of days with wind and cold, and a plan that is flown on such a day without new plans."""
 
 import math
 from collections.abc import Mapping
@@ -33,12 +33,12 @@ Velocity = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class KindOfDay:
-    """How strong wind and frost are; the scenario with the same name has the same values.
+    """How strong wind and cold are; the scenario with the same name has the same values.
 
     `gust_mps` is the standard deviation of each component of the wind. Gusts that are `gust_span_m`
     or `gust_span_s` apart are nearly independent. `capacity` is the share of the battery's energy
-    that is left, and `power_noise` the standard deviation of a flight's power as a share, half of
-    its variance the same for the whole delivery.
+    that is left. `power_noise` is the standard deviation of a flight's power, as a share. Half of
+    its variance is the same for all flights of a delivery.
     """
 
     mean_mps: float
@@ -55,7 +55,7 @@ class KindOfDay:
         slower = self.charge_time_factor * self.capacity
         curve = tuple(ChargePoint(point.time_s * slower, point.soc) for point in model.charge_curve)
         changes = {"battery_j": model.battery_j * self.capacity, "charge_curve": curve}
-        # Made anew: a copy would keep what was derived from the old curve.
+        # A new model: `model_copy` would keep what was derived from the old curve.
         return DroneModel(**{**model.model_dump(), **changes})
 
     def forecast(self, network: Network, wind_mps: Velocity) -> Forecast:
@@ -99,7 +99,7 @@ DAYS: Final[Mapping[str, KindOfDay]] = {
 
 @dataclass(slots=True)
 class WeatherDay:
-    """The chance of one delivery: a mean wind all day, gusts on the way, the drone's energy use."""
+    """What one delivery meets by chance: the mean wind, gusts, and the drone's energy use."""
 
     kind: KindOfDay
     random: Random
@@ -110,7 +110,7 @@ class WeatherDay:
 
     @classmethod
     def of(cls, kind: KindOfDay, random: Random) -> Self:
-        """The day that this chance draws; the mean wind comes from any direction."""
+        """A random day of this kind; the mean wind comes from any direction."""
         to_rad = random.uniform(0.0, math.tau)
         return cls(
             kind,
@@ -136,7 +136,7 @@ class WeatherDay:
         return elapsed_s
 
     def _blow(self, moved_m: float, at_s: float) -> None:
-        """The gusts at the next stretch: what is left of the last ones, and new ones."""
+        """Change the gusts for the next stretch: a part of the last ones stays."""
         apart = (moved_m / self.kind.gust_span_m) ** 2
         apart += ((at_s - self._felt_s) / self.kind.gust_span_s) ** 2
         kept = math.exp(-apart / 2)

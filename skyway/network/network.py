@@ -125,7 +125,7 @@ class Network:
         whole = self._whole
         if connector is None:
             return whole
-        # Drones with connectors that no pad has see the same network, so few are kept.
+        # All connectors that are on no pad lead to the same network, so few networks are cached.
         key = connector if connector in self._pad_connectors.named else None
         seen = whole._fitting.get(key)
         return seen or whole._fitting.setdefault(key, whole._seen_with(connector))

@@ -16,7 +16,7 @@ from skyway.network.columns import Columns
 #: The property of a station that lists the connectors of its pads.
 PAD_CONNECTORS: Final = "pad_connectors"
 
-#: The most connectors of a pad, and the most different ones of a network. Our own choice.
+#: The most connectors of a pad, and the most different connectors in a network. Our own choice.
 MOST_OF_PAD: Final = 8
 MOST_OF_NETWORK: Final = 32
 
@@ -34,7 +34,7 @@ def read_pad_connectors(
     path = f"{path}.{PAD_CONNECTORS}"
     listed = fields.array(properties[PAD_CONNECTORS], path)
     if not 1 <= len(listed) <= MOST_OF_PAD:
-        raise InvalidNetwork(path, f"{len(listed)} connectors, 1 to {MOST_OF_PAD} may be")
+        raise InvalidNetwork(path, f"{len(listed)} connectors, 1 to {MOST_OF_PAD} are allowed")
     if pads < 1:
         raise InvalidNetwork(path, "the station has no pads that could have connectors")
     return frozenset(
@@ -69,7 +69,7 @@ class PadConnectors:
         }
         named = frozenset[ConnectorId]().union(*of_station.values())
         if len(named) > MOST_OF_NETWORK:
-            detail = f"the pads have {len(named)} connectors, at most {MOST_OF_NETWORK} may be"
+            detail = f"the pads have {len(named)} connectors, at most {MOST_OF_NETWORK} are allowed"
             raise InvalidNetwork("stations", detail)
         return cls(of_station, named)
 

@@ -5,8 +5,8 @@ use changes from flight to flight, and the model of a drone is simple. Each has 
 deviation. The margin covers as many deviations as the accepted risk allows.
 
 All flights up to a recharge count as if they met the same errors: a wind that is stronger than
-forecast is stronger for all of them. So their margins add up. If the errors differ in truth, they
-cancel out in part, and the risk is smaller.
+forecast is stronger for all of them. So their margins add up. In truth the errors of flights
+differ. Then they cancel out in part, and the risk is smaller.
 """
 
 import math
@@ -21,9 +21,9 @@ from skyway.drone.learned_values import UNKNOWN_USE
 from skyway.drone.model import DroneModel
 from skyway.planner.kernels.memory import Floats
 
-#: No margin is smaller or larger than these, as shares of the energy. The least one covers what
-#: nobody has thought of. A drone that needs more than the largest one would hardly fly: a plan for
-#: such a flight does not keep to the risk, and says so. Our own choices, as are the next numbers.
+#: The smallest and the largest margin, as shares of the energy. The smallest covers what nobody has
+#: thought of. With more than the largest a drone would hardly fly: a plan with a flight that needs
+#: more does not keep to the risk, and says so. Our own choices, as are the next numbers.
 LEAST_MARGIN: Final = 0.05
 MOST_MARGIN: Final = 0.40
 
@@ -40,7 +40,7 @@ FORECAST_ERROR_MPS: Final = 1.5
 _STEP: Final = 0.01
 
 
-# Without slots: the number of deviations is worked out once.
+# Without slots: the number of deviations is computed once, and cached.
 @dataclass(frozen=True)
 class EnergyRisk:
     """How likely a landing below the reserve may be, and how much a drone's energy use varies.
@@ -69,12 +69,12 @@ class EnergyRisk:
         ----------
         in_wind
             Any shape: the logarithm of how many times more energy each flight needs if the wind
-            is wrong by so many deviations, against the drone; inf if it could not fly then.
+            is wrong by `deviations` against the drone; inf if it could not fly then.
 
         Notes
         -----
-        The logarithm of the energy is taken as normal. It is convex in the wind, so the straight
-        line from no error to this error lies above it: the margin is rather too large.
+        The logarithm of the energy counts as normally distributed. It is convex in the wind, so the
+        straight line from no error to this error lies above it: the margin is rather too large.
         """
         own = self.deviations * math.hypot(self.use_deviation, MODEL_DEVIATION)
         margins: Floats = np.clip(np.expm1(np.hypot(in_wind, own)), LEAST_MARGIN, MOST_MARGIN)

@@ -1,6 +1,6 @@
 """The itinerary of the best plan that the exact search found: its acts as steps with times.
 
-The acts are flown one after another. Pads are chosen at the end, for all sessions in one look.
+The acts are flown one after another. Pads are chosen at the end, for all sessions together.
 """
 
 import math
@@ -21,7 +21,7 @@ from skyway.planner.situation import Situation
 from skyway.planner.weather import STILL_AIR, Air
 from skyway.units import TIME_TOLERANCE_S
 
-# As ints of Python, which are compared faster than those of numpy.
+# Ints of Python are compared faster than those of numpy.
 _START: Final = int(memory.START)
 _LANDED: Final = int(memory.LANDED)
 _SESSION: Final = int(memory.SESSION)
@@ -195,7 +195,7 @@ class _Flight:
 
 
 def _with_pads(situation: Situation, steps: Sequence[StepFields]) -> Iterator[StepFields]:
-    """The same steps with a pad for each session; a session on several pads has a step for each.
+    """The same steps, with a pad for each session; a session on several pads becomes several steps.
 
     A session for which there is no pad is left out.
     """
@@ -225,7 +225,7 @@ def _with_pads(situation: Situation, steps: Sequence[StepFields]) -> Iterator[St
 def _on_pads(
     situation: Situation, session: StepFields, windows: Iterable[FreeWindow]
 ) -> Iterator[StepFields]:
-    """The session pad after pad, in these windows."""
+    """The parts of the session, one in each of these windows."""
     now_s, soc = session["start_s"], session["soc_start"]
     model = situation.model_at(session["station_id"])
     for window in windows:

@@ -103,7 +103,7 @@ class Forecast:
         """The same, with the standard deviation of the wind instead of its error.
 
         A forecast that states no error has a usual one. After the end of the forecast the deviation
-        grows to that of the wind at any time.
+        grows to `CLIMATE_MPS`, that of the wind without a forecast.
         """
         error_mps = np.where(self.error_mps > 0.0, self.error_mps, FORECAST_ERROR_MPS)
         last = error_mps[-1:] ** 2
@@ -146,12 +146,12 @@ def planned_weather(wind: SegmentWind, model: DroneModel) -> Weather:
 
 
 def weather_at_risk(wind: SegmentWind, model: DroneModel, risk: EnergyRisk) -> Weather:
-    """The weather in which drones of this model are planned at this risk, without an end.
+    """The weather in which drones of this model are planned at this risk; it has no end.
 
-    `wind` is that of `Forecast.field_with_deviations`. Flights take the time of the wind as
-    forecast. Their energy has the margin of the risk, less `own_margin`: the drone's model has that
-    one already. Before and after the forecast the air is still, with the margin that flights have
-    without a forecast.
+    `wind` is that of `Forecast.field_with_deviations`. Flights take as long as in the wind of the
+    forecast. Their energy has the margin of the risk without `own_margin`, which the drone's model
+    has already. Before and after the forecast the air is still, and flights have the margin that
+    they have without a forecast.
     """
     weather = planned_weather(wind.without_error(), model)
     own = 1 + risk.own_margin

@@ -92,7 +92,7 @@ class Hierarchy:
         network = self.network.fitting(connector)
         if network is self.network:
             return self
-        # The network keeps what it has returned, so no other has this id.
+        # `self.network` keeps the networks that it returned, so each id stays that of one network.
         return self._fitting.setdefault(id(network), replace(self, network=network))
 
     @cached_property

@@ -129,9 +129,10 @@ class PadBook:
         from_ms: npt.NDArray[np.int64],
         until_ms: npt.NDArray[np.int64],
     ) -> Iterator[tuple[int, Taken]]:
-        """The reservations that meet many times ``(n,)``, each at a station, by pad and start.
+        """The reservations that overlap many spans of time ``(n,)``, each at a station.
 
-        Each reservation follows the number of the time that it meets.
+        Each item is the number of a span and a reservation that overlaps it. They are sorted by
+        span, pad and start.
         """
         if not len(self.station):
             return iter(())

@@ -68,9 +68,9 @@ class PadCalendar:
         return self._network.columns.pads.item(self._network.row_of[station_id])
 
     def taken_during(self, sessions: Sequence[tuple[StationId, float, float]]) -> list[list[Taken]]:
-        """For each session the reservations of its station that meet it.
+        """For each session the reservations at its station that overlap it.
 
-        A session is a station, and the seconds from which and until which a drone charges there.
+        A session is a station, and the seconds at which it starts and ends.
         """
         taken: list[list[Taken]] = [[] for _ in sessions]
         row_of = self._network.row_of
@@ -100,7 +100,7 @@ def windows_on_end(
     """Windows in which a drone can charge without a break through this time, pad after pad.
 
     If several pads are free at the same moment, the pad that stays free longest is used; what lies
-    beyond the time does not count. `taken` are the reservations that meet the time.
+    beyond the time does not count. `taken` are the reservations that overlap the time.
     """
     now_ms: float = booked_from_ms(from_s)
     end_ms = booked_until_ms(until_s)

@@ -1,7 +1,7 @@
-"""The flights and sessions of a verified plan by the column, compared with segments and pads.
+"""Compares all flights of a plan with the segments, and all its sessions with reserved pads.
 
 Written for `verify` alone, from docs/reference/planner-problem.md, so that a mistake of the search
-is not repeated here. One look at the network or the book is enough for all steps of a plan.
+is not repeated here. Steps are NumPy columns, so one query serves all steps of a plan.
 """
 
 import math
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 _MS_PER_S: Final = 1000
 _MS_TOLERANCE: Final = TIME_TOLERANCE_S * _MS_PER_S
 
-#: From one whole millisecond to another.
+#: A start and an end, in whole milliseconds.
 _Span = tuple[float, float]
 
 
 def lengths_flown(network: Network, steps: Sequence[Step]) -> dict[int, float]:
-    """The metres of each segment flown, by the number of the step; none for a missing segment."""
+    """The metres of each segment flown, by the number of the step; without missing segments."""
     row_of, leaving = network.row_of, network.outgoing
     flights = [
         (number, row_of[step.from_id], row_of.get(step.to_id, -1))
@@ -111,9 +111,10 @@ def _booked_clashes(
 
 
 def _entries(first: Longs, count: Longs) -> tuple[Longs, Longs]:
-    """The entries of all ranges, `count` from `first` on: the number of the range, and the entry.
+    """The entries of all ranges: for each entry the number of its range, and the entry itself.
 
-    An example: the ranges 5, 6 and 9 have the numbers 0, 0 and 1, if `first` is [5, 9].
+    A range has `count` entries, beginning with `first`. An example: with `first` [5, 9] and `count`
+    [2, 1] the entries are 5, 6 and 9, and the numbers of their ranges are 0, 0 and 1.
     """
     number = np.repeat(np.arange(len(count)), count)
     before = np.cumsum(count) - count

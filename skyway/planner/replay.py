@@ -52,7 +52,7 @@ class Replay:
         self._problem = problem
         self._model = problem.drone.model
         self._fastest_s_per_soc = fastest_s_per_soc(self._model)
-        #: By step: the metres of the segment flown, and a reservation that the session overlaps.
+        #: By the number of the step: the length of its segment, and a reservation that it overlaps.
         self._length_m = lengths_flown(problem.network, steps)
         self._clashes = pad_clashes(problem, steps, booked=booked)
         self._sky = OpenSky(problem, steps)
@@ -61,7 +61,7 @@ class Replay:
         self._may_be_closed = self._has_weather or self._sky.has_obstacles
         self._here: StationId = problem.start_station_id
         self._now_s = 0.0
-        #: The tolerance of moments like the end of the current step.
+        #: The tolerance for moments near the end of the current step.
         self._allowed_s = time_tolerance_s(0.0)
         self._soc = problem.drone.soc
         self._has_picked_up = False

@@ -60,8 +60,8 @@ class TripTerms:
         Raises
         ------
         InvalidProblem
-            The terms contradict one another, there is no drone model, or different pads fit the
-            models.
+            The terms contradict one another, there is no drone model, or not all models fit the
+            same pads.
         """
         if not models:
             raise InvalidProblem("models", "0 drone models, at least 1 is needed")
@@ -69,7 +69,7 @@ class TripTerms:
         if anywhere is None:
             raise InvalidProblem("network.features", "0 stations, at least 1 is needed")
         if len({id(network.fitting(model.connector)) for model in models}) > 1:
-            detail = "different pads fit them; plan drones of each connector by terms of their own"
+            detail = "they do not all fit the same pads: make terms for the drones of one connector"
             raise InvalidProblem("models", detail)
         nothing = PackageToDeliver(package_id=PackageId("none"), mass_kg=0.0, destination=anywhere)
         pattern = Problem(

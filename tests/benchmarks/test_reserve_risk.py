@@ -1,4 +1,4 @@
-"""Margins that follow from a risk keep to it when the errors are those of the stated model."""
+"""Margins that follow from a risk keep to this risk, if errors are as the model states."""
 
 import pytest
 
@@ -17,6 +17,6 @@ def test_landings_below_the_reserve_are_about_as_rare_as_accepted(name: str, use
     share = share_below_reserve(STRETCHES[name], risk, MODEL, draws=100_000, seed=1)
 
     assert share <= 1.1 * risk.reserve_risk
-    # Of one flight against or across the wind the margin is not much too large either.
+    # For one flight that has no tail wind, the margin is not much too large either.
     if "with" not in name and "three" not in name:
         assert share >= 0.4 * risk.reserve_risk

@@ -2,7 +2,7 @@
 
 `python -m tests.composition.virtual_day --days stormy --deliveries 12 --drones 12` has the options
 of the benchmark `days`. It has no gateway, registry or broker, and the same seed gives the same day
-on every machine. Links fail as in the scenario; wall time passes at the clock rate.
+on every machine. Links fail as in the scenario. Wall time moves with the clock, at the clock rate.
 """
 
 import json

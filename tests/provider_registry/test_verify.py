@@ -57,7 +57,7 @@ async def test_a_broken_rule_is_found(api: Any, db: Database, rule: str) -> None
     assert await broken_rules(db, RULES) == [(rule, subject)]
 
 
-async def test_an_energy_use_that_cannot_vary_so_much_is_found(api: Any, db: Database) -> None:
+async def test_an_impossible_variance_of_the_energy_use_is_found(api: Any, db: Database) -> None:
     await api.drone(await api.provider())
 
     async with db.write() as tx:

@@ -17,7 +17,7 @@ def p90_of(eta_at: datetime, *, start_at: datetime, share: float | None) -> date
 def due_of(eta_at: datetime, p90_at: datetime | None, qos: QoS) -> datetime:
     """The promise from which lateness counts: the P90 if asked and known, else the ETA.
 
-    What the customer allows (`may_be_later_s`) is added, up to the deadline.
+    The seconds that the customer allows (`may_be_later_s`) are added, up to the deadline.
     """
     promised_at = p90_at if p90_at is not None and qos.promise == "P90" else eta_at
     due_at = promised_at + timedelta(seconds=qos.may_be_later_s)

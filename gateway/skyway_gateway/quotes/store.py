@@ -47,7 +47,7 @@ class OfferedPackage(PackageEta):
         FleetMoment | None,
         Field(
             description="What is promised: `eta_p90_at`, or `eta_at` if `qos.promise` is P50 or "
-            "no P90 is known."
+            "no P90 is known, and `qos.may_be_later_s` later."
         ),
     ] = None
 

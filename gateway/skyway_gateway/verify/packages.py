@@ -101,7 +101,7 @@ def _proof_differs(row: Any) -> bool:  # a row of packages
 
 
 async def _due_at_another_moment(survey: Survey) -> list[str]:
-    """Packages that are due neither when promised, nor as much later as their customers allow."""
+    """Packages that are not due when promised, plus what their customers allow."""
     of_package = (packages.c.delivery_id, packages.c.package_id, packages.c.promised_ms)
     query = (
         select(*of_package, packages.c.promised_p90_ms, packages.c.due_ms, deliveries.c.request)

@@ -105,8 +105,8 @@ class StoredForecast:
 class NetworkWeather:
     """A network's forecast; the factors of each drone model are computed once, and cached.
 
-    With a `reserve_risk` they have the margin for the error of the wind, which depends on how much
-    a drone's energy use varies: `use_deviation`. Which segments are closed does not depend on it.
+    With a `reserve_risk` the factors have the margin for the error of the wind. This margin depends
+    on how much a drone's energy use varies: `use_deviation`. The same segments are closed for all.
     """
 
     stored: StoredForecast
@@ -165,7 +165,8 @@ class NetworkWeather:
     ) -> Weather | None:
         """The weather for a plan from this moment; None if the air is still from then on.
 
-        At a risk it is never still: a forecast that is over leaves the margin without a forecast.
+        With a `reserve_risk` it is never None: after the end of a forecast flights have the margin
+        that they have without a forecast.
         """
         if start_ms >= self.over_ms and self.reserve_risk is None:
             return None
@@ -192,7 +193,7 @@ class NetworkWeather:
     def in_error(
         self, model: DroneModel, ends: tuple[str, str], *, at_s: float, risk: EnergyRisk
     ) -> float:
-        """`EnergyRisk.margins`' `in_wind` of a flight over this segment that begins at a moment."""
+        """`in_wind` of `EnergyRisk.margins`, for a flight that begins at a moment on a segment."""
         segment = int(segment_rows(self.network, [ends])[0])
         wind = self._on_segments().at(segment, at_s)
         if wind is None:

@@ -77,7 +77,7 @@ class LowerBounds:
 
         `waits_s` is how long each candidate begins after the first; ``(n,)``. `time_factors` is
         the least that the weather multiplies the flights of a model by; 1 for all other models.
-        `energy_margins` are those of kinds of drones; that of the network for all other kinds.
+        `energy_margins` is the margin of each kind of drone; other kinds have the network's.
         """
         network, pickup = skyway.network, request.pickup.station_id
         stops = [each for each in request.destinations if each != pickup]

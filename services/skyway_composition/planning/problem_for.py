@@ -232,7 +232,7 @@ def margins_of(
 ) -> Margins:
     """The margins of a plan that begins at a moment, and what they are made of.
 
-    `world` is that for the plan's drone. The drone's own `energy_margin` counts if it is larger.
+    `world` is the world for the plan's drone. Its own `energy_margin` counts if that is larger.
     """
     margins, risk = world.skyway.settings.margins, world.risk
     found: dict[str, object] = {"energy_margin": max(world.energy_margin(model), energy_margin)}

@@ -44,7 +44,7 @@ class World:
     """The world of a plan; a transaction that stores the plan must check `still_holds`.
 
     The database itself checks reservations. In a network with a `reserve_risk` the margins of plans
-    follow from `use_deviation`, which is that of the drone they are for: see `for_drone`.
+    depend on `use_deviation`, that of the plan's drone: see `for_drone`.
     """
 
     skyway: PreparedNetwork
@@ -81,7 +81,7 @@ class World:
     def energy_margin(self, model: DroneModel) -> float:
         """The share of energy that plans of this model add to all flights.
 
-        At a risk the weather adds more, if there is a forecast: what the error of its wind needs.
+        With a `reserve_risk` and a forecast the weather adds what the error of its wind needs.
         """
         risk = self.risk
         if risk is None:
@@ -90,7 +90,7 @@ class World:
         return risk.own_margin if is_forecast else risk.climate_margin(model)
 
     def energy_margins(self, shortlist: Shortlist) -> dict[Hashable, float]:
-        """By kind of drone: the energy margin; empty if all have that of the network."""
+        """The energy margin of each kind of drone; empty if all have the network's."""
         if self.risk is None:
             return {}
         learned = dict(zip(shortlist.kinds, shortlist.each_learned, strict=True))

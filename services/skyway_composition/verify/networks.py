@@ -237,7 +237,7 @@ def _lands_at(row: Any, closure: Closure, stations: Iterable[Any]) -> bool:  # o
 
 
 def _flies(row: Any, closure: Closure, segments: Iterable[Any]) -> bool:  # of mission_steps
-    is_there = (row.from_station_id, row.to_station_id) in segments and not _is_begun(row)
+    is_there = (row.from_station_id, row.to_station_id) in segments and not _has_begun(row)
     begins_before = row.planned_start_ms <= closure.from_ms < row.planned_end_ms
     is_planned_later = row.planned_start_ms > closure.made_ms
     return is_there and (
@@ -245,7 +245,7 @@ def _flies(row: Any, closure: Closure, segments: Iterable[Any]) -> bool:  # of m
     )
 
 
-def _is_begun(row: Any) -> bool:  # of mission_steps, with the drone's last state
+def _has_begun(row: Any) -> bool:  # of mission_steps, with the drone's last state
     """Whether the drone has taken off: it may have missed the plan that avoids the closure."""
     state = json.loads(row.state or "{}")
     if state.get("mission_id") != row.mission_id:

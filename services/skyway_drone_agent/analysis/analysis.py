@@ -249,9 +249,10 @@ class Lookout:
         return self._not_older_than(fresh)
 
     def energy_use(self, flights: LoadedFlights) -> float:
-        """The energy of these flights, each with its load in kilograms, by the model's energy.
+        """The energy of these flights, divided by what the model uses for them in still air.
 
-        The wind of the newest assessment counts; without flights the factor in still air.
+        Each flight comes with its load in kilograms. The wind of the newest assessment counts.
+        Without flights this is the factor in still air.
         """
         model = self._vehicle.model
         legs = [leg_of(step, model=model, load_kg=load_kg) for step, load_kg in flights]

@@ -18,7 +18,7 @@ Velocity = tuple[float, float]
 #: Seconds over which gusts are smoothed, for the wind of the moment: a kilometre or so of flight.
 GUSTS_SMOOTHED_OVER_S: Final = 45.0
 
-#: The same for the wind on the flights ahead. A gust is over after some minutes, so it must not
+#: The same for the wind on the flights ahead. A gust is over after a few minutes, so it must not
 #: count for the next half hour.
 AHEAD_SMOOTHED_OVER_S: Final = 240.0
 

@@ -120,7 +120,7 @@ def shortfall_of(
 
     `need_j` counts the whole stretch, up to the next recharge or the end. The wind that the drone
     feels counts for its next flights. After the next recharge the weather of the plan counts: the
-    wind may be another one by then, and the drone judges the flights again before it takes off.
+    wind may have changed by then, and the drone judges the flights again before it takes off.
     Flights before the step `judged_from` count, but a shortfall in them is not reported.
     """
     have_j, has_flown = _above_reserve_j(model, soc), False

@@ -65,7 +65,7 @@ class Learned:
     is_maintenance_due: bool = False
     #: How many flights and recharges the health rests on: those with the battery that it has.
     health_observations: int = 0
-    #: The square of how far a flight's energy use is from the mean, on average.
+    #: The mean square of the distance between a flight's energy use and `still_air_factor`.
     still_air_variance: float = UNKNOWN_USE**2
 
     def after_flight(self, health: DroneHealth) -> Self:
@@ -77,7 +77,7 @@ class Learned:
         factor = _mean(
             self.still_air_factor, health.still_air_factor, weight=weight, bounds=STILL_AIR_BOUNDS
         )
-        # From the mean of the flights before: while the mean is uncertain, the variance is larger.
+        # The mean is that of the flights before: while it is uncertain, the variance is larger.
         away = _away(self.still_air_factor, health.still_air_factor)
         variance = self.still_air_variance
         variance += (away**2 - variance) / min(weight, _REMEMBERED)

@@ -1,6 +1,6 @@
-"""`skyway battery` and `skyway maintenance`: which battery a drone has, and when it is due.
+"""`skyway battery` and `skyway maintenance`: the battery of a drone, and when maintenance is due.
 
-Both call with the operator's key, or with the provider's key where there is no operator's key.
+Both use the operator's key, or the provider's key if there is no operator's key.
 """
 
 import json
@@ -19,7 +19,7 @@ battery_app: Final = typer.Typer(
     help="Register batteries, and note which drone each is in.", no_args_is_help=True
 )
 maintenance_app: Final = typer.Typer(
-    help="Say after how much flying drones are due, list them, record what was done.",
+    help="Set when drones are due for maintenance, list those that are, record what was done.",
     no_args_is_help=True,
 )
 
@@ -160,7 +160,7 @@ def list_maintenance(
 def list_rules(
     provider: _ProviderOption = None, as_json: _JsonOption = False, data: DataOption = None
 ) -> None:
-    """List after how much flying the drones of each model are due."""
+    """List the rules: after how much flying the drones of each model are due."""
     rules = _fleet(provider, data).call("GET", "/maintenance-rules")["items"]
     if as_json:
         typer.echo(json.dumps(rules, indent=2))

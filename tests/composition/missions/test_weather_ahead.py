@@ -1,4 +1,4 @@
-"""A new forecast closes the way of a drone in flight: it waits until that is over, or flies round.
+"""A new forecast closes the way of a drone in flight: the drone waits, or flies another way.
 
 The drone flies from a to b, loads there and delivers at c. There is also a way from b over a to c.
 """
@@ -32,7 +32,7 @@ class WindyWorld(BusyWorld):
         )
 
     async def put_wind(self, mps: dict[str, float], *, from_at: datetime, for_: timedelta) -> None:
-        """Put the forecast of wind at these stations; before and after that time the air rests."""
+        """Put the forecast of wind at these stations; before and after it the air is still."""
         changes = (self.clock.now(), 0.0), (from_at, 1.0), (from_at + for_, 0.0)
         reports = [
             {
@@ -99,7 +99,7 @@ async def test_wind_that_will_pass_is_waited_out_at_a_station(migrated_url: str)
     ("closed_for", "way"),
     [(timedelta(minutes=20), ["b", "c"]), (timedelta(hours=9), ["b", "a", "c"])],
 )
-async def test_a_drone_flies_round_wind_only_if_that_is_sooner_than_to_wait(
+async def test_a_drone_flies_around_wind_only_if_that_is_faster_than_waiting(
     migrated_url: str, closed_for: timedelta, way: list[str]
 ) -> None:
     async with WindyWorld(migrated_url) as world:

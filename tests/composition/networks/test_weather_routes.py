@@ -216,7 +216,9 @@ async def test_only_operators_change_the_weather(composition: Any) -> None:
 
 
 @_one
-async def test_an_unknown_network_is_not_one_without_a_forecast(composition: Any) -> None:
+async def test_a_missing_forecast_and_an_unknown_network_have_different_details(
+    composition: Any,
+) -> None:
     calm = await composition("customer:c", "GET", PATH)
     unknown = await composition("customer:c", "GET", "/v1/networks/nowhere/weather")
 

@@ -42,7 +42,7 @@ async def booked(composition: Any, drone: Any) -> tuple[Any, list[FlyStep]]:
     (instruction,) = await composition.sent(drone.drone_id)
     (mission,) = booking.missions
     flights = [each for each in instruction.steps if isinstance(each, FlyStep)]
-    # The drone itself accepts the steps, also if it uses a little more energy than its model says.
+    # The drone accepts the steps, also if it uses a little more energy than its model says.
     assert not shortfall_of(
         instruction.steps, model=drone.model, soc=drone.soc, packages=(), energy_use=lambda _: 1.04
     )
@@ -116,7 +116,7 @@ async def test_a_drone_whose_energy_use_varies_more_has_a_larger_margin(
         assert offers[provider].margins == mission.margins
 
 
-async def test_without_a_risk_the_margin_is_a_constant_and_plans_are_as_before(
+async def test_without_a_risk_plans_have_the_constant_margin_for_each_drone(
     composition: Any, make: Any
 ) -> None:
     await forecast(composition)
@@ -153,7 +153,7 @@ async def test_a_flight_that_needs_more_than_the_largest_margin_says_so(
 
 
 @pytest.mark.parametrize("has_forecast", [False, True])
-async def test_no_offer_at_a_risk_is_below_its_lower_bounds(
+async def test_with_a_risk_no_offer_is_below_its_lower_bounds(
     composition: Any, make: Any, has_forecast: bool
 ) -> None:
     await composition.publish(make.network(reserve_risk=0.05))

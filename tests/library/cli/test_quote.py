@@ -242,7 +242,7 @@ def test_a_wait_for_others_needs_a_trip_that_may_be_shared(gateway: Gateway) -> 
     too_long = runner.invoke(make_app(), [*ASKED, "--pooling", "--pooling-wait-s", "3601"])
     too_late = runner.invoke(make_app(), [*ASKED, "--may-be-later-s", "14401"])
 
-    assert (alone.exit_code, alone.stderr) == (1, "--pooling-wait-s goes with --pooling\n")
+    assert (alone.exit_code, alone.stderr) == (1, "--pooling-wait-s needs --pooling\n")
     assert (too_long.exit_code, too_late.exit_code) == (2, 2)
     assert gateway.calls == []
 

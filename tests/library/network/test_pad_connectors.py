@@ -1,4 +1,4 @@
-"""Connectors of pads: what a drone sees of a network; faults by their field."""
+"""Connectors of pads: the network as a drone sees it, and the faults in documents."""
 
 import json
 import pickle
@@ -41,7 +41,7 @@ def test_a_drone_sees_no_pads_that_do_not_fit_it(network: Network) -> None:
     assert pads_for(network, "pin") == [3, 0, 1]
 
 
-def test_what_a_drone_sees_is_made_once_and_is_the_network_in_all_else(network: Network) -> None:
+def test_the_network_of_a_connector_is_made_once_and_differs_only_in_pads(network: Network) -> None:
     seen = network.fitting(ConnectorId("pin"))
 
     assert seen is network.fitting(ConnectorId("pin"))
@@ -89,7 +89,7 @@ def test_connectors_survive_each_form_of_a_network(network: Network) -> None:
     [
         ({"pad_connectors": "blade"}, ": 'blade' is not an array"),
         ({"pad_connectors": None}, ": null is not an array"),
-        ({"pad_connectors": []}, ": 0 connectors, 1 to 8 may be"),
+        ({"pad_connectors": []}, ": 0 connectors, 1 to 8 are allowed"),
         ({"pad_connectors": [f"c{number}" for number in range(9)]}, ": 9 connectors, 1 to 8"),
         ({"pad_connectors": ["blade", 7]}, ".1: 7 is not an identifier"),
         ({"pad_connectors": ["blade 6"]}, ".0: 'blade 6' is not an identifier"),
@@ -108,7 +108,7 @@ def test_wrong_connectors_are_named_by_both_readers(properties: dict[str, Any], 
     assert str(of_text.value) == str(of_document.value)
 
 
-def test_more_different_connectors_than_are_kept_are_refused() -> None:
+def test_a_network_with_too_many_different_connectors_is_refused() -> None:
     different = [{"pad_connectors": [f"c{number}"]} for number in range(MOST_OF_NETWORK + 1)]
 
     assert len(read_network(document(*different[1:])).pad_connectors.named) == MOST_OF_NETWORK

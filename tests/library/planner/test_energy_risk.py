@@ -1,4 +1,4 @@
-"""Margins that follow from a risk: more for less risk, within limits, and gone without a risk."""
+"""Margins that follow from a risk: a smaller risk needs a larger margin, within limits."""
 
 import math
 from typing import Any
@@ -76,7 +76,7 @@ def planned_energy(weather: Weather, risk: EnergyRisk, segment: int, at_s: float
     use=st.tuples(deviations, deviations).map(sorted),
     in_wind=st.tuples(st.floats(0, 3), st.floats(0, 3)).map(sorted),
 )
-def test_less_risk_more_varied_use_and_more_wind_have_larger_margins(
+def test_a_margin_grows_with_less_risk_more_varied_use_and_more_wind(
     risk: list[float], use: list[float], in_wind: list[float]
 ) -> None:
     careful = EnergyRisk(risk[0], use[1]).margins(np.array([in_wind[1], math.inf]))
@@ -131,7 +131,7 @@ def test_the_error_of_the_wind_costs_more_against_it_and_takes_no_time() -> None
     # 10 m/s against 4 m/s.
     assert windy.air(EAST, 2).time_factor == pytest.approx(1.67)
     assert windy.air(EAST, 2).energy_factor > calm.air(EAST, 2).energy_factor > 1.0
-    # A tail wind of 4 m/s stays one, so its error costs nothing; nothing is saved either.
+    # With this error the wind is still a tail wind, so the error costs nothing. Nothing is saved.
     assert windy.air(WEST, 2).time_factor * windy.air(WEST, 2).energy_factor == pytest.approx(
         1.0, abs=0.01
     )
@@ -148,7 +148,9 @@ def test_cold_air_costs_energy_beside_the_margin() -> None:
     assert factors[1] / factors[0] == pytest.approx(1.1, abs=0.01)
 
 
-def test_before_and_after_the_forecast_the_margin_is_that_without_one(model: DroneModel) -> None:
+def test_before_and_after_a_forecast_the_margin_is_that_without_a_forecast(
+    model: DroneModel,
+) -> None:
     risk = EnergyRisk(0.05, 0.04)
     fast = model.model_copy(update={"speed_empty_mps": 40.0, "speed_full_mps": 40.0})
 

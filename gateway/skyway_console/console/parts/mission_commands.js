@@ -45,7 +45,7 @@ async function readStations() {
 }
 
 export function MissionCommands({missionId, mission}) {
-  // Not while it is drawn: an empty list draws it again, and so without end before networks are known.
+  // In an effect: before networks are known, reading while drawing would draw again without end.
   useEffect(() => {
     if (stationIds.value.length === 0) readStations().catch(() => null);
   }, [networks.value]);

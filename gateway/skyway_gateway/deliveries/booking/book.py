@@ -103,7 +103,7 @@ class Booker:
     async def candidates_of(
         self, line: Sequence[QueuedDelivery]
     ) -> Mapping[DeliveryId, Candidates]:
-        """Candidates for all requests of a line, by one state of the fleets.
+        """Candidates for all requests of a line, from one state of the fleets.
 
         So a drone that comes online meanwhile is a candidate for all of them, or for none. Empty if
         the registry is away: then each round asks again, and postpones its delivery.

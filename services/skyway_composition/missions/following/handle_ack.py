@@ -41,7 +41,7 @@ _NOT_WITH_THIS_LOAD: Final = (RefusalCode.OVERWEIGHT, RefusalCode.INSUFFICIENT_E
 #: Wall time between a refusal and the next planning. Our own choice.
 _LOOK_AGAIN_MS: Final = 2_000
 
-#: The same for a standing drone that has too little energy for its plan, for `fleet_margin`.
+#: The arguments of `fleet_margin` for the same time, if the drone refused for lack of energy.
 _LOOK_AGAIN_FOR_ENERGY: Final = {"fleet_s": 60.0, "wall_s": 2.0}
 
 
@@ -189,7 +189,7 @@ async def _handle_refusal(
             work, record, code=code, detail=ack.detail or "the drone refused the revision"
         )
         if code is RefusalCode.INSUFFICIENT_ENERGY:
-            # All plans that a mission may have must not be over before the wind has changed.
+            # So the wind can change before the mission has used up all its plans.
             pause = fleet_margin(work.clock, **_LOOK_AGAIN_FOR_ENERGY) / work.clock.rate
             at_wall_ms = moment_to_ms(work.clock.wall_now() + pause)
             await retry_stuck(work.tx, record.mission_id, at_wall_ms=at_wall_ms)

@@ -165,7 +165,7 @@ async def add_custody(tx: Tx, record: MissionRecord, rows: Collection[Held], *, 
 
 
 async def give_custody(tx: Tx, mission_id: MissionId, *, to: MissionId) -> None:
-    """Have the links that a mission has made belong to another one, which carries its packages."""
+    """Give a mission's links to the mission that carries its packages now."""
     await tx.execute(
         update(custody).where(custody.c.mission_id == mission_id).values(mission_id=to)
     )

@@ -24,7 +24,7 @@ from skyway_composition.planning.world import World
 _REACHES_DRONE_WITHIN_S: Final = (5.0, 2.0)
 
 
-#: How much is added to the energy margin of a plan for which a drone had too little energy.
+#: If a drone had too little energy for its plan, the next plan has so much more margin.
 _MORE_AFTER_REFUSAL: Final = 0.05
 
 
@@ -51,9 +51,9 @@ class Case:
 
     @property
     def margin_after_refusal(self) -> float:
-        """The margin that the plan of a drone needs that had too little energy for the last plan.
+        """The margin of the next plan if the drone had too little energy for the last one, else 0.
 
-        The drone may use more than it has reported. So a little is added each time.
+        The drone may use more than it has reported. So each time a little is added.
         """
         stuck = self.record.stuck
         if stuck is None or stuck.code != RefusalCode.INSUFFICIENT_ENERGY:

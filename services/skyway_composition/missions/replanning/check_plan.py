@@ -156,7 +156,7 @@ def _expected(
     for step in situation.planned:
         load = load.after(step) if step.step_id < where.next_step else load
     steps = [each for each in situation.planned if each.step_id >= where.next_step]
-    # After a recharge the wind may be another one, and the drone reports again.
+    # After a recharge the wind may have changed, and the drone reports its energy use again.
     more, lasting = used_more(situation.consumption_factor), used_more(situation.lasting_factor)
 
     def predicted(margin: float) -> list[PredictedStep]:

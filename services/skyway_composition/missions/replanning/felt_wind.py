@@ -22,7 +22,7 @@ _LEAST_SHARE: Final = 0.1
 
 
 def felt_margin(situation: Situation, trip: Trip, network: Network) -> float:
-    """The energy margin that the next flights of this trip need; 0 if their plan is enough.
+    """The energy margin that the next flights of this trip need; 0 if the planned energy is enough.
 
     These are the flights up to the recharge after them, as in the drone's `consumption_factor`.
     """

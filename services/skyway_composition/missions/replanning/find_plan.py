@@ -27,7 +27,7 @@ from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
-#: How often a plan is made anew with a larger energy margin. Our own choice.
+#: How often, at most, a plan is made again with a larger energy margin. Our own choice.
 _MOST_MARGINS: Final = 3
 
 
@@ -154,8 +154,8 @@ class PlanFinder:
     ) -> NewPlan:
         """The plan with the energy that its flights need in the wind that the drone feels.
 
-        Another margin may lead to another way, which may need another margin. Without a plan that
-        has enough, the last one with less: the drone may refuse it, or charge longer on the way.
+        A larger margin may lead to another way, which may need another margin. If no plan has
+        enough energy, the last one counts: the drone may refuse it, or charge longer on the way.
         """
         for _ in range(_MOST_MARGINS):
             case = plan.case

@@ -73,8 +73,8 @@ def predict(
 ) -> Iterator[PredictedStep]:
     """The prediction of each step that has not ended, in order.
 
-    `model` has the margin that flights are planned with; `later` that of the flights after the next
-    recharge that follows a flight, if they have another one. `steps` begin with `where.next_step`.
+    `model` has the margin that flights are planned with. `later` is the model for flights after the
+    next recharge that follows a flight, if it differs. `steps` begin with `where.next_step`.
     """
     at_ms, soc, is_airborne, has_flown = where.at_ms, where.soc, False, False
     for step in steps:

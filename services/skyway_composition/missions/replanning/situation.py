@@ -90,7 +90,7 @@ class Situation:
 
     @property
     def lasting_factor(self) -> float:
-        """The part of `consumption_factor` that is left without the wind that the drone feels."""
+        """`consumption_factor` without the effect of the wind that the drone feels."""
         health = None if self.link.state is None else self.link.state.health
         # A battery without any health says nothing about the use in still air.
         if health is None or health.wind is None or not health.state_of_health:

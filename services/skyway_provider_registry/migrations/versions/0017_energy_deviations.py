@@ -10,7 +10,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    # The default is that of a drone that has not flown: its use counts as widely spread.
+    # The default is that of a drone that has not flown: the square of 0.08.
     op.add_column(
         "learned_values",
         sa.Column("still_air_variance", sa.Double(), nullable=False, server_default="0.0064"),

@@ -146,7 +146,7 @@ def test_each_command_calls_its_route_and_prints_the_answer(
     assert (result.exit_code, result.stdout) == (0, printed)
 
 
-def test_only_drones_that_are_due_are_listed_for_programs_too(gateway: Gateway) -> None:
+def test_the_due_list_as_json_has_only_drones_that_are_due(gateway: Gateway) -> None:
     result = run("maintenance", "list", "--due", "--json")
 
     assert [each["drone_id"] for each in json.loads(result.stdout)] == ["drn_2"]

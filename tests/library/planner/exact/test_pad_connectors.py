@@ -1,4 +1,4 @@
-"""Exact plans where pads fit some drones only: as if the pads that do not fit were not there."""
+"""Exact plans where pads fit some drones only: the same as without the pads that do not fit."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -31,7 +31,7 @@ from tests.library.planner.oracles.judge import disagreements, disagreements_wit
 
 
 def without_unfit_pads(made: dict[str, Any]) -> Problem:
-    """The problem on a network that has no pads with other connectors only, and no connectors."""
+    """The problem without connectors, on a network without the pads that do not fit the drone."""
     unfit, features = set(), []
     for feature in made["network"]["features"]:
         properties = dict(feature["properties"])
@@ -149,7 +149,7 @@ def test_terms_are_for_drones_that_fit_the_same_pads(
     blade, pin, any_pad = (each.drone.model for each in problems)
 
     assert len(TripTerms.of(network, [blade, any_pad]).models) == 2
-    with pytest.raises(InvalidProblem, match="different pads fit them"):
+    with pytest.raises(InvalidProblem, match="do not all fit the same pads"):
         TripTerms.of(network, [blade, pin])
 
 

@@ -124,9 +124,9 @@ def merged_order(
 
 
 def _merge(records: Sequence[MissionRecord], drone_id: DroneId) -> Merge:
-    """One mission of these for the drone, with as many guests as it may have.
+    """One of these missions as the host for the drone, with as many guests as it may have.
 
-    The host is a mission that can be no guest, or else one that the drone has already.
+    The host is a mission that cannot be a guest. Without one it is a mission of this drone.
     """
     host, *others = sorted(
         records, key=lambda each: (_may_be_guest(each), each.drone_id != drone_id, each.mission_id)
