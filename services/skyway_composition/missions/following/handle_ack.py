@@ -188,8 +188,9 @@ async def _handle_refusal(
         await wait_for_revision(
             work, record, code=code, detail=ack.detail or "the drone refused the revision"
         )
-        if code is RefusalCode.INSUFFICIENT_ENERGY:
-            # So the wind can change before the mission has used up all its plans.
+        if code is RefusalCode.INSUFFICIENT_ENERGY and record.trouble is None:
+            # So the wind can change before the mission has used up all its plans. A plan that a
+            # command or a closure needs does not wait.
             pause = fleet_margin(work.clock, **_LOOK_AGAIN_FOR_ENERGY) / work.clock.rate
             at_wall_ms = moment_to_ms(work.clock.wall_now() + pause)
             await retry_stuck(work.tx, record.mission_id, at_wall_ms=at_wall_ms)

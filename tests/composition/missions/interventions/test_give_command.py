@@ -7,6 +7,8 @@ from typing import Any
 import pytest
 from skyway_composition.planning.solver_pool import SolverPool
 
+from tests.composition.missions.replanning.test_failsafes import failed_at
+
 pytestmark = pytest.mark.databases("sqlite")
 
 
@@ -276,3 +278,20 @@ async def test_only_operators_may_command(
 
     assert [each.status_code for each in (*answers, unknown)] == [403, 403, 404]
     assert not (await shown(composition, instruction.mission_id))["mission"]["is_held"]
+
+
+async def test_an_operators_command_does_not_wait_because_the_drone_has_too_little_energy(
+    composition: Any, drone: Any
+) -> None:
+    first = await failed_at(composition, drone, 4, "b", "INSUFFICIENT_ENERGY", soc=0.6)
+    await composition.replanner.step()
+    *_, revision = await composition.sent()
+    answer = await give(composition, first.mission_id, "RETURN_HOME")
+    assert answer.status_code == 202, answer.text
+
+    refusal = drone.ack(revision, status="REJECTED", code="INSUFFICIENT_ENERGY")
+    await composition.receive(refusal)
+    await composition.replanner.step()
+
+    *_, obeyed = await composition.sent()
+    assert obeyed.mission_revision > revision.mission_revision
