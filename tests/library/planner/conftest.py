@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+import numpy as np
 import pytest
 
 from skyway.drone.model import ChargePoint, DroneModel
@@ -10,6 +11,7 @@ from skyway.geo import Position
 from skyway.ids import DroneModelId, StationId
 from skyway.network.network import Network, Segment, Station
 from skyway.planner.airspace import Airspace
+from skyway.planner.forecast import Forecast
 from skyway.planner.problem import Problem
 from skyway.planner.situation import Situation
 
@@ -25,6 +27,30 @@ MODEL = DroneModel(
     power_empty_w=100.0,
     charge_curve=(ChargePoint(0, 0), ChargePoint(1000, 1)),
 )
+
+
+def forecast(
+    east_mps: float,
+    *,
+    gust_mps: float = 0.0,
+    error_mps: float = 0.0,
+    temperature_c: float = 15.0,
+) -> Forecast:
+    """An hour of wind to the east, at one place."""
+
+    def one(value: float) -> Any:
+        return np.full((1, 1), value)
+
+    return Forecast(
+        longitude_deg=np.zeros(1),
+        latitude_deg=np.zeros(1),
+        edges_s=np.array([0.0, 3600.0]),
+        east_mps=one(east_mps),
+        north_mps=one(0.0),
+        gust_mps=one(gust_mps),
+        temperature_c=one(temperature_c),
+        error_mps=one(error_mps),
+    )
 
 
 def _make_network(

@@ -25,7 +25,7 @@ from skyway.planner.forecast import FADING, FADING_S, Forecast, weather_at_risk
 from skyway.planner.verify import verify
 from skyway.planner.weather import Weather
 from skyway.planner.wind import SegmentWind
-from tests.library.planner.conftest import MODEL
+from tests.library.planner.conftest import MODEL, forecast
 
 EAST, WEST, NORTH = range(3)
 
@@ -40,24 +40,6 @@ def network() -> Network:
     return Network(
         {StationId(name): Station(StationId(name), Position(*at)) for name, at in places.items()},
         [Segment(StationId(one), StationId(other), 1e4) for one, other in ends],
-    )
-
-
-def forecast(east_mps: float, *, error_mps: float = 0.0, temperature_c: float = 15.0) -> Forecast:
-    """An hour of wind to the east, at one place."""
-
-    def one(value: float) -> Any:
-        return np.full((1, 1), value)
-
-    return Forecast(
-        longitude_deg=np.zeros(1),
-        latitude_deg=np.zeros(1),
-        edges_s=np.array([0.0, 3600.0]),
-        east_mps=one(east_mps),
-        north_mps=one(0.0),
-        gust_mps=one(0.0),
-        temperature_c=one(temperature_c),
-        error_mps=one(error_mps),
     )
 
 

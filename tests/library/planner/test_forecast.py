@@ -15,7 +15,7 @@ from skyway.network.network import Network, Segment, Station
 from skyway.planner.forecast import FADING, FADING_S, Forecast, planned_weather
 from skyway.planner.weather import Weather
 from skyway.planner.wind import SegmentWind, weights_of
-from tests.library.planner.conftest import MODEL
+from tests.library.planner.conftest import MODEL, forecast
 
 A, B = StationId("a"), StationId("b")
 
@@ -25,24 +25,6 @@ def network() -> Network:
     """A segment to the east, and back."""
     stations = {name: Station(name, Position(x, 0.0)) for name, x in ((A, 0.0), (B, 0.1))}
     return Network(stations, [Segment(A, B, 1e4), Segment(B, A, 1e4)])
-
-
-def forecast(east_mps: float, *, gust_mps: float = 0.0, temperature_c: float = 15.0) -> Forecast:
-    """An hour of wind to the east, at one place."""
-
-    def one(value: float) -> Any:
-        return np.full((1, 1), value)
-
-    return Forecast(
-        longitude_deg=np.zeros(1),
-        latitude_deg=np.zeros(1),
-        edges_s=np.array([0.0, 3600.0]),
-        east_mps=one(east_mps),
-        north_mps=one(0.0),
-        gust_mps=one(gust_mps),
-        temperature_c=one(temperature_c),
-        error_mps=one(0.0),
-    )
 
 
 def weather_of(forecast: Forecast, network: Network, model: DroneModel) -> Weather:
