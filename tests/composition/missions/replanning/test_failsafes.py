@@ -287,6 +287,19 @@ async def test_packages_that_may_have_been_loaded_count_as_the_drone_reports(
     assert [each["code"] for each in await alarms(composition)] == ["HAND_OVER_UNKNOWN"]
 
 
+def stands_at_b(drone: Any, mission: Any, **fields: Any) -> Any:
+    """The state of a drone that stands at b with its package, before the flight of step 4."""
+    return drone.state(
+        mission_id=mission.mission_id,
+        mission_revision=1,
+        activity="WAITING",
+        step_id=4,
+        station_id="b",
+        package_ids=("p1",),
+        **fields,
+    )
+
+
 @pytest.mark.parametrize(("risk", "margin"), [(None, 0.35), (0.001, 0.45)])
 async def test_a_drone_in_headwind_gets_a_plan_that_it_can_fly(
     composition: Any, drone: Any, make: Any, risk: float | None, margin: float
@@ -294,17 +307,7 @@ async def test_a_drone_in_headwind_gets_a_plan_that_it_can_fly(
     # Without a forecast the largest margin (0.4) counts at this risk, and the drone needs more.
     await composition.publish(make.network(reserve_risk=risk))
     first = await failed_at(composition, drone, 4, "b", "INSUFFICIENT_ENERGY", soc=0.6)
-    in_wind = drone.state(
-        mission_id=first.mission_id,
-        mission_revision=1,
-        activity="WAITING",
-        step_id=4,
-        released_through=3,
-        station_id="b",
-        soc=0.6,
-        package_ids=("p1",),
-        health=health(1.31),
-    )
+    in_wind = stands_at_b(drone, first, released_through=3, soc=0.6, health=health(1.31))
     await composition.receive(in_wind)
 
     await composition.replanner.step()
@@ -329,17 +332,7 @@ async def test_a_new_plan_has_the_energy_for_the_wind_that_the_drone_feels_and_f
     first = await failed_at(composition, drone, 4, "b", "BATTERY_SHORT", soc=0.6, detail="short")
     wind = Wind(east_mps=east_mps, north_mps=0.0)
     felt = health(1.0).model_copy(update={"wind": wind, "still_air_factor": own})
-    stands = drone.state(
-        mission_id=first.mission_id,
-        mission_revision=1,
-        activity="WAITING",
-        step_id=4,
-        released_through=4,
-        station_id="b",
-        soc=0.6,
-        package_ids=("p1",),
-        health=felt,
-    )
+    stands = stands_at_b(drone, first, released_through=4, soc=0.6, health=felt)
     await composition.receive(stands)
 
     await composition.replanner.step()
@@ -352,16 +345,7 @@ async def test_a_drone_that_refuses_for_lack_of_energy_gets_a_plan_with_more_a_m
     composition: Any, drone: Any
 ) -> None:
     first = await failed_at(composition, drone, 4, "b", "INSUFFICIENT_ENERGY", soc=0.6)
-    stands = drone.state(
-        mission_id=first.mission_id,
-        mission_revision=1,
-        activity="WAITING",
-        step_id=4,
-        released_through=3,
-        station_id="b",
-        soc=0.6,
-        package_ids=("p1",),
-    )
+    stands = stands_at_b(drone, first, released_through=3, soc=0.6)
     await composition.receive(stands)
 
     margins = []
@@ -386,16 +370,8 @@ async def test_a_drone_that_reports_slow_charging_gets_longer_sessions_in_its_ne
     first = await failed_at(
         composition, drone, 4, "b", "BATTERY_SHORT", soc=0.3, detail="too little"
     )
-    stands = drone.state(
-        mission_id=first.mission_id,
-        mission_revision=1,
-        activity="WAITING",
-        step_id=4,
-        released_through=4,
-        station_id="b",
-        soc=0.3,
-        package_ids=("p1",),
-        health=health(1.0, charging=charging),
+    stands = stands_at_b(
+        drone, first, released_through=4, soc=0.3, health=health(1.0, charging=charging)
     )
     await composition.receive(stands)
 
