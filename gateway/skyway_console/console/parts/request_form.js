@@ -28,7 +28,7 @@ function PackageRow({each, number, stations, isOnly}) {
 }
 
 function Wishes() {
-  const {objective, reference, latest, isHeld, mayShare, waitMinutes} = draft.value;
+  const {objective, reference, latest, isHeld, mayShare, waitMinutes, withinM} = draft.value;
   return html`
     <div class="fields">
       <label>Best is the<select value=${objective} onChange=${({target}) => change({objective: target.value})}>
@@ -45,7 +45,9 @@ function Wishes() {
         onChange=${({target}) => change({mayShare: target.checked})} />
         Share the trip with packages of others, at a lower price (not with a latest delivery)</label>
       ${mayShare && html`<label>Wait for others, minutes<input required type="number" min="0" max="60" step="any"
-        value=${waitMinutes} onInput=${({target}) => change({waitMinutes: target.value})} /></label>`}
+        value=${waitMinutes} onInput=${({target}) => change({waitMinutes: target.value})} /></label>
+      <label>Other stations where I can hand over, within metres<input required type="number" min="0" max="5000"
+        step="any" value=${withinM} onInput=${({target}) => change({withinM: target.value})} /></label>`}
     </div>`;
 }
 
