@@ -44,9 +44,14 @@ async def world(migrated_url: str) -> AsyncIterator[NearWorld]:
         yield world
 
 
-async def book(world: BusyWorld, delivery_id: str, request: DeliveryRequest) -> None:
+async def book(
+    world: BusyWorld, delivery_id: str, request: DeliveryRequest, *, drone: int | None = None
+) -> None:
+    """Book one of the drones, or this one."""
     waiting = request.begun_after_wait(world.clock.now())
-    assert await world.book(delivery_id, waiting, loading="AUTOMATIC") == "BOOKED"
+    drones = None if drone is None else world.drones[drone - 1 : drone]
+    booked = await world.book(delivery_id, waiting, loading="AUTOMATIC", drones=drones)
+    assert booked == "BOOKED"
     await world.keep_calendars()
 
 
@@ -123,20 +128,24 @@ _FAST: Final = {
 }
 
 
-async def test_a_pickup_stays_where_it_was_booked_when_the_dispatcher_looks(
+async def test_the_dispatcher_moves_no_pickup_and_waits_for_the_packages(
     world: NearWorld,
 ) -> None:
-    await meet_at_a(world)
-    await book(world, "dlv3", asks("b", pickup="d", wait_s=1300.0))
+    """The host could begin as soon as a drone is free, but its guest is still on the way."""
+    await book(world, "dlv0", asks("b", "c", wait_s=0.0, qos={}), drone=1)
+    await book(world, "dlv1", asks("b", wait_s=0.0), drone=1)
+    asked_ms = world.now_ms
+    await book(world, "dlv2", asks("b", pickup="d", within_m=1_200.0, mass_kg=0.001), drone=1)
+    await book(world, "dlv3", asks("b", pickup="d", wait_s=1300.0), drone=2)
 
     await dispatcher_of(world).look_at(NETWORK_ID, PROVIDER)
     await world.check()
 
-    pickups = {}
-    for each in ("dlv1", "dlv2", "dlv3"):
-        _, mission = await mission_of(world, each)
-        pickups[each] = mission.pickup_station_id
+    found = {each: await mission_of(world, each) for each in ("dlv1", "dlv2", "dlv3")}
+    pickups = {each: mission.pickup_station_id for each, (_, mission) in found.items()}
     assert pickups == {"dlv1": "a", "dlv2": "a", "dlv3": "d"}
+    shared, _ = found["dlv2"]
+    assert shared.allowed_from_ms - asked_ms >= 1000 * _AWAY_M
 
 
 async def test_a_guest_that_loses_its_host_is_booked_from_the_same_station(
