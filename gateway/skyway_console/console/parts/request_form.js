@@ -51,11 +51,12 @@ function Wishes() {
     </div>`;
 }
 
-export function RequestForm({stations, isBusy, onAsk}) {
-  const {pickup, packages} = draft.value;
+export function RequestForm({stations, isBusy, onAsk, onRequest}) {
+  const {pickup, packages, mayShare} = draft.value;
   const ask = (event) => {
     event.preventDefault();
-    onAsk();
+    if (event.submitter?.value === "request") onRequest();
+    else onAsk();
   };
   return html`
     <form class="request" aria-label="Request" onSubmit=${ask}>
@@ -70,6 +71,9 @@ export function RequestForm({stations, isBusy, onAsk}) {
       <${Wishes} />
       <div class="commands">
         <button class="main" disabled=${isBusy}>${isBusy ? "Asking…" : "Ask for offers"}</button>
+        ${mayShare && html`<button value="request" class="quiet" disabled=${isBusy}
+          title="An offer keeps its own drone. Without one, your packages can join a trip of others.">
+          Request it without an offer</button>`}
         <button type="button" class="quiet" onClick=${beginAgain}>Begin again</button>
       </div>
     </form>`;

@@ -18,7 +18,10 @@ async def _met_elsewhere(gateway: Gateway) -> DeliveryId:
     return delivery_id
 
 
-async def test_a_customer_reads_where_the_packages_are_handed_over(gateway: Gateway) -> None:
+async def test_a_customer_reads_where_the_packages_are_handed_over(
+    gateway_on_both: Gateway,
+) -> None:
+    gateway = gateway_on_both
     delivery_id = await _met_elsewhere(gateway)
 
     delivery = await gateway.get(delivery_id)

@@ -97,6 +97,8 @@ async def hosts_at(
         },
     )
     in_time = [row.mission_id for row in waiting if row.start_ms >= ready_ms[row.pooling_at]]
+    if not in_time:
+        return []
     found = await connection.execute(_HOSTS, {"mission_ids": in_time[:limit]})
     return [read_record(row) for row in found]
 
