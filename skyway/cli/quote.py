@@ -22,6 +22,7 @@ from skyway.cli.request_options import (
     ObjectiveOption,
     PackageOption,
     PickupArgument,
+    PickupWithinOption,
     PoolingOption,
     PoolingWaitOption,
     PriorityOption,
@@ -39,6 +40,7 @@ def quote_command(
     promise: PromiseOption = "P90",
     pooling: PoolingOption = False,
     pooling_wait_s: PoolingWaitOption = None,
+    pickup_within_m: PickupWithinOption = None,
     may_be_later_s: MayBeLaterOption = 0.0,
     earliest_pickup: EarliestPickupOption = None,
     latest_pickup: LatestPickupOption = None,
@@ -69,6 +71,7 @@ def quote_command(
         promise=promise,
         pooling=pooling,
         pooling_wait_s=pooling_wait_s,
+        pickup_within_m=pickup_within_m,
         may_be_later_s=may_be_later_s,
         earliest_pickup=earliest_pickup,
         latest_pickup=latest_pickup,
@@ -127,7 +130,9 @@ def _offers(answer: dict[str, Any], names: dict[str, str]) -> Iterator[str]:
         )
         if offer.get("pooled_price") is not None:
             yield f"   pooled   {price_in_words(offer['pooled_price'])} if the trip is shared"
-        yield f"   pickup   {_moment(offer['pickup_at'])}"
+        pickup_id = offer.get("pickup_station_id")
+        at = f" at {pickup_id}" if pickup_id else ""
+        yield f"   pickup   {_moment(offer['pickup_at'])}{at}"
         for package in offer["packages"]:
             package_id = package["package_id"]
             p90_at = package.get("eta_p90_at")

@@ -73,6 +73,18 @@ PoolingWaitOption = Annotated[
     ),
 ]
 
+PickupWithinOption = Annotated[
+    float | None,
+    typer.Option(
+        "--pickup-within-m",
+        min=0.0,
+        max=5000.0,
+        metavar="METRES",
+        help="With --pooling: hand the packages over at another station within so many metres, if "
+        "they can share a trip from there.",
+    ),
+]
+
 MayBeLaterOption = Annotated[
     float,
     typer.Option(
@@ -140,6 +152,7 @@ class RequestOptions:
     promise: str
     pooling: bool
     pooling_wait_s: float | None
+    pickup_within_m: float | None
     may_be_later_s: float
     earliest_pickup: str | None
     latest_pickup: str | None
@@ -164,6 +177,8 @@ class RequestOptions:
         allowed: dict[str, Any] = {}
         if self.pooling:
             allowed |= {"pooling": True, "pooling_wait_s": self.pooling_wait_s or 0.0}
+        if self.pickup_within_m:
+            allowed["pickup_within_m"] = self.pickup_within_m
         if self.may_be_later_s:
             allowed["may_be_later_s"] = self.may_be_later_s
         return allowed
@@ -175,6 +190,8 @@ class RequestOptions:
         """
         if self.pooling_wait_s is not None and not self.pooling:
             fail("--pooling-wait-s needs --pooling")
+        if self.pickup_within_m is not None and not self.pooling:
+            fail("--pickup-within-m needs --pooling")
         if self.file is not None:
             given = [option for option, texts in self._windows.items() if texts]
             given += ["--pooling"] if self.pooling else []

@@ -21,12 +21,10 @@ _Evidence = Annotated[
     Field(description="What the drone measured, such as the masses before and after."),
 ]
 _Eta = Annotated[
-    FleetMoment | None,
-    Field(description="When it is expected to be delivered, fleet time; null if never."),
+    FleetMoment | None, Field(description="When it is expected, fleet time; null if never.")
 ]
 _PromisedAt = Annotated[
-    FleetMoment | None,
-    Field(description="When the plan of the booking delivers it (P50), fleet time."),
+    FleetMoment | None, Field(description="When the plan of the booking delivers it (P50).")
 ]
 _DueAt = Annotated[
     FleetMoment | None,
@@ -37,8 +35,7 @@ _DueAt = Annotated[
     ),
 ]
 _DeliveredAt = Annotated[
-    FleetMoment | None,
-    Field(description="When it was handed over, fleet time; null if it was not."),
+    FleetMoment | None, Field(description="When it was handed over; null if it was not.")
 ]
 _PackageState = Annotated[str, Field(description="The state of the package, such as ON_BOARD.")]
 
@@ -104,6 +101,9 @@ class PlannedData(WireModel):
         tuple[MissionId, ...], Field(description="The missions of this booking.")
     ]
     price: Annotated[Price | None, Field(description="What all missions cost together.")]
+    pickup_station_id: Annotated[
+        StationId | None, Field(description="Where the packages are handed over to the drone.")
+    ] = None
     pickup_at: Annotated[
         FleetMoment, Field(description="When the first drone begins to load, fleet time.")
     ]

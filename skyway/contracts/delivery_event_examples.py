@@ -98,6 +98,7 @@ def _planned() -> Mapping[str, Any]:
         "drone_id": "drn_01",
         "mission_ids": [MISSION],
         "price": {"amount": 1340, "currency": "USD"},
+        "pickup_station_id": SAN_MARCOS,
         "pickup_at": utc_text(after(5)),
         "delivery_time_s": 1440.0,
         "packages": [

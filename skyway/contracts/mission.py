@@ -20,6 +20,7 @@ from skyway.ids import (
     MissionId,
     PackageId,
     ProviderId,
+    StationId,
 )
 from skyway.json_model import WireModel
 
@@ -89,6 +90,20 @@ class DeliveryMission(WireModel):
         tuple[PackageEta, ...], Field(description="The packages that it delivers, and when.")
     ]
     plan: Annotated[Plan, Field(description="The present plan, up to the last delivery.")]
+    pickup_station_id: Annotated[
+        StationId | None,
+        Field(
+            description="Where the packages are handed over to the drone; null in missions of an "
+            "earlier version."
+        ),
+    ] = None
+    pickup_away_m: Annotated[
+        float,
+        Field(
+            ge=0,
+            description="Metres from there to the pickup of the request; 0 at the pickup itself.",
+        ),
+    ] = 0.0
     margins: Annotated[
         Margins, Field(description="What the plan was booked with on top of what it needs.")
     ] = Margins()

@@ -74,6 +74,13 @@ class OfferTerms(WireModel):
             "too; null if the request does not allow that, or the price would be the same."
         ),
     ] = None
+    pickup_station_id: Annotated[
+        StationId | None,
+        Field(
+            description="Where the packages are handed over to the drone; null in offers of an "
+            "earlier version."
+        ),
+    ] = None
     pickup_at: Annotated[
         FleetMoment, Field(description="When the first drone begins to load at the pickup.")
     ]

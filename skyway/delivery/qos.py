@@ -20,6 +20,10 @@ Priority = Literal["PRIORITY", "STANDARD"]
 #: The order of the classes: a lower rank is planned first.
 PRIORITY_RANKS: Final[Mapping[Priority, int]] = {"PRIORITY": 0, "STANDARD": 1}
 
+#: The furthest station where packages may be handed over instead of the pickup, metres. A walk of
+#: an hour; our own choice.
+FURTHEST_PICKUP_M: Final = 5_000.0
+
 
 class Weights(JsonModel):
     """How much time, price and energy count; only their proportions matter."""
@@ -123,6 +127,16 @@ class QoS(JsonModel):
         float,
         Field(ge=0, le=3600, description="Seconds that the start is delayed for others to join."),
     ] = 0.0
+    pickup_within_m: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=FURTHEST_PICKUP_M,
+            description="Metres, in a straight line, to other stations where the customer can hand "
+            "the packages over, so that they share a trip from there; 0 to 5000. It needs "
+            "`pooling`. The delivery's `pickup` says which station it is.",
+        ),
+    ] = 0.0
     may_be_later_s: Annotated[
         float,
         Field(
@@ -139,6 +153,8 @@ class QoS(JsonModel):
             raise ValueError("objective and weights exclude each other: give one of them")
         if self.pooling_wait_s > 0 and not self.pooling:
             raise ValueError("pooling_wait_s needs pooling: true")
+        if self.pickup_within_m > 0 and not self.pooling:
+            raise ValueError("pickup_within_m needs pooling: true")
         return self
 
     @property

@@ -19,6 +19,7 @@ from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.walks import LONGEST_S, Start, Walks, has_short_trips, starts_of, walks_of
 from skyway.planner.kernels.fleet_bound import fill_future, least_walk
 from skyway.planner.kernels.memory import Floats, Longs
+from skyway.scheduling.stays import Slot
 
 #: With more nodes, only the first trip of each drone is computed with its own times.
 _MOST_NODES_FOR_TWO: Final = 400
@@ -72,9 +73,8 @@ def lower_bound_s(
     )
     if has_short_trips(estimates, kinds, pools) or not _has_slow_loads(problem):
         return alone_s
-    sources = np.array(
-        [*dict.fromkeys(estimates.place_of[each.source] for each in problem.requests)], np.int64
-    )
+    pickups = dict.fromkeys(at for each in problem.requests for at in (each.source, *each.pickups))
+    sources = np.array([estimates.place_of[each] for each in pickups], np.int64)
     made = [
         walks_of(problem, estimates, kind, pools, starts, sources, horizon_s)
         for kind in range(max(kinds) + 1)
@@ -174,13 +174,19 @@ class _Relaxation:
 
 
 def _alone_s(problem: FleetProblem, estimates: Estimates, kinds: Sequence[int]) -> float:
-    """The least objective if the whole fleet served each request alone, or left it unserved."""
+    """The least objective if the whole fleet served each request alone, or left it unserved.
+
+    Each request is picked up where that is best for it, because a shared trip may begin there.
+    """
     total_s = 0.0
     for number, request in enumerate(problem.requests):
         first_s = min(
             drone.free_s
-            + estimates.least_s(kind, (number,), station_id=drone.station_id, soc=drone.soc)
+            + estimates.least_s_from(
+                pickup, kind, (number,), start=Slot(drone.station_id, 0, drone.soc)
+            )
             for drone, kind in zip(problem.drones, kinds, strict=True)
+            for pickup in (request.source, *request.pickups)
         )
         waited_s = problem.prices.delivery * (first_s - request.known_s)
         total_s += request.weight * min(waited_s, problem.prices.unserved_s - request.known_s)

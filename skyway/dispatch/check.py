@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 
-from skyway.delivery.plan import Plan
+from skyway.delivery.plan import PickUp, Plan
 from skyway.dispatch.pads import FleetPads
 from skyway.dispatch.plan import FleetPlan
 from skyway.dispatch.planned_trip import PlannedTrip
+from skyway.dispatch.pools import pickups_of
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.trips import TripPlanner
+from skyway.ids import StationId
 from skyway.planner.pad_book import booked_until_ms
 from skyway.planner.verify import verify
 from skyway.scheduling.stays import Slot
@@ -37,7 +39,7 @@ def _violations(problem: FleetProblem, plan: FleetPlan) -> Iterator[str]:
             pad for other, (_, one, _) in enumerate(trips) if other != number for pad in one.pads
         )
         booked = pads.book().seen_from(trip.slot.at_ms)
-        own = planner.problem_of(trip.pool, drone, trip.slot)
+        own = planner.problem_of(trip.pool, drone, trip.slot, source=_loaded_at(own_plan))
         for violation in verify(own, own_plan, booked=booked):
             yield f"trips.{number}: {violation}"
 
@@ -63,7 +65,7 @@ def _follow_drones(
             return
         slot = Slot(slot.station_id, round(each.start_s * 1000), slot.soc)
         pool = tuple(requests[one.request_id] for one in each.requests)
-        fault = _fault_of_sharing(problem, pool)
+        fault = _fault_of_sharing(problem, pool, each.plan)
         if fault is not None:
             yield drone, fault
             return
@@ -79,15 +81,20 @@ def _follow_drones(
         slots[drone] = Slot(trip.end.station_id, free_ms, trip.end.soc)
 
 
-def _fault_of_sharing(problem: FleetProblem, pool: tuple[int, ...]) -> str | None:
-    """Why these requests may not share a trip, None if they may."""
+def _loaded_at(plan: Plan) -> StationId | None:
+    """Where a plan picks up its packages; None if it does not say."""
+    return next((each.station_id for each in plan.steps if isinstance(each, PickUp)), None)
+
+
+def _fault_of_sharing(problem: FleetProblem, pool: tuple[int, ...], plan: Plan) -> str | None:
+    """Why these requests may not have this trip, None if they may."""
+    shared = [problem.requests[each] for each in pool]
+    if _loaded_at(plan) not in pickups_of(shared):
+        return "it is not loaded at a pick-up of all its requests"
     if len(pool) == 1:
         return None
-    shared = [problem.requests[each] for each in pool]
     if len(pool) > problem.most_pooled:
         return f"{len(pool)} requests share it, the limit is {problem.most_pooled}"
     if not all(each.pooling for each in shared):
         return "one of its requests does not allow pooling"
-    if len({each.source for each in shared}) > 1:
-        return "its requests have different pick-ups"
     return None

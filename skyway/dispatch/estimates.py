@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from skyway.dispatch.planned_trip import Pool
+from skyway.dispatch.pools import pickups_of
 from skyway.dispatch.problem import FleetProblem, FleetRequest
 from skyway.drone.charging import fastest_s_per_soc, model_on_pad
 from skyway.drone.flight import flight_power_w, speed_mps
@@ -21,6 +22,7 @@ from skyway.network.network import Network
 from skyway.planner.kernels.fleet_trips import NEED, SECONDS, estimate_trip
 from skyway.planner.kernels.memory import Floats, Longs
 from skyway.planner.kernels.ways import lengths_from
+from skyway.scheduling.stays import Slot
 
 #: Seconds and joules of a flight that is not possible. Sums and differences need a finite number.
 OUT_OF_REACH: Final = 1e12
@@ -67,7 +69,7 @@ class Estimates:
             fastest_s_per_soc(model_on_pad(each, strongest_w)) / each.battery_j for each in models
         ]
         self._approaches = [self._approach(kind) for kind in range(len(models))]
-        self._found: dict[tuple[int, Pool], TripEstimate] = {}
+        self._found: dict[tuple[StationId, int, Pool], TripEstimate] = {}
 
     def approach(self, kind: int) -> Floats:
         """``(places, places, 3)``: seconds, need and joules of the empty flight."""
@@ -83,12 +85,27 @@ class Estimates:
         approach = np.stack([seconds, seconds + joules * self.s_per_j[kind], joules], axis=-1)
         return np.minimum(approach, OUT_OF_REACH)
 
+    def pickups(self, pool: Pool) -> tuple[StationId, ...]:
+        """The stations where the trip of these requests may be loaded."""
+        return pickups_of([self._problem.requests[each] for each in pool])
+
+    def source(self, pool: Pool) -> StationId:
+        """The pick-up from which the first model serves these requests soonest."""
+        pickups = self.pickups(pool)
+        if len(pickups) == 1:
+            return pickups[0]
+        return min(pickups, key=lambda each: float(self.trip_from(each, 0, pool).best[SECONDS]))
+
     def trip(self, kind: int, pool: Pool) -> TripEstimate:
-        """The estimate of the trip that serves these requests."""
-        key = (kind, pool)
+        """The estimate of the trip that serves these requests from `source`."""
+        return self.trip_from(self.source(pool), kind, pool)
+
+    def trip_from(self, source: StationId, kind: int, pool: Pool) -> TripEstimate:
+        """The estimate of the trip that serves these requests from this pick-up."""
+        key = (source, kind, pool)
         found = self._found.get(key)
         if found is None:
-            found = self._found[key] = self._estimated(self.models[kind], kind, pool)
+            found = self._found[key] = self._estimated(source, kind, pool)
         return found
 
     def credit_s(self, kind: int, soc: float) -> float:
@@ -98,17 +115,21 @@ class Estimates:
 
     def least_s(self, kind: int, pool: Pool, *, station_id: StationId, soc: float) -> float:
         """The least seconds of a trip that begins at this station with this charge."""
-        trip = self.trip(kind, pool)
-        source = self.place_of[self._problem.requests[pool[0]].source]
-        seconds, need, _ = self._approaches[kind][self.place_of[station_id], source]
-        credit_s = self.credit_s(kind, soc)
+        start = Slot(station_id, 0, soc)
+        return min(self.least_s_from(each, kind, pool, start=start) for each in self.pickups(pool))
+
+    def least_s_from(self, source: StationId, kind: int, pool: Pool, *, start: Slot) -> float:
+        """The least seconds of a trip that is loaded at this pick-up."""
+        trip = self.trip_from(source, kind, pool)
+        approach = self._approaches[kind][self.place_of[start.station_id], self.place_of[source]]
+        seconds, need, _ = approach
+        credit_s = self.credit_s(kind, start.soc)
         least = trip.least.min(axis=0)
         return float(max(seconds + least[SECONDS], need + least[NEED] - credit_s))
 
-    def _estimated(self, model: DroneModel, kind: int, pool: Pool) -> TripEstimate:
-        problem = self._problem
+    def _estimated(self, source: StationId, kind: int, pool: Pool) -> TripEstimate:
+        problem, model = self._problem, self.models[kind]
         requests = [problem.requests[each] for each in pool]
-        source = requests[0].source
         masses = _masses_by_destination(requests)
         loading_s = problem.loading_s
         if source in masses:
@@ -174,7 +195,7 @@ def _places(problem: FleetProblem) -> tuple[StationId, ...]:
     """Every station where a drone is free, or where packages are picked up or handed over."""
     found = dict.fromkeys(each.station_id for each in problem.drones)
     for request in problem.requests:
-        found[request.source] = None
+        found.update(dict.fromkeys((request.source, *request.pickups)))
         found.update(dict.fromkeys(each.destination for each in request.packages))
     return tuple(found)
 

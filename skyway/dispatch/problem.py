@@ -43,6 +43,9 @@ MAX_REQUESTS = 2_000
 #: The most requests that may share a trip.
 MAX_POOLED = 4
 
+#: The most other stations where the packages of a request may be handed over.
+MAX_PICKUPS = 100
+
 #: The most destinations of one trip, as in the planner's problem.
 MAX_DESTINATIONS = MAX_TRIP_DESTINATIONS
 
@@ -88,6 +91,14 @@ class FleetRequest(JsonModel):
     ] = 0.0
     pickup_not_before_s: Seconds | None = None
     pickup_latest_s: Seconds | None = None
+    pickups: Annotated[
+        tuple[StationId, ...],
+        Field(
+            max_length=MAX_PICKUPS,
+            description="Other stations where the packages may be handed over, so that they share "
+            "a trip from there.",
+        ),
+    ] = ()
     deadline_s: Seconds | None = None
     promised_s: Seconds | None = None
     pooling: Annotated[
@@ -225,12 +236,21 @@ class FleetProblem(JsonModel):
         ):
             if station_id not in self.network.stations:
                 yield FieldFault(f"{field}.{name}", f"no station {station_id!r}")
-        destinations = len({each.destination for each in request.packages})
-        if destinations > MAX_DESTINATIONS:
+        destinations = {each.destination for each in request.packages}
+        if len(destinations) > MAX_DESTINATIONS:
             yield FieldFault(
                 f"{field}.packages",
-                f"{destinations} destinations exceed the limit of {MAX_DESTINATIONS}",
+                f"{len(destinations)} destinations exceed the limit of {MAX_DESTINATIONS}",
             )
+        for number, station_id in enumerate(request.pickups):
+            name = f"{field}.pickups.{number}"
+            if station_id not in self.network.stations:
+                yield FieldFault(name, f"no station {station_id!r}")
+            elif station_id in (request.source, *destinations, *request.pickups[:number]):
+                detail = "is the source, a destination, or given twice"
+                yield FieldFault(name, f"{station_id!r} {detail}")
+        if request.pickups and not request.pooling:
+            yield FieldFault(f"{field}.pickups", "other pick-ups need pooling")
         loading = TimedAct(request.pickup_not_before_s, request.pickup_latest_s, self.loading_s)
         for fault in window_faults(request.packages, loading=loading, dropoff_s=self.dropoff_s):
             yield FieldFault(f"{field}.{fault.field}", fault.detail)

@@ -112,7 +112,7 @@ def _fleet(
         flight=flight,
         end=end,
         early_s=early_s,
-        source=np.array([place_of[requests[each[0]].source] for each in pools], np.int64),
+        source=np.array([place_of[estimates.source(each)] for each in pools], np.int64),
         members=members,
         key=keys[order],
         pool_of_key=order.astype(np.int64),

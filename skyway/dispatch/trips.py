@@ -13,6 +13,7 @@ import numpy as np
 from skyway.delivery.plan import Deliver, PickUp, Plan, Recharge, Step
 from skyway.dispatch.pads import FleetPads, HeldPad, Reserved
 from skyway.dispatch.planned_trip import NotPlanned, PlannedTrip, Pool
+from skyway.dispatch.pools import pickups_of
 from skyway.dispatch.problem import FleetProblem
 from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
@@ -121,9 +122,20 @@ class TripPlanner:
         return self._cached[key]
 
     def _planned(self, pool: Pool, drone: int, slot: Slot, ledger: PadLedger) -> PlannedTrip | None:
-        found = compose_many(
-            self._columns(pool, drone, slot), ledger, labels_per_trip=self.problem.label_limit
+        """The trip that ends first of those from each pick-up; if equal, that with less energy."""
+        pickups = pickups_of([self.problem.requests[each] for each in pool])
+        trips = (self._planned_from(each, pool, drone, slot, ledger) for each in pickups)
+        return min(
+            (each for each in trips if each is not None),
+            key=lambda each: (each.end.at_ms, each.energy_j),
+            default=None,
         )
+
+    def _planned_from(
+        self, source: StationId, pool: Pool, drone: int, slot: Slot, ledger: PadLedger
+    ) -> PlannedTrip | None:
+        columns = self._columns(source, pool, drone, slot)
+        found = compose_many(columns, ledger, labels_per_trip=self.problem.label_limit)
         if not found.is_planned[0]:
             return None
         ids = self.problem.network.columns.station_ids
@@ -144,8 +156,8 @@ class TripPlanner:
             pool, slot, tuple(delivered_ms), end, float(found.energy_j[0]), pads, found
         )
 
-    def _columns(self, pool: Pool, drone: int, slot: Slot) -> Trips:
-        """One trip as the planner's columns."""
+    def _columns(self, source: StationId, pool: Pool, drone: int, slot: Slot) -> Trips:
+        """One trip from this pick-up as the planner's columns."""
         row_of = self.problem.network.row_of
         requests = [self.problem.requests[each] for each in pool]
         packages = [one for each in requests for one in each.packages]
@@ -156,7 +168,7 @@ class TripPlanner:
             start_s=slot.at_ms / 1000,
             soc=slot.soc,
             model=self._ledgers_of[self.model_of[drone]][1],
-            source_row=row_of[requests[0].source],
+            source_row=row_of[source],
             pickup_not_before_s=-math.inf if earliest_s is None else earliest_s,
             pickup_latest_s=math.inf if latest_s is None else latest_s,
             package_offsets=[0, len(packages)],
@@ -208,8 +220,13 @@ class TripPlanner:
             return NotPlanned("NO_PLAN_FOUND", "no plan was found within the label limit")
         return NotPlanned(plan.infeasibility.code, plan.infeasibility.detail)
 
-    def problem_of(self, pool: Pool, drone: int, slot: Slot) -> Problem:
-        """The planner's problem of these requests from this slot on, without held pads."""
+    def problem_of(
+        self, pool: Pool, drone: int, slot: Slot, *, source: StationId | None = None
+    ) -> Problem:
+        """The planner's problem of these requests from this slot on, without held pads.
+
+        They are picked up at `source`; without it, at the source of the first request.
+        """
         model = self.problem.drones[drone].model
         whole, since_s = self.problem, slot.at_ms / 1000
         requests = [whole.requests[each] for each in pool]
@@ -218,7 +235,7 @@ class TripPlanner:
             network=whole.network,
             start_at=None if start_at is None else start_at + timedelta(milliseconds=slot.at_ms),
             drone=DroneAtStart(model=model, soc=slot.soc, station_id=slot.station_id),
-            source=requests[0].source,
+            source=requests[0].source if source is None else source,
             packages=tuple(_since(one, since_s) for each in requests for one in each.packages),
             closures=tuple(
                 one.model_copy(

@@ -59,9 +59,10 @@ def starts_of(problem: FleetProblem, estimates: Estimates, kinds: Sequence[int])
 def has_short_trips(estimates: Estimates, kinds: Sequence[int], pools: Sequence[Pool]) -> bool:
     """Whether a trip may be shorter than a bucket; then buckets prove nothing."""
     return any(
-        estimates.trip(kind, pool).least[:, NEED].min() < _WIDTH_S
+        estimates.trip_from(source, kind, pool).least[:, NEED].min() < _WIDTH_S
         for kind in set(kinds)
         for pool in pools
+        for source in estimates.pickups(pool)
     )
 
 
@@ -113,14 +114,18 @@ def _nodes(
     source_number = {place: number for number, place in enumerate(sources.tolist())}
     most = max(map(len, pools))
     pool_of, source, end, least, member, served = [], [], [], [], [], []
-    for number, pool in enumerate(pools):
-        trip = estimates.trip(kind, pool)
-        alone = [estimates.trip(kind, (each,)).least[:, :2].min(axis=0) for each in pool]
+    loaded = [
+        (number, pool, at) for number, pool in enumerate(pools) for at in estimates.pickups(pool)
+    ]
+    for number, pool, at in loaded:
+        trip = estimates.trip_from(at, kind, pool)
+        # From the same pick-up, because a request alone may be further away from its destination.
+        alone = [estimates.trip_from(at, kind, (each,)).least[:, :2].min(axis=0) for each in pool]
         for place, costs in zip(trip.ends.tolist(), trip.least, strict=True):
             if costs.max() >= OUT_OF_REACH:
                 continue
             pool_of.append(number)
-            source.append(source_number[estimates.place_of[requests[pool[0]].source]])
+            source.append(source_number[estimates.place_of[at]])
             end.append(place)
             least.append(costs)
             member.append([*pool, *[-1] * (most - len(pool))])

@@ -1,5 +1,6 @@
 """The stations of a busy world, and the model of its drones."""
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from skyway_composition.networks.publish import read_content
@@ -22,33 +23,44 @@ MODEL = DRONE_MODELS[DroneModelId("paper-scenario")].model_copy(
 )
 
 
-def _network() -> dict[str, Any]:
-    """All stations, each connected with every other by segments in both directions."""
+#: All of them are connected with each other, in both directions.
+SEGMENTS = ("ab", "bc", "ca")
+
+
+def network_of(places: Mapping[str, Position], segments: Iterable[str]) -> dict[str, Any]:
+    """Stations with a pad each at these places; each segment names its two ends."""
     points = [
         {
             "type": "Feature",
             "geometry": {"type": "Point", "coordinates": list(position)},
             "properties": {"kind": "station", "station_id": name, "pads": 1},
         }
-        for name, position in PLACES.items()
+        for name, position in places.items()
     ]
     lines = [
         {
             "type": "Feature",
             "geometry": {
                 "type": "LineString",
-                "coordinates": [list(PLACES[start]), list(PLACES[end])],
+                "coordinates": [list(places[start]), list(places[end])],
             },
             "properties": {"kind": "segment", "from": start, "to": end},
         }
-        for start, end in ("ab", "bc", "ca")
+        for start, end in ((each[0], each[1]) for each in segments)
     ]
     return {"type": "FeatureCollection", "features": points + lines}
 
 
-async def add_network(tx: Tx, *, now_ms: int) -> None:
-    """Add this network as the first version of `NETWORK_ID`."""
-    content = await read_content(_network())
-    row = VersionRow(NETWORK_ID, 1, content.sha256, now_ms)
+async def add_network(
+    tx: Tx,
+    *,
+    now_ms: int,
+    places: Mapping[str, Position] = PLACES,
+    segments: Iterable[str] = SEGMENTS,
+    version: int = 1,
+) -> None:
+    """Add a network as a version of `NETWORK_ID`."""
+    content = await read_content(network_of(places, segments))
+    row = VersionRow(NETWORK_ID, version, content.sha256, now_ms)
     await add_version(tx, row, content=content.geojson)
     await replace_stations(tx, NETWORK_ID, content.network.stations.values())

@@ -43,6 +43,7 @@ def make_mission(
     start_at: datetime,
     provider_id: str = "prv_1",
     trip: int = 1,
+    pickup: tuple[str, float] | None = None,
 ) -> Mission:
     """One package every ten minutes, from the start on."""
     deliveries = [
@@ -50,6 +51,7 @@ def make_mission(
         for number, package in enumerate(request.packages, start=1)
     ]
     last_s = deliveries[-1][2]
+    pickup_station_id, pickup_away_m = pickup or (request.pickup.station_id, 0.0)
     return Mission(
         mission_id=f"msn_{delivery_id[4:]}_{attempt}" + (f"_{trip}" if trip > 1 else ""),
         delivery_id=delivery_id,
@@ -63,6 +65,8 @@ def make_mission(
         start_at=start_at,
         released_at=start_at + timedelta(seconds=2 * last_s),
         price=Price(amount=1234, currency="USD"),
+        pickup_station_id=pickup_station_id,
+        pickup_away_m=pickup_away_m,
         packages=tuple(
             PackageEta(package_id=package_id, eta_at=start_at + timedelta(seconds=at_s))
             for package_id, _, at_s in deliveries
@@ -124,6 +128,8 @@ class FakeComposition:
     reasons: list[ProviderReason] = field(default_factory=list)
     #: How many packages one trip carries; each trip uses another candidate.
     packages_per_trip: int = 100
+    #: The pickup of first bookings, and how far it is from that of the request.
+    near_pickup: tuple[str, float] | None = None
     #: The first trip of each booking, and those after it.
     booked: dict[tuple[str, int], Mission] = field(default_factory=dict)
     further: dict[tuple[str, int], tuple[Mission, ...]] = field(default_factory=dict)
@@ -230,6 +236,7 @@ class FakeComposition:
                 start_at=self.clock.now() + timedelta(seconds=60),
                 provider_id=candidate.provider_id,
                 trip=trip,
+                pickup=self.near_pickup if requested.attempt == 1 else None,
             )
             for trip, (group, candidate) in enumerate(
                 zip(groups, requested.candidates, strict=False), start=1

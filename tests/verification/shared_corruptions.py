@@ -41,6 +41,24 @@ SHARED_CORRUPTIONS: Final = (
         composition=_CHANGE + "'$[1].pooled_price.amount', 999999) WHERE shares IS NOT NULL",
     ),
     Corruption(
+        "a guest that is picked up further away than it allows",
+        "a guest is picked up where it asked, or within the metres that it allows",
+        composition=_CHANGE + "'$[1].near.away_m', 501.0) WHERE shares IS NOT NULL",
+    ),
+    Corruption(
+        "a package that waits at another pickup than its mission has",
+        "I6 packages pass from station to drone and from drone to station or recipient",
+        gateway="UPDATE custody SET custodian_id = 'line-s4'"
+        " WHERE delivery_id = :guest AND seq = 2;"
+        " UPDATE packages SET custodian_id = 'line-s4' WHERE delivery_id = :guest",
+    ),
+    Corruption(
+        "a package that waits further away than its customer allows",
+        "I6 packages pass from station to drone and from drone to station or recipient",
+        gateway="UPDATE deliveries SET request = json_set(request, '$.qos.pickup_within_m', 100.0)"
+        " WHERE delivery_id = :guest",
+    ),
+    Corruption(
         "the chain of custody of a guest's package deleted",
         "I6 a package of a guest has a chain of custody",
         composition="DELETE FROM custody WHERE delivery_id" + _OF_GUESTS,

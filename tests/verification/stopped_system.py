@@ -20,11 +20,15 @@ _PLACES: Final = {
     "line-near": [-97.87, 29.5],
     "line-s4": [-97.52, 29.5],
     "line-s5": [-97.4, 29.5],
+    # 200 m from the third station.
+    "line-s3": [-97.64, 29.5],
+    "line-s6": [-97.642, 29.5],
 }
 
 
 _FASTEST: Final = {"objective": "fastest"}
 _SHARED: Final = {"objective": "cheapest", "pooling": True}
+_NEAR: Final = {**_SHARED, "pickup_within_m": 500}
 
 
 class _Receiver(BaseHTTPRequestHandler):
@@ -44,8 +48,8 @@ def run_and_stop(system: LocalSystem) -> Ids:
 
     One delivery is completed, one has delivered its first package and flies on with the second, one
     waits for the answer of a drone that stands still, two are queued behind it, and a third one
-    shares the trip of the first of these. One waits for a drone that never connects, and one is
-    cancelled. An offer of an idle drone is held.
+    shares the trip of the first of these, from a station that is near its own. One waits for a
+    drone that never connects, and one is cancelled. An offer of an idle drone is held.
     """
     server = ThreadingHTTPServer(("127.0.0.1", 0), _Receiver)
     thread = Thread(target=server.serve_forever)
@@ -89,8 +93,9 @@ def _run(system: LocalSystem, hook: str) -> Ids:
     queued = _request(system, key, "line-s3", "line-near", by=silent, qos=_SHARED)
     system.until_state(queued, "PLANNED")
     # So light that the first one's drone need not charge longer for it.
-    guest = _request(system, key, "line-s3", "line-near", by=silent, qos=_SHARED, mass_kg=0.001)
+    guest = _request(system, key, "line-s6", "line-near", by=silent, qos=_NEAR, mass_kg=0.001)
     system.until_state(guest, "PLANNED")
+    assert system.delivery(guest)["pickup"] == {"station_id": "line-s3"}
     queued_behind = _request(system, key, "line-near", "line-s1", by=silent)
     system.until_state(queued_behind, "PLANNED")
     waiting = _request(system, key, "line-s3", "line-s2", by=absent)
@@ -105,6 +110,7 @@ def _run(system: LocalSystem, hook: str) -> Ids:
         "flying_mission": _mission_of(system, flying),
         "booked_mission": _mission_of(system, booked),
         "queued": queued,
+        "guest": guest,
         "queued_mission": _mission_of(system, queued),
         "queued_behind_mission": _mission_of(system, queued_behind),
         "waiting": waiting,
@@ -137,9 +143,9 @@ def _register_absent_drone(system: LocalSystem) -> Mapping[str, Any]:
 
 
 def _line() -> dict[str, Any]:
-    """The corridor's stations with `line-near` in sight of the first, and `line-s5` away."""
+    """The corridor's stations, `line-near` and `line-s6` in sight of two, and `line-s5` away."""
     network = corridor("line")
-    for station_id in ("line-near", "line-s5"):
+    for station_id in ("line-near", "line-s5", "line-s6"):
         network["features"].append(
             {
                 "type": "Feature",
@@ -147,7 +153,7 @@ def _line() -> dict[str, Any]:
                 "properties": {"kind": "station", "station_id": station_id, "pads": 2},
             }
         )
-    for end, other in (("line-s1", "line-near"), ("line-s4", "line-s5")):
+    for end, other in (("line-s1", "line-near"), ("line-s4", "line-s5"), ("line-s3", "line-s6")):
         ends = [_PLACES[end], _PLACES[other]]
         network["features"].append(
             {

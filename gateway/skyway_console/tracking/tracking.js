@@ -77,7 +77,9 @@ function detail(next) {
   const minutes = Math.max(0, Math.round(secondsTo(next.eta_at) / 60));
   const range = from === until ? "" : `Between ${from} and ${until}. `;
   const shared = state.is_shared ? " The drone carries packages of others too." : "";
-  return `${range}${minutes} min to ${nameOf(next.station_id)}.${shared}`;
+  const pickup = state.stage !== "ON_THE_WAY" && state.other_pickup_id
+    ? ` The drone is loaded at ${nameOf(state.other_pickup_id)}.` : "";
+  return `${range}${minutes} min to ${nameOf(next.station_id)}.${shared}${pickup}`;
 }
 
 function showStages() {

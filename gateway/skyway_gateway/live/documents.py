@@ -89,7 +89,7 @@ def delivery_item(delivery: Delivery) -> tuple[Key, Item]:
         "is_replanning": delivery.flags.replanning,
         "is_waiting": delivery.is_queued,
         "created_at": delivery.created_at,
-        "pickup": delivery.request.pickup,
+        "pickup": delivery.pickup,
         "mission_ids": [mission.mission_id for mission in delivery.missions],
         "packages": {
             package.package_id: {

@@ -93,6 +93,8 @@ class TrackedDelivery(JsonModel):
     is_shared: Annotated[
         bool, Field(description="whether the drone carries packages of other deliveries too")
     ]
+    #: Where the sender hands the packages over, if it is not the pickup that was asked for.
+    other_pickup_id: StationId | None
     now: FleetMoment
     rate: Annotated[float, Field(description="fleet seconds per second of wall time")]
     packages: tuple[TrackedPackage, ...]
@@ -117,6 +119,9 @@ def tracked(delivery: Delivery, track: Track, *, now: datetime, rate: float) -> 
         is_delayed=delivery.flags.delayed,
         is_replanning=delivery.flags.replanning,
         is_waiting=delivery.is_queued,
+        other_pickup_id=(
+            None if delivery.pickup == delivery.request.pickup else delivery.pickup.station_id
+        ),
         is_shared=any(mission.is_pooled for mission in delivery.missions),
         now=now,
         rate=rate,
@@ -164,7 +169,7 @@ def _package(
         proof_station_id=None if proof is None else proof.station_id,
         proof_position=None if proof is None else proof.position,
         proof_mass_kg=None if proof is None else proof.mass_kg,
-        alternative_id=(asked.alternative or delivery.request.pickup).station_id,
+        alternative_id=(asked.alternative or delivery.pickup).station_id,
     )
 
 
@@ -180,7 +185,7 @@ def _status_of(step: TrackedStep) -> Literal["FLOWN", "UNDER_WAY", "PLANNED"]:
 
 def _places(delivery: Delivery, track: Track) -> Iterator[TrackedPlace]:
     """The stations of the way, each once."""
-    pickup_id = delivery.request.pickup.station_id
+    pickup_id = delivery.pickup.station_id
     destinations = {package.destination.station_id for package in delivery.packages}
     positions = {
         step.station_id: step.to_position for mission in track.missions for step in mission.steps

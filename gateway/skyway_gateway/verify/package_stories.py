@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Final
 
-from sqlalchemy import select
+from sqlalchemy import and_, select
 
 from skyway.runtime.verification.rule import Finder, Survey
 from skyway.units import moment_to_ms
@@ -23,7 +23,11 @@ _ENDS: Final = {f"package.{state.lower()}": state for state in SETTLED_PACKAGE_S
 
 @dataclass(slots=True)
 class PackageStory:
-    """A package, its links in order, and where it may go."""
+    """A package, its links in order, and where it may go.
+
+    `is_brought` if its second link is the pickup of one of its missions, which is as near to the
+    pickup of the request as its customer allows.
+    """
 
     pickup: str
     goals: set[str]
@@ -32,6 +36,34 @@ class PackageStory:
     kinds: list[str] = field(default_factory=list)
     custodians: list[str] = field(default_factory=list)
     notified_ends: list[End] = field(default_factory=list)
+    is_brought: bool = False
+
+
+_first = custody.alias("first")
+_second = custody.alias("second")
+
+#: Packages that are at another station without a drone, with each mission of their deliveries.
+_MOVED: Final = (
+    select(
+        _second.c.delivery_id,
+        _second.c.package_id,
+        _second.c.custodian_id,
+        deliveries.c.request,
+        missions.c.body,
+    )
+    .join(
+        _first,
+        and_(
+            _first.c.delivery_id == _second.c.delivery_id,
+            _first.c.package_id == _second.c.package_id,
+            _first.c.seq == 1,
+            _first.c.custodian_kind == "STATION",
+        ),
+    )
+    .join(deliveries, deliveries.c.delivery_id == _second.c.delivery_id)
+    .join(missions, missions.c.delivery_id == _second.c.delivery_id)
+    .where(_second.c.seq == 2, _second.c.custodian_kind == "STATION")
+)
 
 
 def packages_where(is_broken: Callable[[PackageStory], bool]) -> Finder:
@@ -53,6 +85,10 @@ async def _package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageSt
         if story is not None:
             story.kinds.append(row.custodian_kind)
             story.custodians.append(row.custodian_id)
+    async for row in survey.each(_MOVED):
+        story = stories.get((row.delivery_id, row.package_id))
+        if story is not None and _allows_pickup(row):
+            story.is_brought = True
     ends = select(events.c.delivery_id, events.c.type, events.c.body)
     async for row in survey.each(ends.where(events.c.type.in_(sorted(_ENDS)))):
         data = json.loads(row.body)["data"]
@@ -80,6 +116,16 @@ async def _stories(survey: Survey) -> dict[tuple[str, str], PackageStory]:
             expected_ends=_expected(row),
         )
     return found
+
+
+def _allows_pickup(row: Any) -> bool:  # a row of _MOVED
+    """Whether the mission has this station as its pickup, and the request allows it."""
+    request, mission = json.loads(row.request), json.loads(row.body)
+    if mission.get("pickup_station_id") != row.custodian_id:
+        return False
+    within_m = request["qos"].get("pickup_within_m", 0.0)
+    is_other = row.custodian_id != request["pickup"]["station_id"]
+    return is_other and bool(within_m > 0.0 and mission["pickup_away_m"] <= within_m)
 
 
 def _goals(request: Mapping[str, Any], package_id: str) -> set[str]:  # JSON of a DeliveryRequest

@@ -1,5 +1,6 @@
 """The rules of packages: one custodian, one chain of custody, one delivery (I6)."""
 
+from itertools import pairwise
 from typing import Any, Final
 
 from sqlalchemy import ColumnElement, and_, exists, func, not_, or_, select
@@ -60,9 +61,12 @@ def _begins_elsewhere(story: PackageStory) -> bool:
 
 
 def _has_impossible_link(story: PackageStory) -> bool:
-    """Only a drone moves a package: of two links that follow one another, one is a drone's."""
-    pairs = zip(story.kinds, story.kinds[1:], strict=False)
-    return any((before == "DRONE") == (after == "DRONE") for before, after in pairs)
+    """Only a drone moves a package: of two links that follow one another, one is a drone's.
+
+    Before that, its customer may bring it to another station that the request allows.
+    """
+    kinds = story.kinds[1:] if story.is_brought else story.kinds
+    return any((before == "DRONE") == (after == "DRONE") for before, after in pairwise(kinds))
 
 
 def _is_carried_by_another(story: PackageStory) -> bool:

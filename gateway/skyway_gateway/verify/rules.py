@@ -20,8 +20,8 @@ from skyway.runtime.verification.storage_rules import (
 )
 from skyway.runtime.verification.stored_forms import form_rule, read_fernet_token, read_sha256
 from skyway_gateway.access.scopes import Scope
-from skyway_gateway.deliveries.lifecycle.delivery import Proof, Refusal
-from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
+from skyway_gateway.deliveries.lifecycle.delivery import Proof
+from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission, Refusal
 from skyway_gateway.delivery_tables import deliveries, missions, packages
 from skyway_gateway.notifications.secret_store import read_previous
 from skyway_gateway.notifications.secret_vault import read_stored_secret

@@ -117,6 +117,7 @@ def terms_of(offer: Offer, *, best: BestValues, weights: Weights, world: World) 
         drone_model_id=first.candidate.model.model_id,
         price=offer.price,
         pooled_price=_pooled_price(offer),
+        pickup_station_id=first.request.pickup.station_id,
         pickup_at=min(_pickup_at(part.trip) for part in offer.parts),
         delivery_time_s=values.time_s,
         packages=tuple(eta for part in offer.parts for eta in _etas(part.trip)),

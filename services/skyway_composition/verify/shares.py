@@ -1,5 +1,6 @@
 """The rules of shared missions, and whose package flies under which id."""
 
+import json
 from collections import Counter, defaultdict
 from collections.abc import Mapping
 from typing import Any, Final
@@ -94,6 +95,29 @@ async def _twice_named(survey: Survey) -> set[str]:
     }
 
 
+async def _far_pickups(survey: Survey) -> set[str]:
+    """Missions with a share that is neither picked up where it asked, nor as near as it allows."""
+    shares = await survey.once(shares_of)
+    found: set[str] = set()
+    query = select(missions.c.mission_id, missions.c.request).where(missions.c.shares.is_not(None))
+    async for row in survey.each(query):
+        try:
+            pickup = json.loads(row.request)["pickup"]["station_id"]
+        except (ValueError, KeyError, TypeError):
+            continue  # another rule names texts that cannot be read
+        near = [
+            (share.mission_id, share.near)
+            for share in shares.get(row.mission_id, ())
+            if share.near is not None
+        ]
+        if any(
+            of == row.mission_id or each.asked_station_id == pickup or each.away_m > each.within_m
+            for of, each in near
+        ):
+            found.add(row.mission_id)
+    return found
+
+
 _FROM_GUESTS: Final = (
     "The gateway has each guest as a mission of its own (`missions` there, with the same id, "
     "delivery and attempt): correct the row of `guests` or the host's `shares` by it."
@@ -116,6 +140,13 @@ SHARED: Final = (
         _wrong_prices,
         "`is_pooled` is true in the shares that the drone has loaded together, at least two. The "
         "gateway's copy of each mission has the price that its customer saw.",
+    ),
+    Rule(
+        "a guest is picked up where it asked, or within the metres that it allows",
+        _far_pickups,
+        "The gateway's copy of the mission has `pickup_station_id` and `pickup_away_m`, and the "
+        "delivery's request has `pickup` and `qos.pickup_within_m`: correct `near` in the host's "
+        "`shares` by them. If the packages have to be carried too far, inform the customer.",
     ),
     Rule(
         "I6 a package of a guest has a chain of custody",

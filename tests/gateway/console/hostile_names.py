@@ -50,6 +50,7 @@ _STORED_DELIVERY: Final = {
     "code": "DELAYED",
     "detail": MARKUP,
     "request": {"pickup": {"station_id": "a"}, "qos": {"objective": "fastest"}},
+    "pickup": {"station_id": "a"},
     "packages": [_PACKAGE],
     "missions": [{"mission_id": "msn_1", "drone_id": "drn_1"}],
     "provider_id": "prv_1",

@@ -197,6 +197,7 @@ def delivery(delivery_id: str, *, packages: Any = (), **members: Any) -> dict[st
         "state": "IN_PROGRESS",
         "activity": None,
         "request": {"pickup": {"station_id": "a"}, "qos": {}},
+        "pickup": {"station_id": "a"},
         "packages": list(packages),
         "missions": [],
         "created_at": "2026-03-01T11:00:00Z",

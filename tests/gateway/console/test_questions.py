@@ -73,12 +73,21 @@ def test_a_customer_asks_for_a_shared_trip(two_stations: StagedPage) -> None:
     page.get_by_role("combobox", name="To", exact=True).select_option("b")
     page.get_by_label("Share the trip").check()
     page.get_by_label("Wait for others, minutes").fill("15")
+    page.get_by_label("Other stations where I can hand over").fill("900")
     with page.expect_request(lambda request: request.url.endswith("/v1/quotes")) as asked:
         page.get_by_role("button", name="Ask for offers").click()
 
-    qos = {"objective": "fastest", "pooling": True, "pooling_wait_s": 900}
+    wishes = {"pooling": True, "pooling_wait_s": 900, "pickup_within_m": 900}
+    qos = {"objective": "fastest", **wishes}
     body: Any = asked.value.post_data_json
     assert body["qos"] == qos
+    # Only a delivery without an offer can join the trip of another one.
+    two_stations.answers["/v1/deliveries"] = {"delivery_id": "dlv_1"}
+    path = "/v1/deliveries"
+    with page.expect_request(lambda request: request.url.endswith(path)) as requested:
+        page.get_by_role("button", name="Request it without an offer").click()
+    sent: Any = requested.value.post_data_json
+    assert (sent["qos"], "hold" in sent) == (qos, False)
 
 
 def test_a_segment_is_closed_for_some_hours(two_stations: StagedPage) -> None:

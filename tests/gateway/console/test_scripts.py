@@ -159,6 +159,22 @@ def test_a_delivery_says_whether_its_trip_is_shared(
     expect(page.locator("dt:text-is('Shared trip') + dd")).to_have_text(shown)
 
 
+@pytest.mark.parametrize(
+    ("pickup", "shown"), [("a", "A"), ("b", "B: hand the packages over there, not at A")]
+)
+def test_a_delivery_says_where_its_packages_are_handed_over(
+    stage: StagedPage, pickup: str, shown: str
+) -> None:
+    asked = {"pickup": {"station_id": "a"}, "qos": {}}
+    stage.answers["/v1/deliveries/dlv_1"] = delivery(
+        "dlv_1", request=asked, pickup={"station_id": pickup}
+    )
+
+    page = stage.open("/console#/deliveries/dlv_1").page
+
+    expect(page.locator("dt:text-is('Pickup') + dd")).to_have_text(shown)
+
+
 def test_events_of_a_delivery_go_on_after_a_refusal_without_repetition(stage: StagedPage) -> None:
     stage.answers["/v1/deliveries/dlv_1"] = delivery("dlv_1")
     events = "/v1/deliveries/dlv_1/events"

@@ -43,7 +43,10 @@ def test_there_is_an_example_of_every_type() -> None:
     ("event_type", "text"),
     [
         ("delivery.requested", "requested: p1 to mcqueeney, p2 to mcqueeney"),
-        ("delivery.planned", "planned: p1 at 08:29:00, p2 at 08:29:00, 13.40 USD"),
+        (
+            "delivery.planned",
+            "planned: pickup at san-marcos, p1 at 08:29:00, p2 at 08:29:00, 13.40 USD",
+        ),
         ("package.delivered", "p1 delivered at mcqueeney"),
         ("delivery.completed", "COMPLETED, 6 min later than planned"),
         ("delivery.cancelled", "CANCELLED (the book is out of print)"),

@@ -102,6 +102,13 @@ def test_a_wait_for_others_needs_pooling() -> None:
         QoS(pooling_wait_s=60.0)
 
 
+def test_another_pickup_needs_pooling_and_has_a_furthest_distance() -> None:
+    with pytest.raises(ValidationError, match="pickup_within_m needs pooling"):
+        QoS(pickup_within_m=1.0)
+    with pytest.raises(ValidationError, match="less than or equal to 5000"):
+        QoS(pooling=True, pickup_within_m=5_001.0)
+
+
 @pytest.mark.parametrize(
     ("changes", "starts_at"),
     [

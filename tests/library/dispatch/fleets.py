@@ -62,6 +62,25 @@ def small_fleet(seed: int, *, drones: int = 2, requests: int = 5, **fields: Any)
     )
 
 
+def with_pickups(problem: FleetProblem, seed: int) -> FleetProblem:
+    """The fleet whose customers may hand their packages over at some other stations, if pooled."""
+    random = Random(seed)
+
+    def others(request: FleetRequest) -> tuple[str, ...]:
+        taken = {request.source, *(each.destination for each in request.packages)}
+        free = [each for each in problem.network.stations if each not in taken]
+        return tuple(random.sample(free, random.randint(0, 3))) if request.pooling else ()
+
+    requests = [each.model_copy(update={"pickups": others(each)}) for each in problem.requests]
+    return problem.model_copy(update={"requests": tuple(requests)})
+
+
+def without_promises(problem: FleetProblem) -> FleetProblem:
+    """The fleet in which no customer was promised anything."""
+    requests = [each.model_copy(update={"promised_s": None}) for each in problem.requests]
+    return problem.model_copy(update={"requests": tuple(requests)})
+
+
 def _request(random: Random, number: int, *, hub: str, stations: Sequence[str]) -> FleetRequest:
     source = hub if random.random() < 0.6 else random.choice(stations)
     return FleetRequest.model_validate(

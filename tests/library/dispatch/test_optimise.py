@@ -3,12 +3,13 @@
 import json
 from collections import Counter
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skyway.delivery.plan import Recharge
+from skyway.delivery.plan import PickUp, Recharge
 from skyway.dispatch.check import violations
 from skyway.dispatch.optimise import optimise
 from skyway.dispatch.plan import FleetPlan
@@ -16,7 +17,7 @@ from skyway.dispatch.pools import waits_for_more
 from skyway.dispatch.problem import CurrentTrip, FleetProblem, read_fleet_problem
 from skyway.errors import InvalidProblem
 from skyway.network.network import Network
-from tests.library.dispatch.fleets import small_fleet
+from tests.library.dispatch.fleets import small_fleet, with_pickups, without_promises
 
 SEEDS = st.integers(min_value=0, max_value=10_000)
 
@@ -30,9 +31,13 @@ def delivered(plan: FleetPlan) -> dict[str, float]:
 
 
 @settings(max_examples=15)
-@given(SEEDS, st.sampled_from(["none", "requests"]))
-def test_a_plan_is_valid_and_never_worse_than_the_arrival_order(seed: int, fairness: str) -> None:
+@given(SEEDS, st.sampled_from(["none", "requests"]), st.booleans())
+def test_a_plan_is_valid_and_never_worse_than_the_arrival_order(
+    seed: int, fairness: str, has_pickups: bool
+) -> None:
     problem = small_fleet(seed, drones=3, requests=6, fairness=fairness)
+    if has_pickups:
+        problem = with_pickups(problem, seed)
 
     first, plan = arrival_order(problem), optimise(problem, rounds=3, seed=seed, proves=True)
 
@@ -165,6 +170,34 @@ def test_requests_with_one_pick_up_share_trips_only_if_they_allow_it() -> None:
     assert violations(at_one_hub(pooling=False), shared) != ()
 
 
+def test_requests_of_different_stations_share_a_trip_from_a_station_where_all_hand_over() -> None:
+    fleet = small_fleet(4, drones=2, requests=6)
+    taken = {one.destination for each in fleet.requests for one in each.packages}
+    hub, *others = [each for each in fleet.network.stations if each not in taken]
+    requests = [
+        each.model_copy(
+            update={"source": others[number % len(others)], "pickups": (hub,), "pooling": True}
+        )
+        for number, each in enumerate(fleet.requests)
+    ]
+    problem = without_promises(fleet.model_copy(update={"requests": tuple(requests)}))
+    far = problem.model_copy(
+        update={"requests": tuple(each.model_copy(update={"pickups": ()}) for each in requests)}
+    )
+
+    plan = optimise(problem, rounds=3, proves=True)
+
+    loaded = {
+        step.station_id: len(each.requests)
+        for each in plan.trips
+        for step in each.plan.steps
+        if isinstance(step, PickUp)
+    }
+    assert loaded[hub] > 1
+    assert violations(problem, plan) == ()
+    assert "not loaded at a pick-up of all its requests" in violations(far, plan)[0]
+
+
 def test_a_check_finds_a_pad_and_a_drone_that_are_used_twice() -> None:
     problem = small_fleet(3, drones=3, requests=6)
     plan = optimise(problem, rounds=1)
@@ -243,6 +276,33 @@ def test_a_fault_of_a_document_names_its_field(change: dict[str, object], field:
         read_fleet_problem(document)
 
     assert refused.value.field.startswith(field)
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"pickups": ["nowhere"], "pooling": True}, "no station 'nowhere'"),
+        ({"pickups": ["SOURCE"], "pooling": True}, "is the source"),
+        ({"pickups": ["OTHER", "OTHER"], "pooling": True}, "given twice"),
+        ({"pickups": ["OTHER"], "pooling": False}, "need pooling"),
+    ],
+)
+def test_a_fault_of_other_pick_ups_is_named(changes: dict[str, Any], fault: str) -> None:
+    document = json.loads(small_fleet(1).model_dump_json())
+    request = document["requests"][0]
+    taken = {request["source"], *(each["destination"] for each in request["packages"])}
+    stations = [each["properties"].get("station_id") for each in document["network"]["features"]]
+    names = {
+        "SOURCE": request["source"],
+        "OTHER": next(each for each in stations if each and each not in taken),
+    }
+    pickups = [names.get(each, each) for each in changes["pickups"]]
+    document["requests"][0] |= {**changes, "pickups": pickups}
+
+    with pytest.raises(InvalidProblem, match=fault) as refused:
+        read_fleet_problem(document)
+
+    assert refused.value.field.startswith("requests.0.pickups")
 
 
 def at_one_hub(*, pooling: bool) -> FleetProblem:

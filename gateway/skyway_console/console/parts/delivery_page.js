@@ -96,6 +96,14 @@ const askToCancel = (path, deliveryId) => confirm({
 
 const OVER = ["COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"];
 
+// Where the packages are handed over to the drone; it may be another station than the one asked for.
+function pickupText({station_id: stationId}, {pickup: asked}) {
+  if (!stationId) return null;
+  const name = stationName(stationId);
+  return stationId === asked?.station_id ? name : `${name}: hand the packages over there, not at ${
+    stationName(asked.station_id)}`;
+}
+
 // Whether packages of others fly with the delivery; a customer learns no more about them.
 function sharedText({qos}, missions, state) {
   if (missions.some((each) => each.is_pooled)) return "yes, at the lower price";
@@ -108,7 +116,7 @@ export function DeliveryPage({deliveryId, path: part}) {
   const {delivery, proof, problem} = useDelivery(path, deliveryId);
   if (!delivery) return html`<div class="page"><p class="refused">${problem}</p></div>`;
   const live = picture.deliveries.value[deliveryId];
-  const {state, activity, code, detail, request, price, provider_id: provider} = {...delivery, ...live};
+  const {state, activity, code, detail, request, pickup, price, provider_id: provider} = {...delivery, ...live};
   const missions = delivery.missions ?? [];
   return html`
     <div class="page">
@@ -120,7 +128,7 @@ export function DeliveryPage({deliveryId, path: part}) {
         ["Customer", delivery.customer_id],
         ["State", `${inWords(state)}${activity ? `, ${inWords(activity).toLowerCase()}` : ""}`],
         ["Why", code && `${inWords(code)}${detail ? `: ${detail}` : ""}`],
-        ["Pickup", request.pickup.station_id && stationName(request.pickup.station_id)],
+        ["Pickup", pickupText(pickup, request)],
         ["Wanted", request.qos?.objective && inWords(request.qos.objective)],
         ["Price", price && money(price)],
         ["Shared trip", sharedText(request, missions, state)],

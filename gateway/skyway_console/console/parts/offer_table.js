@@ -32,7 +32,8 @@ function OfferRow({offer, most, name, isOpen, isChosen, onChoose, onTake}) {
       <td><strong>${name}</strong><br /><small>${offer.drone_model_id}</small></td>
       <td>${money(price)}${offer.pooled_price && html`<br /><small>${money(offer.pooled_price)} if shared</small>`}<${ShareBar} share=${price.amount / most.price} kind="price" /></td>
       <td>${durationText(time)}<${ShareBar} share=${time / most.time} kind="time" /></td>
-      <td>${momentText(offer.pickup_at)}</td>
+      <td>${momentText(offer.pickup_at)}${offer.pickup_station_id && html`
+        <br /><small>${stationName(offer.pickup_station_id)}</small>`}</td>
       <td>${momentText(lastAt(offer))}${p90Text(offer)}
         ${offer.packages.length > 1 && offer.packages.map(({package_id, eta_at}) => html`
           <br /><small>${package_id}: ${momentText(eta_at)}</small>`)}</td>

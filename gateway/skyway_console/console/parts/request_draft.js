@@ -7,7 +7,7 @@ export const MOST_PACKAGES = 100;
 
 const newPackage = (number) => ({package_id: `p${number}`, mass_kg: "0.5", station_id: ""});
 const nothing = () => ({pickup: "", packages: [newPackage(1)], objective: "fastest", reference: "",
-  latest: "", isHeld: false, mayShare: false, waitMinutes: "0"});
+  latest: "", isHeld: false, mayShare: false, waitMinutes: "0", withinM: "0"});
 
 // It outlives the view, so that a look at another view loses nothing.
 export const draft = signal(nothing());
@@ -49,8 +49,9 @@ export function chooseStation(stationId) {
 
 // The body of POST /v1/quotes. The browser's own time zone is that of all moments in the console.
 export function quoteRequest() {
-  const {pickup, packages, objective, reference, latest, isHeld, mayShare, waitMinutes} = draft.value;
-  const pooling = mayShare ? {pooling: true, pooling_wait_s: 60 * Number(waitMinutes)} : {};
+  const {pickup, packages, objective, reference, latest, isHeld, mayShare, waitMinutes, withinM} = draft.value;
+  const pooling = mayShare
+    ? {pooling: true, pooling_wait_s: 60 * Number(waitMinutes), pickup_within_m: Number(withinM)} : {};
   return {
     pickup: {station_id: pickup},
     packages: packages.map(({package_id, mass_kg, station_id}) =>

@@ -28,7 +28,7 @@ function PackageRow({each, number, stations, isOnly}) {
 }
 
 function Wishes() {
-  const {objective, reference, latest, isHeld, mayShare, waitMinutes} = draft.value;
+  const {objective, reference, latest, isHeld, mayShare, waitMinutes, withinM} = draft.value;
   return html`
     <div class="fields">
       <label>Best is the<select value=${objective} onChange=${({target}) => change({objective: target.value})}>
@@ -45,15 +45,18 @@ function Wishes() {
         onChange=${({target}) => change({mayShare: target.checked})} />
         Share the trip with packages of others, at a lower price (not with a latest delivery)</label>
       ${mayShare && html`<label>Wait for others, minutes<input required type="number" min="0" max="60" step="any"
-        value=${waitMinutes} onInput=${({target}) => change({waitMinutes: target.value})} /></label>`}
+        value=${waitMinutes} onInput=${({target}) => change({waitMinutes: target.value})} /></label>
+      <label>Other stations where I can hand over, within metres<input required type="number" min="0" max="5000"
+        step="any" value=${withinM} onInput=${({target}) => change({withinM: target.value})} /></label>`}
     </div>`;
 }
 
-export function RequestForm({stations, isBusy, onAsk}) {
-  const {pickup, packages} = draft.value;
+export function RequestForm({stations, isBusy, onAsk, onRequest}) {
+  const {pickup, packages, mayShare} = draft.value;
   const ask = (event) => {
     event.preventDefault();
-    onAsk();
+    if (event.submitter?.value === "request") onRequest();
+    else onAsk();
   };
   return html`
     <form class="request" aria-label="Request" onSubmit=${ask}>
@@ -68,6 +71,9 @@ export function RequestForm({stations, isBusy, onAsk}) {
       <${Wishes} />
       <div class="commands">
         <button class="main" disabled=${isBusy}>${isBusy ? "Asking…" : "Ask for offers"}</button>
+        ${mayShare && html`<button value="request" class="quiet" disabled=${isBusy}
+          title="An offer keeps its own drone. Without one, your packages can join a trip of others.">
+          Request it without an offer</button>`}
         <button type="button" class="quiet" onClick=${beginAgain}>Begin again</button>
       </div>
     </form>`;

@@ -6,7 +6,9 @@ import {all, post} from "../api.js";
 import {html} from "../html.js";
 import {stationsOf} from "../map/features.js";
 import {listNetworks, networkContent, networks, showNetwork, shownNetwork} from "../networks.js";
+import {openView} from "../routes.js";
 import {stationName} from "../words.js";
+import {attempt} from "../parts/messages.js";
 import {OfferTable} from "../parts/offer_table.js";
 import {beginAgain, quoteRequest} from "../parts/request_draft.js";
 import {RequestForm} from "../parts/request_form.js";
@@ -69,6 +71,18 @@ export function CustomerView() {
     setBusy(false);
   }
 
+  // A delivery without an offer can join the trip of another one; an accepted offer cannot.
+  async function request() {
+    setBusy(true);
+    await attempt(async () => {
+      const {hold, ...asked} = quoteRequest();
+      const {delivery_id} = await post("/v1/deliveries", asked);
+      beginAgain();
+      openView("deliveries", delivery_id);
+    }, "The delivery is requested.");
+    setBusy(false);
+  }
+
   if (!network) {
     const hint = networks.value?.length === 0 ? "There are no stations yet." : "Reading the stations…";
     return html`<div class="page"><h1>New delivery</h1><p>${problem || hint}</p></div>`;
@@ -82,7 +96,7 @@ export function CustomerView() {
             them here.</p>
           ${networks.value?.length > 0 && html`<${NetworkChoice} />`}
           <${ServiceStatus} networkId=${shownNetwork.value} />
-          <${RequestForm} stations=${named(network)} isBusy=${isBusy} onAsk=${ask} />
+          <${RequestForm} stations=${named(network)} isBusy=${isBusy} onAsk=${ask} onRequest=${request} />
         </div>
         <div class="map-frame"><${RequestMap} network=${network} /></div>
       </div>

@@ -55,7 +55,7 @@ function useDeliveries(state, reference) {
 }
 
 // What can be found in the rows that are read.
-const textOf = ({delivery_id: id, reference, customer_id: customer, request: {pickup}}) =>
+const textOf = ({delivery_id: id, reference, customer_id: customer, pickup}) =>
   [id, reference, customer, placeName(pickup)].join(" ").toLowerCase();
 
 function found(items, text) {
@@ -75,7 +75,7 @@ const latest = (packages, name) =>
   packages.map((each) => each[name]).filter(Boolean).sort().at(-1);
 
 function Row({delivery}) {
-  const {delivery_id, reference, customer_id, state, activity, request, packages} = upToDate(delivery);
+  const {delivery_id, reference, customer_id, state, activity, pickup, packages} = upToDate(delivery);
   const [promised, eta] = [latest(packages, "due_at"), latest(packages, "eta_at")];
   return html`
     <tr class=${packages.some(isLate) ? "late" : ""}>
@@ -83,7 +83,7 @@ function Row({delivery}) {
       <td>${reference}</td>
       <td>${customer_id}</td>
       <td>${inWords(state)}${activity ? `, ${inWords(activity).toLowerCase()}` : ""}</td>
-      <td>${placeName(request.pickup)}</td>
+      <td>${placeName(pickup)}</td>
       <td>${packages.length}</td>
       <td>${promised ? momentText(promised) : ""}</td>
       <td class="eta">${eta ? momentText(eta) : ""}</td>

@@ -6,6 +6,7 @@ from typing import Final
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.mission import Cancellation, Mission
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import PackageId
@@ -60,6 +61,7 @@ def after_booking(
 ) -> Progress:
     """The delivery with its new missions: their ETAs are promised to the customer.
 
+    A package stays at the station where its mission is loaded: its customer hands it over there.
     Packages that no mission carries wait for the next attempt. `late_share` is the
     lateness that nine of ten packages do not exceed, as a share of the planned time; None if it is
     not known. Lateness
@@ -74,6 +76,7 @@ def after_booking(
         p90_at = p90_of(eta.eta_at, start_at=mission.begins_at, share=late_share)
         return {
             "mission_id": mission.mission_id,
+            "custodian": _kept_at(mission) or package.custodian,
             "promised_at": eta.eta_at,
             "promised_p90_at": p90_at,
             "due_at": due_of(eta.eta_at, p90_at, delivery.request.qos),
@@ -98,6 +101,13 @@ def after_booking(
     )
     data = event_data.planned(planned, booked, attempt=delivery.attempt)
     return Progress(planned, (Happening(DeliveryEventType.PLANNED, at, data),))
+
+
+def _kept_at(mission: FlownMission) -> Custodian | None:
+    """The station that keeps the packages of a mission; None if the mission does not say."""
+    if mission.pickup_station_id is None:
+        return None
+    return Custodian(kind="STATION", id=mission.pickup_station_id)
 
 
 def cancelled_meanwhile(delivery: Delivery, missions: Sequence[Mission]) -> tuple[PackageId, ...]:

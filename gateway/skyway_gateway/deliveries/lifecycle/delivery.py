@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated, Final, Literal
 
-from pydantic import Field
+from pydantic import Field, computed_field
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event_data import Custodian
@@ -22,7 +22,7 @@ from skyway.ids import (
     SubjectId,
 )
 from skyway.json_model import JsonModel, WireModel
-from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission, Waiting
+from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission, Refusal, Waiting
 
 DeliveryState = Literal[
     "SCHEDULED",
@@ -195,16 +195,6 @@ class Flags(JsonModel):
     ] = False
 
 
-class Refusal(JsonModel):
-    """A drone that refused to fly the delivery, and why."""
-
-    attempt: Annotated[int, Field(description="The booking attempt of the refused mission.")]
-    provider_id: Annotated[ProviderId, Field(description="The provider of the drone.")]
-    drone_id: Annotated[DroneId, Field(description="The drone, which is not asked again.")]
-    code: Annotated[str | None, Field(description="Why the drone refused, for programs.")]
-    detail: Annotated[str | None, Field(description="Why the drone refused, in words.")]
-
-
 class Delivery(JsonModel):
     """One delivery, from the request to its end.
 
@@ -262,6 +252,26 @@ class Delivery(JsonModel):
     waiting: Annotated[
         Waiting | None, Field(description="Its place while no drone is free; null otherwise.")
     ] = None
+
+    @computed_field(  # type: ignore[prop-decorator]
+        description="Where the packages are handed over to the drone: the pickup of the request, "
+        "or a station that its `qos.pickup_within_m` allows. Once it is booked it stays the same."
+    )
+    @property
+    def pickup(self) -> Place:
+        """Where the packages are handed over to the drone.
+
+        Packages that wait for another mission stay where they were to be handed over.
+        """
+        flown = (mission.pickup_station_id for mission in self.missions)
+        kept = (
+            one.custodian.id
+            for one in self.packages
+            if one.state in ("CREATED", "CANCELLED") and one.custodian.kind == "STATION"
+        )
+        own = self.request.pickup
+        other = next((each for each in (*flown, *kept) if each not in (None, own.station_id)), None)
+        return own if other is None else Place(station_id=StationId(other))
 
     @property
     def is_over(self) -> bool:

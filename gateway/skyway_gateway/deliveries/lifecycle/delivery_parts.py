@@ -1,4 +1,4 @@
-"""Parts of a delivery as people see it: its missions, and how it waits for a drone."""
+"""Parts of a delivery as people see it: its missions, who refused it, and how it waits."""
 
 from collections.abc import Iterable
 from datetime import datetime
@@ -10,6 +10,7 @@ from skyway.contracts.candidate import FREE_AT, ProviderReason
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.mission import LIVE_MISSION_STATES, DeliveryMission
 from skyway.delivery.plan import Plan, Recharge
+from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
 
 
@@ -60,6 +61,24 @@ class FlownMission(DeliveryMission):
     def is_live(self) -> bool:
         """Whether its drone still flies the mission."""
         return self.state in LIVE_MISSION_STATES
+
+
+class Refusal(JsonModel):
+    """A drone that refused to fly the delivery, and why."""
+
+    attempt: Annotated[int, Field(description="The booking attempt of the refused mission.")]
+    provider_id: Annotated[ProviderId, Field(description="The provider of the drone.")]
+    drone_id: Annotated[DroneId, Field(description="The drone, which is not asked again.")]
+    code: Annotated[str | None, Field(description="Why the drone refused, for programs.")]
+    detail: Annotated[str | None, Field(description="Why the drone refused, in words.")]
+    pickup_at: Annotated[
+        FleetMoment | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="When the drone would have begun to load at a pickup that is not that of "
+            "the request: no other drone loads there before.",
+        ),
+    ] = None
 
 
 class Waiting(JsonModel):

@@ -33,7 +33,7 @@ def scheduled(earliest_pickup_at: datetime, *, books_from_at: datetime) -> Data:
 
 
 def planned(delivery: Delivery, missions: Sequence[DeliveryMission], *, attempt: int) -> Data:
-    """Data of `delivery.planned`: drone, price, pickup time, ETAs, and packages that still wait."""
+    """Data of `delivery.planned`: drone, price, pickup, ETAs, and packages that still wait."""
     first, *_ = missions
     promises = {each.package_id: each for each in delivery.packages}
     return {
@@ -42,7 +42,8 @@ def planned(delivery: Delivery, missions: Sequence[DeliveryMission], *, attempt:
         "drone_id": first.drone_id,
         "mission_ids": [mission.mission_id for mission in missions],
         "price": delivery.price and delivery.price.model_dump(mode="json"),
-        "pickup_at": utc_text(min(_pickup_at(mission) for mission in missions)),
+        "pickup_station_id": delivery.pickup.station_id,
+        "pickup_at": utc_text(min(pickup_at(mission) for mission in missions)),
         "delivery_time_s": max(mission.plan.delivery_time_s or 0.0 for mission in missions),
         "packages": [
             {
@@ -58,7 +59,7 @@ def planned(delivery: Delivery, missions: Sequence[DeliveryMission], *, attempt:
     }
 
 
-def _pickup_at(mission: DeliveryMission) -> datetime:
+def pickup_at(mission: DeliveryMission) -> datetime:
     """When the drone begins to load at the pickup."""
     return mission.start_at + timedelta(seconds=mission.plan.pickup_s)
 

@@ -15,9 +15,8 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
     DeliveryState,
     PackageStatus,
-    Refusal,
 )
-from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
+from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission, Refusal
 from skyway_gateway.deliveries.lifecycle.package_changes import (
     delivered,
     loaded,
@@ -168,6 +167,7 @@ def _refused(delivery: Delivery, mission: FlownMission, report: MissionReport) -
         drone_id=mission.drone_id,
         code=report.code,
         detail=report.detail,
+        pickup_at=event_data.pickup_at(mission) if mission.pickup_away_m else None,
     )
 
     def is_left(package: PackageStatus) -> bool:

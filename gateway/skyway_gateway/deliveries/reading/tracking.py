@@ -114,7 +114,7 @@ def _stations(delivery: Delivery, track: Track) -> Iterator[Feature]:
         properties = {
             "kind": "STATION",
             "station_id": station_id,
-            "is_pickup": station_id == delivery.request.pickup.station_id,
+            "is_pickup": station_id == delivery.pickup.station_id,
             "stops": [_stop(step) for step in stops if step.kind != "FLY"],
         }
         place = PointGeometry(coordinates=stops[0].to_position)

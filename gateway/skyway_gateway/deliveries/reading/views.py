@@ -123,7 +123,7 @@ def for_provider(delivery: Delivery) -> ProviderDelivery:
         delivery_id=delivery.delivery_id,
         state=delivery.state,
         activity=delivery.activity,
-        pickup=delivery.request.pickup,
+        pickup=delivery.pickup,
         missions=delivery.missions,
         packages=delivery.packages,
         created_at=delivery.created_at,

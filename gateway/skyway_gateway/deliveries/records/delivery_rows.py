@@ -21,9 +21,8 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     Flags,
     PackageStatus,
     Proof,
-    Refusal,
 )
-from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission
+from skyway_gateway.deliveries.lifecycle.delivery_parts import FlownMission, Refusal
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery, StoredDelivery
 
 #: The values of a row by the names of their columns.

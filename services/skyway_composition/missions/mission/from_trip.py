@@ -215,6 +215,7 @@ def new_mission(
         price=price,
         packages=_etas(trip.plan, start_at),
         plan=trip.plan,
+        pickup_station_id=request.pickup.station_id,
         home_plan=trip.home_plan,
         home_recharge=trip.home_recharge,
         margins=margins,

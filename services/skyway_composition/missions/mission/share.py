@@ -11,8 +11,18 @@ from typing import Annotated
 from pydantic import Field, TypeAdapter
 
 from skyway.delivery.offer import Price
-from skyway.ids import DeliveryId, MissionId, PackageId
+from skyway.ids import DeliveryId, MissionId, PackageId, StationId
 from skyway.json_model import JsonModel
+
+
+class NearPickup(JsonModel):
+    """That a guest hands its packages over at the host's pickup, not at that of its request."""
+
+    asked_station_id: Annotated[StationId, Field(description="The pickup of its request.")]
+    within_m: Annotated[
+        float, Field(gt=0, description="How far its customer accepts other stations, metres.")
+    ]
+    away_m: Annotated[float, Field(ge=0, description="How far the host's pickup is, metres.")]
 
 
 class Share(JsonModel):
@@ -42,6 +52,10 @@ class Share(JsonModel):
         int, Field(ge=0, description="The number of its last report; the host's is in its row.")
     ] = 0
     traceparent: Annotated[str | None, Field(description="The trace of its request.")] = None
+    near: Annotated[
+        NearPickup | None,
+        Field(description="Why it is not picked up where it asked; null if it is."),
+    ] = None
 
     @property
     def charged(self) -> Price:

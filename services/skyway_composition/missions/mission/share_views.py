@@ -87,6 +87,7 @@ def mission_of(record: MissionRecord, share: Share) -> Mission:
             "is_pooled": share.is_pooled,
             "packages": _own_etas(share, mission.packages),
             "plan": _own_plan(record, share),
+            "pickup_away_m": 0.0 if share.near is None else share.near.away_m,
             "home_plan": None,
             "home_recharge": None,
             # The sentence may name packages of others.

@@ -9,7 +9,7 @@ from skyway_gateway.deliveries.booking.booking_round import (
     has_too_many_refusals,
     why_infeasible,
 )
-from skyway_gateway.deliveries.lifecycle.delivery import Refusal
+from skyway_gateway.deliveries.lifecycle.delivery_parts import Refusal
 
 from skyway.contracts.mission import Booking, OfferLimits
 from skyway.contracts.shortlist import Candidates, Shortlist

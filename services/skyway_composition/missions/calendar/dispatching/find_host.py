@@ -5,20 +5,26 @@ own QoS ranks the shared trip before its best offer alone, and if no package on 
 later than its promise by more than the tolerance.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from datetime import datetime
 from typing import Final
+
+import numpy as np
 
 from skyway.contracts.mission import BookMissions, PackageEta
 from skyway.delivery.offer import OfferValues, rank_offers
 from skyway.delivery.request import DeliveryRequest
-from skyway.ids import DeliveryId, MissionId, ProviderId
+from skyway.ids import DeliveryId, MissionId, ProviderId, StationId
+from skyway.network.great_circle import distances_m
+from skyway.network.network import Network
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import current_traceparent
 from skyway.scheduling.trip import NoTrip
-from skyway.units import moment_to_ms
+from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.store import held_among, links_to
 from skyway_composition.missions.calendar.dispatching import store
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
@@ -29,7 +35,7 @@ from skyway_composition.missions.calendar.dispatching.judgement import judge
 from skyway_composition.missions.calendar.dispatching.merger import Guest, carrying
 from skyway_composition.missions.calendar.dispatching.plan_orders import plan_orders
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.share import Share, flight_id
+from skyway_composition.missions.mission.share import NearPickup, Share, flight_id
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.availability import hand_over_time_ms
 from skyway_composition.planning.offer import Offer, Offers
@@ -39,6 +45,13 @@ from skyway_composition.planning.world import World
 #: A new plan may begin so much later than now: until then it is saved and reaches the drone. Fleet
 #: seconds and wall seconds; the longer of both counts.
 _SETTLED_S: Final = (60.0, 2.0)
+
+#: How fast customers carry packages to another station, along the straight line: they walk. Our own
+#: choice.
+_CARRYING_MPS: Final = 1.0
+
+#: A degree of latitude is at least so long, metres.
+_DEGREE_M: Final = 110_000.0
 
 #: How many waiting missions a request is compared with: those that begin first. Our own choice.
 _MOST_HOSTS: Final = 5
@@ -57,6 +70,69 @@ class _JoiningRequest:
     def request(self) -> DeliveryRequest:
         """The request."""
         return self.requested.request
+
+
+@dataclass(frozen=True, slots=True)
+class _Pickups:
+    """The stations where a request's packages may be handed over, and when they can be there.
+
+    `away_m` are the distances from its own pickup, which is among the stations.
+    """
+
+    own: StationId
+    within_m: float
+    away_m: Mapping[StationId, float]
+    now_ms: int
+
+    @classmethod
+    def of(cls, request: DeliveryRequest, network: Network, *, now_ms: int) -> "_Pickups":
+        """The pickups that the request allows."""
+        own, within_m = request.pickup.station_id, request.qos.pickup_within_m
+        away_m = {own: 0.0} | ({} if within_m == 0 else _around(network, own, within_m=within_m))
+        return cls(own, within_m, away_m, now_ms)
+
+    @property
+    def ready_ms(self) -> Mapping[StationId, int]:
+        """When the packages can be at each station; 0 at the request's own pickup."""
+        return {each: self._there_ms(each) for each in self.away_m}
+
+    def near(self, pickup: StationId) -> NearPickup | None:
+        """What is noted if the packages are handed over there; None at the request's own pickup."""
+        if pickup == self.own:
+            return None
+        away_m = self.away_m[pickup]
+        return NearPickup(asked_station_id=self.own, within_m=self.within_m, away_m=away_m)
+
+    def ready_at(self, pickup: StationId, own_at: datetime | None) -> datetime | None:
+        """The moment before which no drone may load there; `own_at` is that of the request."""
+        if pickup == self.own:
+            return own_at
+        there_at = ms_to_moment(self._there_ms(pickup))
+        return there_at if own_at is None else max(own_at, there_at)
+
+    def _there_ms(self, pickup: StationId) -> int:
+        if pickup == self.own:
+            return 0
+        return self.now_ms + math.ceil(1000 * self.away_m[pickup] / _CARRYING_MPS)
+
+
+def _around(network: Network, own: StationId, *, within_m: float) -> dict[StationId, float]:
+    """The stations within so many metres of a station, and how far they are."""
+    columns, row = network.columns, network.row_of.get(own)
+    if row is None:  # the station has left the network meanwhile
+        return {}
+    north_deg = np.abs(columns.latitude_deg - columns.latitude_deg[row])
+    rows = np.flatnonzero(north_deg <= within_m / _DEGREE_M)
+    here = np.full(len(rows), row)
+    away_m = distances_m(
+        (columns.longitude_deg[here], columns.longitude_deg[rows]),
+        (columns.latitude_deg[here], columns.latitude_deg[rows]),
+    )
+    return {
+        columns.station_ids[each]: metres
+        for each, metres in zip(rows.tolist(), away_m.tolist(), strict=True)
+        if metres <= within_m
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,29 +157,35 @@ class HostFinder:
         skyway = await self.networks.around(asked.request.pickup.station_id)
         if skyway is None:
             return None
+        pickups = _Pickups.of(asked.request, skyway.network, now_ms=times.now_ms)
         world = await World.of(skyway, self.db, after_ms=times.now_ms)
         async with self.db.read() as connection:
             hosts = await store.hosts_at(
                 connection,
                 skyway.network_id,
-                asked.request.pickup.station_id,
+                pickups.ready_ms,
                 provider_ids=asked.of_provider.keys(),
                 limit=_MOST_HOSTS,
             )
-        trips = [await self._joined_trip(asked, host, world, times) for host in hosts]
+        trips = [await self._joined_trip(asked, host, pickups, world, times) for host in hosts]
         found = [each for each in trips if each is not None]
         values = [asked.best.values, *(_values(asked, each) for each in found)]
         first = rank_offers(values, asked.request.qos.ranking)[0]
         return found[first - 1] if first else None
 
     async def _joined_trip(
-        self, asked: _JoiningRequest, host: MissionRecord, world: World, times: Moments
+        self,
+        asked: _JoiningRequest,
+        host: MissionRecord,
+        pickups: _Pickups,
+        world: World,
+        times: Moments,
     ) -> JoinedTrip | None:
         """The shared trip with this mission; None if it has no plan or breaks a promise."""
         fleet = free_to_take_off(await self._fleet_of(host, times), world, times)
         if host not in fleet.waiting or not fleet.is_planned_in(world.present):
             return None
-        together = self._together(asked, host)
+        together = self._together(asked, host, pickups)
         if together is None:
             return None
         moved = await plan_orders(
@@ -134,9 +216,12 @@ class HostFinder:
             links = await links_to(connection, [host.drone_id])
         return fleet_of(records, links, left_out=held, times=times)
 
-    def _together(self, asked: _JoiningRequest, host: MissionRecord) -> MissionRecord | None:
+    def _together(
+        self, asked: _JoiningRequest, host: MissionRecord, pickups: _Pickups
+    ) -> MissionRecord | None:
         """The mission with the packages of both, to be planned again; None if they do not fit."""
         request, solo = asked.request, asked.of_provider[host.mission.provider_id]
+        pickup = host.request.pickup
         mission_id = MissionId(self.mint("msn"))
         flying = {
             flight_id(mission_id, number): each for number, each in enumerate(request.packages, 1)
@@ -149,12 +234,14 @@ class HostFinder:
             pooled_price=solo.price.pooled(solo.parts[0].candidate.tariff),
             packages={flown: each.package_id for flown, each in flying.items()},
             traceparent=current_traceparent(),
+            near=pickups.near(pickup.station_id),
         )
         added = tuple(
             each.model_copy(update={"package_id": flown}) for flown, each in flying.items()
         )
         # A guest may begin before it has waited for others, but not before its packages are there.
-        update = {"packages": added, "earliest_pickup_at": asked.requested.ready_at}
+        ready_at = pickups.ready_at(pickup.station_id, asked.requested.ready_at)
+        update = {"pickup": pickup, "packages": added, "earliest_pickup_at": ready_at}
         etas = tuple(PackageEta(package_id=each, eta_at=host.mission.start_at) for each in flying)
         return carrying(host, Guest(share, request.model_copy(update=update), etas))
 

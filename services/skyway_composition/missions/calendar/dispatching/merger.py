@@ -54,13 +54,19 @@ class MergedOrder:
 
 
 def carrying(host: MissionRecord, guest: Guest) -> MissionRecord | None:
-    """The host's mission with the packages of both, to be planned again; None if it cannot be."""
+    """The host's mission with the packages of both, to be planned again; None if it cannot be.
+
+    Both have the same pickup: after a booking, no pickup moves.
+    """
     shares = host.shares or (share_of(host),)
     packages = (*host.request.packages, *guest.request.packages)
     destinations = {each.destination.station_id for each in packages}
     if len(shares) >= MOST_SHARES or len(packages) > MAX_PACKAGES:
         return None
     if len(destinations) > MAX_TRIP_DESTINATIONS:
+        return None
+    pickup = host.request.pickup
+    if pickup != guest.request.pickup or pickup.station_id in destinations:
         return None
     if host.request.qos.priority != guest.request.qos.priority:
         return None

@@ -1,9 +1,9 @@
 """All SQL of the dispatcher: what waits in the calendars of a fleet, and what was saved."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Final
 
-from sqlalchemy import and_, delete, or_, select, union_all, update
+from sqlalchemy import and_, bindparam, delete, or_, select, union_all, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DeliveryId, DroneId, MissionId, NetworkId, ProviderId, StationId
@@ -36,6 +36,23 @@ _SEVERAL_TRIPS: Final = (
     .where(in_list(missions.c.delivery_id, "delivery_ids"), missions.c.trip > 1)
 )
 
+_FIRST: Final = (missions.c.start_ms, missions.c.mission_id)
+_HOSTS_AT: Final = (
+    select(missions.c.mission_id, missions.c.pooling_at, missions.c.start_ms)
+    .where(
+        is_queued,
+        missions.c.network_id == bindparam("network_id"),
+        in_list(missions.c.pooling_at, "station_ids"),
+        in_list(missions.c.provider_id, "provider_ids"),
+    )
+    .order_by(*_FIRST)
+)
+_HOSTS: Final = (
+    select(missions)
+    .where(in_list(missions.c.mission_id, "mission_ids"), is_queued)
+    .order_by(*_FIRST)
+)
+
 
 async def waiting_fleets(connection: AsyncConnection) -> list[tuple[NetworkId, ProviderId]]:
     """The networks and providers with QUEUED missions."""
@@ -61,27 +78,28 @@ async def open_missions_of(
 async def hosts_at(
     connection: AsyncConnection,
     network_id: NetworkId,
-    station_id: StationId,
+    ready_ms: Mapping[StationId, int],
     *,
     provider_ids: Collection[ProviderId],
     limit: int,
 ) -> list[MissionRecord]:
-    """QUEUED missions of these providers that begin at this station and may be shared, by start.
+    """QUEUED missions of these providers with a pickup at these stations that may be shared.
 
-    At most `limit`.
+    At most `limit`, by start; none that starts before the moment that `ready_ms` has for its
+    pickup.
     """
-    found = await connection.execute(
-        select(missions)
-        .where(
-            is_queued,
-            missions.c.pooling_at == station_id,
-            missions.c.network_id == network_id,
-            in_list(missions.c.provider_id, "provider_ids"),
-        )
-        .order_by(missions.c.start_ms, missions.c.mission_id)
-        .limit(limit),
-        {"provider_ids": sorted(provider_ids)},
+    waiting = await connection.execute(
+        _HOSTS_AT,
+        {
+            "network_id": network_id,
+            "station_ids": sorted(ready_ms),
+            "provider_ids": sorted(provider_ids),
+        },
     )
+    in_time = [row.mission_id for row in waiting if row.start_ms >= ready_ms[row.pooling_at]]
+    if not in_time:
+        return []
+    found = await connection.execute(_HOSTS, {"mission_ids": in_time[:limit]})
     return [read_record(row) for row in found]
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from skyway_composition.live.live_store import missions_with_steps, open_missions
 from skyway_composition.live.present import live_missions
-from skyway_composition.missions.booking.shared_trip import SharedTrip, SharedTrips
+from skyway_composition.missions.booking.shared_trip import SharedTrip
 from skyway_composition.missions.calendar.dispatching.merger import MOST_SHARES
 from skyway_composition.missions.calendar.dispatching.store import refusals_of
 from skyway_composition.missions.mission.custody_store import held_packages
@@ -32,7 +32,11 @@ from tests.broken_rules import broken_rules
 from tests.composition.busy_world import BusyWorld
 from tests.composition.left_packages import left_to_book
 from tests.composition.missions.calendar.booked_chain import kinds_of, pass_minutes, reports_of
-from tests.composition.missions.calendar.dispatching.shared_requests import asks, packages_named
+from tests.composition.missions.calendar.dispatching.shared_requests import (
+    asks,
+    finder_of,
+    packages_named,
+)
 
 _on_sqlite = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
@@ -43,12 +47,6 @@ async def book(world: BusyWorld, delivery_id: str, request: DeliveryRequest) -> 
     booked = await world.book(delivery_id, waiting, loading="AUTOMATIC", ready_at=ready_at)
     assert booked == "BOOKED"
     await world.keep_calendars()
-
-
-def finder_of(world: BusyWorld) -> SharedTrips:
-    """What finds shared trips in this world."""
-    assert world.bookings.shared is not None
-    return world.bookings.shared
 
 
 async def shared_mission(world: BusyWorld) -> MissionRecord:
