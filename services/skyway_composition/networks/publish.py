@@ -1,7 +1,6 @@
 """Publish a network: its version changes exactly when its content changes.
 
-Missions that use a station, segment, connector or airspace that the new version takes away are
-replanned.
+Missions that use a station, segment, connector or airspace that is taken away are replanned.
 `NetworkVersions` publishes the current versions over MQTT: retained, on change and on connect.
 """
 
