@@ -136,18 +136,23 @@ async def test_a_gps_that_is_back_in_time_changes_nothing(
     assert (world.events[1].event, world.events[1].station_id) == ("STEP_ENDED", "farm")
 
 
-async def test_a_drone_off_its_course_flies_straight_to_the_end_of_its_flight(
+async def test_a_drone_off_its_course_flies_straight_to_the_end_of_its_flight_and_goes_on(
     world: Any, cloud: Any, steps: Any
 ) -> None:
-    # With this seed only the first of the two ways strays.
+    # With this seed only the first of the ways strays.
     await fly(world, cloud, steps, seed=1, drift={"share": 0.5, "after_s": 60, "most_m": 600})
 
-    await world.pass_until(lambda: bool(failures(world)))
+    await world.pass_until(lambda: any(one.step_id == 3 for one in world.events))
 
     strayed = alarms(world)[0]
     assert (strayed.code, strayed.data["off_course_m"] > 200) == ("GEOFENCE", True)
-    assert (failures(world)[0].code, failures(world)[0].station_id) == ("GEOFENCE", "farm")
-    assert failures(world)[0].soc >= 0.1
+    turned = next(state for state in world.states if state.failsafe is not None)
+    assert (turned.failsafe.failsafe, turned.failsafe.station_id) == ("DIVERT", "farm")
+    landed = next(one for one in world.events if one.step_id == 2)
+    assert (landed.event, landed.code, landed.station_id) == ("STEP_ENDED", None, "farm")
+    assert landed.soc >= 0.1
+    assert failures(world) == []
+    assert world.states[-1].failsafe is None
 
 
 async def test_a_drone_that_strays_again_flies_to_the_nearest_landing(
