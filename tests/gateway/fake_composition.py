@@ -122,6 +122,8 @@ class FakeComposition:
     is_busy: bool = False
     has_networks: bool = True
     reasons: list[ProviderReason] = field(default_factory=list)
+    #: The margins of every mission.
+    margins: Margins = field(default_factory=Margins)
     #: How many packages one trip carries; each trip uses another candidate.
     packages_per_trip: int = 100
     #: The first trip of each booking, and those after it.
@@ -230,7 +232,7 @@ class FakeComposition:
                 start_at=self.clock.now() + timedelta(seconds=60),
                 provider_id=candidate.provider_id,
                 trip=trip,
-            )
+            ).model_copy(update={"margins": self.margins})
             for trip, (group, candidate) in enumerate(
                 zip(groups, requested.candidates, strict=False), start=1
             )

@@ -2,8 +2,12 @@
 
 import asyncio
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from statistics import NormalDist
 from typing import Final, NamedTuple
+
+import numpy as np
 
 from skyway.contracts.weather import (
     ForecastDocument,
@@ -11,11 +15,13 @@ from skyway.contracts.weather import (
     WeatherInForce,
     WeatherNote,
 )
+from skyway.delivery.lateness import COVERED
+from skyway.delivery.plan import Fly
 from skyway.drone.learned_values import UNKNOWN_USE
 from skyway.drone.model import DroneModel
 from skyway.ids import NetworkId
 from skyway.network.network import Network
-from skyway.planner.energy_risk import EnergyRisk
+from skyway.planner.energy_risk import FORECAST_ERROR_MPS, EnergyRisk
 from skyway.planner.forecast import (
     FADING,
     FADING_S,
@@ -33,6 +39,11 @@ from skyway_composition.closures.read_forecast import (
     forecast_of,
     place_count,
 )
+
+#: So many standard deviations cover nine of ten errors.
+_OF_TEN: Final = NormalDist().inv_cdf(COVERED)
+#: The largest share by which a flight counts as longer. Our own choice.
+_MOST_LATE: Final = 1.0
 
 #: The most time factors that are cached, of all drone models. With as many energy factors they take
 #: 384 MB.
@@ -199,6 +210,24 @@ class NetworkWeather:
         if wind is None:
             return risk.in_climate(model)
         return float(wind.in_error(model, risk.deviations)[0, 0])
+
+    def late_share(
+        self, model: DroneModel, flights: Sequence[Fly], *, start_ms: int
+    ) -> float | None:
+        """The lateness that the error of the forecast explains, as a share of the planned time.
+
+        Nine of ten flights take no longer if the wind is wrong by a normal error. Charging for them
+        takes longer by the same share, since the energy of a flight goes with its time. None if the
+        forecast is over when the plan begins, or without a flight.
+        """
+        if not flights or start_ms >= self.over_ms:
+            return None
+        segments = segment_rows(self.network, [(each.from_id, each.to_id) for each in flights])
+        at_s = start_ms / 1000 + np.array([each.start_s for each in flights])
+        wind = self._on_segments().of_flights(segments, at_s, least_error_mps=FORECAST_ERROR_MPS)
+        longer = np.expm1(np.minimum(wind.in_error(model, _OF_TEN)[0], math.log(1 + _MOST_LATE)))
+        lasting_s = np.array([each.end_s - each.start_s for each in flights])
+        return round(float(np.average(longer, weights=np.maximum(lasting_s, 1.0))), 4)
 
     def _on_segments(self) -> SegmentWind:
         if self._wind is None:

@@ -189,3 +189,21 @@ async def test_an_impossible_risk_is_refused_with_its_name(
 
     assert answer.status_code == 422
     assert "reserve_risk" in answer.text
+
+
+async def test_a_plan_says_how_late_the_error_of_its_forecast_may_make_it(
+    composition: Any, make: Any
+) -> None:
+    calm, _ = await booked(composition, make.candidate(1))
+    await forecast(composition, error_mps=1.0)
+    sure, _ = await booked(composition, make.candidate(2))
+    await forecast(composition, error_mps=3.0)
+    unsure, _ = await booked(composition, make.candidate(3))
+
+    assert calm.margins.late_share is None
+    model = make.candidate().model
+    slowest_mps = min(model.speed_empty_mps, model.speed_full_mps)
+    wrong_mps = 1.2816 * 1.0
+    against = (slowest_mps - 2.0) / (slowest_mps - 2.0 - wrong_mps) - 1
+    assert 0.5 * against < sure.margins.late_share <= against + 1e-3
+    assert unsure.margins.late_share > 2 * sure.margins.late_share
