@@ -17,7 +17,7 @@ from skyway.contracts.weather import (
 )
 from skyway.delivery.lateness import COVERED
 from skyway.delivery.plan import Fly
-from skyway.drone.learned_values import UNKNOWN_USE
+from skyway.drone.learned_values import DEVIATION_BOUNDS, UNKNOWN_USE
 from skyway.drone.model import DroneModel
 from skyway.ids import NetworkId
 from skyway.network.network import Network
@@ -47,7 +47,11 @@ _MOST_LATE: Final = 1.0
 
 #: The most time factors that are cached, of all drone models. With as many energy factors they take
 #: 384 MB.
-_MOST_CACHED: Final = 24_000_000
+MOST_CACHED: Final = 24_000_000
+#: If the weather of fewer drones fits into the cache, plans use these deviations of the energy use
+#: only, rounded up: otherwise the weather of each deviation would be computed again and again.
+_ROOMY: Final = 50
+_FEW_DEVIATIONS: Final = (0.04, UNKNOWN_USE, 0.14, DEVIATION_BOUNDS[1])
 
 
 class ForecastRow(NamedTuple):
@@ -124,6 +128,7 @@ class NetworkWeather:
     network: Network
     forecast: Forecast
     reserve_risk: float | None = None
+    most_cached: int = MOST_CACHED
     _wind: SegmentWind | None = None
     _of_model: dict[object, Weather] = field(default_factory=dict)
 
@@ -162,6 +167,10 @@ class NetworkWeather:
         """The forecast that a plan from this moment names; None if it is over by then."""
         return self.stored.note if at_ms < self.over_ms else None
 
+    def counts_from(self, at_ms: int) -> bool:
+        """Whether plans from this moment differ from plans in still air."""
+        return at_ms < self.over_ms or self.reserve_risk is not None
+
     def least_time_factor(self, model: DroneModel) -> float:
         """A lower bound of the time factors of this model, found without looking at segments.
 
@@ -179,7 +188,7 @@ class NetworkWeather:
         With a `reserve_risk` it is never None: after the end of a forecast flights have the margin
         that they have without a forecast.
         """
-        if start_ms >= self.over_ms and self.reserve_risk is None:
+        if not self.counts_from(start_ms):
             return None
         if self._key(model, use_deviation) not in self._of_model:
             await asyncio.to_thread(self.of_model, model, use_deviation)
@@ -188,18 +197,27 @@ class NetworkWeather:
     def of_model(self, model: DroneModel, use_deviation: float = UNKNOWN_USE) -> Weather:
         """The weather for drones of this model, by seconds of fleet time since 1970."""
         key = self._key(model, use_deviation)
-        found = self._of_model.get(key)
+        # The one that was used last is at the end, and is dropped last.
+        found = self._of_model.pop(key, None)
         if found is None:
             if self.reserve_risk is None:
                 found = planned_weather(self._on_segments(), model)
             else:
                 risk = EnergyRisk(self.reserve_risk, use_deviation)
                 found = weather_at_risk(self._on_segments(), model, risk)
-            most = max(1, _MOST_CACHED // max(1, found.time_factor.size))
+            most = max(1, self.most_cached // max(1, found.time_factor.size))
             for oldest in list(self._of_model)[: max(0, len(self._of_model) + 1 - most)]:
                 self._of_model.pop(oldest, None)
-            self._of_model[key] = found
+        self._of_model[key] = found
         return found
+
+    def planned_deviation(self, use_deviation: float) -> float:
+        """The deviation of the energy use that plans count for a drone with this one, or more."""
+        periods = len(self.forecast.edges_s) + len(FADING) + 1
+        fitting = self.most_cached // max(1, periods * len(self.network.columns.length_m))
+        if fitting >= _ROOMY:
+            return use_deviation
+        return next((each for each in _FEW_DEVIATIONS if each >= use_deviation), use_deviation)
 
     def in_error(
         self, model: DroneModel, ends: tuple[str, str], *, at_s: float, risk: EnergyRisk
