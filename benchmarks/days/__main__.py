@@ -43,13 +43,19 @@ def main(fly_day: Callable[[Trial], Coroutine[Any, Any, Day]] = fly) -> int:
         type=float,
         help="plan with a forecast whose wind is wrong by this standard error, metres per second",
     )
+    parser.add_argument(
+        "--reserve-risk",
+        type=float,
+        help="margins follow from this risk of a landing below the reserve, for example 0.01",
+    )
     given = parser.parse_args()
     error_mps = given.forecast_error_mps
     seeds = [int(each) for each in given.seeds.split(",")]
     about = (
         f"{given.deliveries} deliveries every {given.every_s:g} s, {given.drones} drones, "
         f"clock rate {given.clock_rate:g}, seeds {given.seeds}, "
-        f"forecast {'none' if error_mps is None else f'wrong by {error_mps:g} m/s'}"
+        f"forecast {'none' if error_mps is None else f'wrong by {error_mps:g} m/s'}, "
+        f"reserve risk {'none' if given.reserve_risk is None else f'{given.reserve_risk:g}'}"
     )
     print(f"{Machine.here().as_text()}; {about}\n", flush=True)
     rows: list[tuple[str, ...]] = []
@@ -66,6 +72,7 @@ def main(fly_day: Callable[[Trial], Coroutine[Any, Any, Day]] = fly) -> int:
                             clock_rate=given.clock_rate,
                             seed=seed,
                             error_mps=error_mps,
+                            reserve_risk=given.reserve_risk,
                         )
                     )
                 )

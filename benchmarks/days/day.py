@@ -30,7 +30,8 @@ _APART_M, _MASS_KG = (8_000.0, 45_000.0), (0.3, 2.0)
 class Trial:
     """What is flown; `every_s` is the fleet time between two requests, seconds.
 
-    With `error_mps` the network has a forecast that is wrong by so much; None is no forecast.
+    With `error_mps` the network has a forecast that is wrong by so much; None is no forecast. With
+    `reserve_risk` its margins follow from this risk.
     """
 
     scenario: str
@@ -40,6 +41,15 @@ class Trial:
     clock_rate: float
     seed: int
     error_mps: float | None = None
+    reserve_risk: float | None = None
+
+    def document(self, network: Network) -> dict[str, Any]:
+        """The network as it is published on this day."""
+        written = write_network(network)
+        if self.reserve_risk is None:
+            return written
+        settings = {**written.get("settings", {}), "reserve_risk": self.reserve_risk}
+        return {**written, "settings": settings}
 
 
 async def fly(trial: Trial) -> Day:
@@ -53,7 +63,7 @@ async def fly(trial: Trial) -> Day:
 
 async def _play(trial: Trial, player: Player) -> Day:
     network = texas_corridor()
-    await player.call("PUT", f"/v1/networks/{_NETWORK_ID}", write_network(network))
+    await player.call("PUT", f"/v1/networks/{_NETWORK_ID}", trial.document(network))
     chance = random.Random(trial.seed)
     await player.start_fleet(
         chance.choices(connected(network), k=trial.drones),

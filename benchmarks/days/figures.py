@@ -10,16 +10,18 @@ from typing import Any, Final, Self
 #: A state of charge may be reported so much too low, because sensors err.
 SENSOR_ERROR_SOC: Final = 0.005
 
-#: Packages that come later than `promised_at` by more than this count as late, minutes.
+#: Packages that come later by more than this count as late, minutes.
 _LATE_MIN: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class Day:
-    """The figures of a day; lateness is in minutes after `promised_at`."""
+    """The figures of a day; lateness is in minutes after `promised_at`, or after `due_at`."""
 
     states: Mapping[str, int]
     late_min: Sequence[float]
+    #: After the promise of each package: its P90, or `promised_at` if no P90 was known.
+    late_of_due_min: Sequence[float]
     #: For each package with a P90: whether it came by then.
     by_p90: Sequence[bool]
     #: New plans of each mission that was flown.
@@ -44,6 +46,7 @@ class Day:
         return Day(
             states=Counter(self.states) + Counter(other.states),
             late_min=[*self.late_min, *other.late_min],
+            late_of_due_min=[*self.late_of_due_min, *other.late_of_due_min],
             by_p90=[*self.by_p90, *other.by_p90],
             new_plans=[*self.new_plans, *other.new_plans],
             refused=self.refused + other.refused,
@@ -58,10 +61,12 @@ class Day:
     def row(self) -> tuple[str, ...]:
         """The day as cells of the table."""
         late = [each > _LATE_MIN for each in self.late_min]
+        late_of_due = [each > _LATE_MIN for each in self.late_of_due_min]
         return (
             ", ".join(f"{number} {state}" for state, number in sorted(self.states.items())),
             f"{_quantile(self.late_min, 0.5):.1f} / {_quantile(self.late_min, 0.9):.1f}",
             _share(late),
+            _share(late_of_due),
             f"{_share(self.by_p90)} of {len(self.by_p90)}",
             f"{statistics.fmean(self.new_plans):.1f}" if self.new_plans else "",
             f"{self.refused}",
@@ -76,7 +81,8 @@ class Day:
 HEADER: Final = (
     "deliveries",
     "late p50 / p90 min",
-    "later than 10 min",
+    "10 min later than planned",
+    "than promised",
     "by P90",
     "new plans a mission",
     "missions refused by drones",
@@ -109,6 +115,10 @@ def figures_of(
     return Day(
         states=Counter(each["state"] for each in deliveries),
         late_min=[_later_min(each["delivered_at"], each["promised_at"]) for each in delivered],
+        late_of_due_min=[
+            _later_min(each["delivered_at"], each["due_at"] or each["promised_at"])
+            for each in delivered
+        ],
         by_p90=[
             _later_min(each["delivered_at"], each["promised_p90_at"]) <= 0
             for each in delivered

@@ -139,9 +139,23 @@ def _offers(answer: dict[str, Any], names: dict[str, str]) -> Iterator[str]:
             by = f", nine of ten by {_moment(p90_at)}" if p90_at else ""
             place = places[package_id]
             yield f"   arrival  {_moment(package['eta_at'])}  {package_id} at {place}{by}"
+        yield from _margin(offer.get("margins", {}).get("risk"))
         kept = "its drones and pads are held until then" if offer["is_held"] else "nothing is held"
         yield f"   expires  {_moment(offer['expires_at'])} wall time; {kept}"
         yield f"   accept   skyway accept {quote_id} {offer['offer_id']}"
+
+
+def _margin(risk: dict[str, Any] | None) -> Iterator[str]:
+    """The line about an energy margin that follows from a risk; none if it is a constant."""
+    if risk is None:
+        return
+    way = "" if risk["from"] is None else f" from {risk['from']} to {risk['to']}"
+    is_most = risk["limited_by"] == "MOST"
+    kept = "the most, so the risk is larger than" if is_most else "for a risk of"
+    yield (
+        f"   margin   {risk['flight_margin']:.0%} more energy{way}: "
+        f"{kept} {100 * risk['reserve_risk']:.2g} % below the reserve"
+    )
 
 
 def _reasons(answer: dict[str, Any], names: dict[str, str]) -> Iterator[str]:

@@ -90,3 +90,13 @@ class Margins(WireModel):
             "network.",
         ),
     ] = None
+    late_share: Annotated[
+        float | None,
+        Field(
+            ge=0,
+            exclude_if=lambda value: value is None,
+            description="The lateness that nine of ten packages do not exceed by the error of the "
+            "forecast, as a share of the planned time. Promises use it until the lateness of the "
+            "provider's packages is known. Left out without a forecast.",
+        ),
+    ] = None

@@ -30,6 +30,8 @@ _MOST_PLACES: Final = 8
 _TOGETHER: Final = 1_000_000
 
 _M_PER_DEG: Final = 111_195.0
+#: The values of each segment.
+_VALUES: Final = ("along_mps", "across_mps", "gust_mps", "energy_factor", "error_mps")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,8 +138,18 @@ class SegmentWind:
         if not 0 <= period < len(self.edges_s) - 1:
             return None
         one = np.s_[period : period + 1, segment : segment + 1]
-        names = ("along_mps", "across_mps", "gust_mps", "energy_factor", "error_mps")
-        return replace(self, **{name: getattr(self, name)[one] for name in names})
+        return replace(self, **{name: getattr(self, name)[one] for name in _VALUES})
+
+    def of_flights(self, segments: Longs, at_s: Floats, *, least_error_mps: float) -> "SegmentWind":
+        """``(1, n)``: the wind of flights on these segments that begin at these moments.
+
+        Outside of all periods the nearest one counts. No stated error counts as the least error.
+        """
+        period = np.searchsorted(self.edges_s, at_s, side="right") - 1
+        period = period.clip(0, len(self.edges_s) - 2)
+        found = {name: getattr(self, name)[period, segments][None, :] for name in _VALUES}
+        error_mps = np.where(found["error_mps"] > 0.0, found["error_mps"], least_error_mps)
+        return replace(self, **(found | {"error_mps": error_mps}))
 
     def in_error(self, model: DroneModel, deviations: float) -> Floats:
         """``(p, n)``: by how much more energy flights need if the wind is wrong, as a logarithm.

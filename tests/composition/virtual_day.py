@@ -32,10 +32,10 @@ from benchmarks.days.forecast import forecast_of
 from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.mission_reports import MissionReport
 from skyway.contracts.weather import ForecastDocument
+from skyway.delivery.lateness import later_by_s
 from skyway.delivery.request import DeliveryRequest
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.network.bundled import texas_corridor
-from skyway.network.geojson import write_network
 from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.migrations import migrate
@@ -70,13 +70,15 @@ class DayWorld(BusyWorld):
         self.network = texas_corridor()
         self.chance = random.Random(trial.seed)
         self.day = changed(read_scenario(trial.scenario), {"seed": trial.seed})
-        #: When each package was planned to come at its booking.
+        #: When each package was planned to come at its booking, and its P90 as the gateway makes it
+        #: before it has learned anything. Without a forecast it is the same.
         self.promised: dict[str, datetime] = {}
+        self.due: dict[str, datetime] = {}
         self._waiting: list[str] = []
 
     async def add_network(self, tx: Tx) -> None:
         """Add the bundled corridor."""
-        content = await read_content(write_network(self.network))
+        content = await read_content(self.trial.document(self.network))
         row = VersionRow(NETWORK_ID, 1, content.sha256, self.now_ms)
         await add_version(tx, row, content=content.geojson)
         await replace_stations(tx, NETWORK_ID, content.network.stations.values())
@@ -147,8 +149,13 @@ class DayWorld(BusyWorld):
             async with self.db.read() as connection:
                 records = await page(connection, MissionFilter(), before=None, limit=10_000)
             for record in records:
+                share = record.mission.margins.late_share or 0.0
                 for each in record.mission.packages:
-                    self.promised.setdefault(each.package_id, each.eta_at)
+                    if each.package_id not in self.promised:
+                        planned_s = (each.eta_at - record.mission.start_at).total_seconds()
+                        later = timedelta(seconds=later_by_s(planned_s, share))
+                        self.promised[each.package_id] = each.eta_at
+                        self.due[each.package_id] = each.eta_at + later
             await self.keep_calendars()
         booked = self.promised.keys()
         self._waiting = [
@@ -177,7 +184,15 @@ class DayWorld(BusyWorld):
                 (at - self.promised[package_id]).total_seconds() / 60
                 for package_id, at in delivered.items()
             ],
-            by_p90=[],
+            late_of_due_min=[
+                (at - self.due[package_id]).total_seconds() / 60
+                for package_id, at in delivered.items()
+            ],
+            by_p90=[
+                at <= self.due[package_id]
+                for package_id, at in delivered.items()
+                if self.due[package_id] != self.promised[package_id]
+            ],
             new_plans=[
                 each.mission.revision - 1 for each in records if each.mission.state != "REFUSED"
             ],

@@ -126,6 +126,8 @@ class FakeComposition:
     is_busy: bool = False
     has_networks: bool = True
     reasons: list[ProviderReason] = field(default_factory=list)
+    #: The margins of every mission.
+    margins: Margins = field(default_factory=Margins)
     #: How many packages one trip carries; each trip uses another candidate.
     packages_per_trip: int = 100
     #: The pickup of first bookings, and how far it is from that of the request.
@@ -237,7 +239,7 @@ class FakeComposition:
                 provider_id=candidate.provider_id,
                 trip=trip,
                 pickup=self.near_pickup if requested.attempt == 1 else None,
-            )
+            ).model_copy(update={"margins": self.margins})
             for trip, (group, candidate) in enumerate(
                 zip(groups, requested.candidates, strict=False), start=1
             )

@@ -42,6 +42,15 @@ export function money({amount, currency}) {
   return format.format(amount / 10 ** format.resolvedOptions().maximumFractionDigits);
 }
 
+// What an energy margin is made of that follows from an accepted risk; "" if it is a constant.
+export function marginText({risk} = {}) {
+  if (!risk) return "";
+  const way = risk.from ? ` from ${stationName(risk.from)} to ${stationName(risk.to)}` : "";
+  const kept = risk.limited_by === "MOST" ? "the most, so the risk is larger than" : "for a risk of";
+  const accepted = Number((risk.reserve_risk * 100).toPrecision(2));
+  return `${percent(risk.flight_margin)} more energy${way}: ${kept} ${accepted} % below the reserve`;
+}
+
 // The ends of ids differ, their beginnings hardly do.
 export const shortId = (id) => (id.length > 12 ? `…${id.slice(-6)}` : id);
 

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
+from skyway.contracts.margins import Margins
 from skyway.delivery.lateness import PackageArrival, late_share
 from skyway.ids import NetworkId, ProviderId
 from skyway.runtime.clock import FleetClock, fleet_margin
@@ -22,6 +23,7 @@ _MOST_AT_START: Final = 50_000
 _LOOK_BACK: Final = (600.0, 30.0)
 
 _Providers = dict[ProviderId, deque[PackageArrival]]
+_Listed = dict[ProviderId, list[PackageArrival]]
 
 
 def _no_arrivals() -> deque[PackageArrival]:
@@ -44,23 +46,45 @@ class LatenessForecast:
     _arrivals: dict[NetworkId | None, _Providers] = field(
         default_factory=lambda: defaultdict(_no_providers)
     )
+    #: The same of packages whose customers allow more lateness. The dispatcher may have planned
+    #: them later, so they count only if too few others have come.
+    _allowing: dict[NetworkId | None, _Providers] = field(
+        default_factory=lambda: defaultdict(_no_providers)
+    )
     #: The answers of `late_share` since the last arrival in a network.
     _shares: dict[NetworkId | None, dict[ProviderId, float | None]] = field(default_factory=dict)
     #: The packages of the last read, and the last moment in it.
     _seen: frozenset[tuple[str, str]] = frozenset()
     _last_ms: int = 0
 
-    def late_share(self, network_id: NetworkId | None, provider_id: ProviderId) -> float | None:
+    def late_share(
+        self,
+        network_id: NetworkId | None,
+        provider_id: ProviderId,
+        margins: Iterable[Margins] = (),
+    ) -> float | None:
         """The lateness that nine of ten packages do not exceed, as a share of the planned time.
 
         It is learned from the provider's packages in this network. A provider with few packages
-        borrows from the other providers of the network. None if it is not known.
+        borrows from the other providers of the network. If too few packages have come, it is what
+        the `margins` of the plans say about their weather. None if it is not known.
         """
+        learned = self._learned_share(network_id, provider_id)
+        if learned is not None:
+            return learned
+        return max((each.late_share for each in margins if each.late_share), default=None)
+
+    def _learned_share(self, network_id: NetworkId | None, provider_id: ProviderId) -> float | None:
         shares = self._shares.setdefault(network_id, {})
         if provider_id not in shares:
-            providers = self._arrivals.get(network_id, {})
-            others = [[*each] for name, each in providers.items() if name != provider_id]
-            shares[provider_id] = late_share([*providers.get(provider_id, ())], others)
+            strict = _by_provider(self._arrivals.get(network_id, {}))
+            share = _share_of(provider_id, strict)
+            if share is None:
+                every = _by_provider(self._allowing.get(network_id, {}))
+                for name, arrivals in strict.items():
+                    every[name] = [*every.get(name, ()), *arrivals]
+                share = _share_of(provider_id, every)
+            shares[provider_id] = share
         return shares[provider_id]
 
     async def step(self) -> bool:
@@ -77,8 +101,18 @@ class LatenessForecast:
 
     def _note(self, rows: Iterable[AnyRow]) -> None:
         for row in rows:
-            self._arrivals[row.network_id][row.provider_id].append(_arrival(row))
+            arrivals = self._allowing if row.allows_more else self._arrivals
+            arrivals[row.network_id][row.provider_id].append(_arrival(row))
             self._shares.pop(row.network_id, None)
+
+
+def _by_provider(providers: _Providers) -> _Listed:
+    return {name: [*each] for name, each in providers.items()}
+
+
+def _share_of(provider_id: ProviderId, arrivals: _Listed) -> float | None:
+    others = [each for name, each in arrivals.items() if name != provider_id]
+    return late_share(arrivals.get(provider_id, []), others)
 
 
 def _key(row: AnyRow) -> tuple[str, str]:
@@ -90,5 +124,6 @@ def _arrival(row: AnyRow) -> PackageArrival:
     return PackageArrival(
         planned_s=max(0, row.promised_ms - row.start_ms) / 1000,
         late_s=(row.delivered_ms - row.promised_ms) / 1000,
-        was_covered=None if p90_ms is None else row.delivered_ms <= p90_ms,
+        # A package that the dispatcher may plan later says nothing about the promise.
+        was_covered=None if p90_ms is None or row.allows_more else row.delivered_ms <= p90_ms,
     )

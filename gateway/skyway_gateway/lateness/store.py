@@ -13,6 +13,7 @@ from sqlalchemy import (
     bindparam,
     case,
     func,
+    not_,
     or_,
     select,
     true,
@@ -44,6 +45,7 @@ _LAST: Final = (
         missions.c.start_ms,
         missions.c.provider_id,
         deliveries.c.network_id,
+        not_(IS_DUE_AS_PROMISED).label("allows_more"),
     )
     .join(missions, missions.c.mission_id == packages.c.mission_id)
     .join(deliveries, deliveries.c.delivery_id == packages.c.delivery_id)
@@ -51,14 +53,13 @@ _LAST: Final = (
         packages.c.delivered_ms >= bindparam("since_ms", type_=BigInteger),
         packages.c.promised_ms.is_not(None),
         missions.c.start_ms.is_not(None),
-        IS_DUE_AS_PROMISED,
     )
     .order_by(packages.c.delivered_ms.desc(), packages.c.delivery_id, packages.c.package_id)
     .limit(bindparam("most", type_=Integer))
     .subquery("last")
 )
 _place: Final = func.row_number().over(
-    partition_by=(_LAST.c.network_id, _LAST.c.provider_id),
+    partition_by=(_LAST.c.network_id, _LAST.c.provider_id, _LAST.c.allows_more),
     order_by=(_LAST.c.delivered_ms.desc(), _LAST.c.delivery_id, _LAST.c.package_id),
 )
 _RANKED: Final = select(_LAST, _place.label("place")).subquery("ranked")
@@ -75,7 +76,7 @@ async def delivered_since(
     """The packages that were delivered at `since_ms` of fleet time or later, oldest first.
 
     The `most` last packages are read. Of each provider in each network at most the last
-    `MOST_OF_PROVIDER` are kept.
+    `MOST_OF_PROVIDER` are kept, and as many of those whose customers allow more lateness.
     """
     found = await connection.execute(_DELIVERED, {"since_ms": since_ms, "most": most})
     return found.all()

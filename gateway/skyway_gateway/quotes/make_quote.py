@@ -196,7 +196,7 @@ class QuoteMaker:
     ) -> Offer:
         """The offer with the arrival times that are promised."""
         network_id = self.networks.network_of(request.pickup.station_id)
-        share = self.forecast.late_share(network_id, terms.provider_id)
+        share = self.forecast.late_share(network_id, terms.provider_id, [terms.margins])
         last_at = max(each.eta_at for each in terms.packages)
         start_at = last_at - timedelta(seconds=terms.delivery_time_s)
         packages = []

@@ -1,6 +1,7 @@
 """A closure, the part of a network that it reaches, and the missions that it affects."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Annotated, Literal, Protocol
 
@@ -11,6 +12,7 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import (
     ClosureId,
+    ConnectorId,
     DeliveryId,
     DroneId,
     DroneModelId,
@@ -166,8 +168,9 @@ class Reach:
     """A closure with the stations and segments of the network that it closes.
 
     No drone may land at `stations`. For a ground stop no drone may take off there, and None means
-    everywhere. A drone may be `late_ms` late without a new plan. `what` names in words what is
-    closed, for the case that a new version of the network has removed it.
+    everywhere. The pads of the stations in `pads_now_with` have only these connectors from now on.
+    A drone may be `late_ms` late without a new plan. `what` names in words what is closed, for the
+    case that a new version of the network has removed it.
     """
 
     closure: Closure
@@ -175,6 +178,7 @@ class Reach:
     segments: frozenset[SegmentEnds] = frozenset()
     late_ms: int = 0
     what: str | None = None
+    pads_now_with: Mapping[StationId, frozenset[ConnectorId]] = field(default_factory=dict)
 
 
 class WeatherOfModels(Protocol):

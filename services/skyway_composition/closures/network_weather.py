@@ -2,8 +2,12 @@
 
 import asyncio
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from statistics import NormalDist
 from typing import Final, NamedTuple
+
+import numpy as np
 
 from skyway.contracts.weather import (
     ForecastDocument,
@@ -11,11 +15,13 @@ from skyway.contracts.weather import (
     WeatherInForce,
     WeatherNote,
 )
-from skyway.drone.learned_values import UNKNOWN_USE
+from skyway.delivery.lateness import COVERED
+from skyway.delivery.plan import Fly
+from skyway.drone.learned_values import DEVIATION_BOUNDS, UNKNOWN_USE
 from skyway.drone.model import DroneModel
 from skyway.ids import NetworkId
 from skyway.network.network import Network
-from skyway.planner.energy_risk import EnergyRisk
+from skyway.planner.energy_risk import FORECAST_ERROR_MPS, EnergyRisk
 from skyway.planner.forecast import (
     FADING,
     FADING_S,
@@ -34,9 +40,18 @@ from skyway_composition.closures.read_forecast import (
     place_count,
 )
 
+#: So many standard deviations cover nine of ten errors.
+_OF_TEN: Final = NormalDist().inv_cdf(COVERED)
+#: The largest share by which a flight counts as longer. Our own choice.
+_MOST_LATE: Final = 1.0
+
 #: The most time factors that are cached, of all drone models. With as many energy factors they take
 #: 384 MB.
-_MOST_CACHED: Final = 24_000_000
+MOST_CACHED: Final = 24_000_000
+#: If the weather of fewer drones fits into the cache, plans use these deviations of the energy use
+#: only, rounded up: otherwise the weather of each deviation would be computed again and again.
+_ROOMY: Final = 50
+_FEW_DEVIATIONS: Final = (0.04, UNKNOWN_USE, 0.14, DEVIATION_BOUNDS[1])
 
 
 class ForecastRow(NamedTuple):
@@ -113,6 +128,7 @@ class NetworkWeather:
     network: Network
     forecast: Forecast
     reserve_risk: float | None = None
+    most_cached: int = MOST_CACHED
     _wind: SegmentWind | None = None
     _of_model: dict[object, Weather] = field(default_factory=dict)
 
@@ -151,6 +167,10 @@ class NetworkWeather:
         """The forecast that a plan from this moment names; None if it is over by then."""
         return self.stored.note if at_ms < self.over_ms else None
 
+    def counts_from(self, at_ms: int) -> bool:
+        """Whether plans from this moment differ from plans in still air."""
+        return at_ms < self.over_ms or self.reserve_risk is not None
+
     def least_time_factor(self, model: DroneModel) -> float:
         """A lower bound of the time factors of this model, found without looking at segments.
 
@@ -168,7 +188,7 @@ class NetworkWeather:
         With a `reserve_risk` it is never None: after the end of a forecast flights have the margin
         that they have without a forecast.
         """
-        if start_ms >= self.over_ms and self.reserve_risk is None:
+        if not self.counts_from(start_ms):
             return None
         if self._key(model, use_deviation) not in self._of_model:
             await asyncio.to_thread(self.of_model, model, use_deviation)
@@ -177,18 +197,27 @@ class NetworkWeather:
     def of_model(self, model: DroneModel, use_deviation: float = UNKNOWN_USE) -> Weather:
         """The weather for drones of this model, by seconds of fleet time since 1970."""
         key = self._key(model, use_deviation)
-        found = self._of_model.get(key)
+        # The one that was used last is at the end, and is dropped last.
+        found = self._of_model.pop(key, None)
         if found is None:
             if self.reserve_risk is None:
                 found = planned_weather(self._on_segments(), model)
             else:
                 risk = EnergyRisk(self.reserve_risk, use_deviation)
                 found = weather_at_risk(self._on_segments(), model, risk)
-            most = max(1, _MOST_CACHED // max(1, found.time_factor.size))
+            most = max(1, self.most_cached // max(1, found.time_factor.size))
             for oldest in list(self._of_model)[: max(0, len(self._of_model) + 1 - most)]:
                 self._of_model.pop(oldest, None)
-            self._of_model[key] = found
+        self._of_model[key] = found
         return found
+
+    def planned_deviation(self, use_deviation: float) -> float:
+        """The deviation of the energy use that plans count for a drone with this one, or more."""
+        periods = len(self.forecast.edges_s) + len(FADING) + 1
+        fitting = self.most_cached // max(1, periods * len(self.network.columns.length_m))
+        if fitting >= _ROOMY:
+            return use_deviation
+        return next((each for each in _FEW_DEVIATIONS if each >= use_deviation), use_deviation)
 
     def in_error(
         self, model: DroneModel, ends: tuple[str, str], *, at_s: float, risk: EnergyRisk
@@ -199,6 +228,24 @@ class NetworkWeather:
         if wind is None:
             return risk.in_climate(model)
         return float(wind.in_error(model, risk.deviations)[0, 0])
+
+    def late_share(
+        self, model: DroneModel, flights: Sequence[Fly], *, start_ms: int
+    ) -> float | None:
+        """The lateness that the error of the forecast explains, as a share of the planned time.
+
+        Nine of ten flights take no longer if the wind is wrong by a normal error. Charging for them
+        takes longer by the same share, since the energy of a flight goes with its time. None if the
+        forecast is over when the plan begins, or without a flight.
+        """
+        if not flights or start_ms >= self.over_ms:
+            return None
+        segments = segment_rows(self.network, [(each.from_id, each.to_id) for each in flights])
+        at_s = start_ms / 1000 + np.array([each.start_s for each in flights])
+        wind = self._on_segments().of_flights(segments, at_s, least_error_mps=FORECAST_ERROR_MPS)
+        longer = np.expm1(np.minimum(wind.in_error(model, _OF_TEN)[0], math.log(1 + _MOST_LATE)))
+        lasting_s = np.array([each.end_s - each.start_s for each in flights])
+        return round(float(np.average(longer, weights=np.maximum(lasting_s, 1.0))), 4)
 
     def _on_segments(self) -> SegmentWind:
         if self._wind is None:

@@ -1,6 +1,6 @@
 """Publish a network: its version changes exactly when its content changes.
 
-Missions that use a station, segment or airspace that the new version takes away are replanned.
+Missions that use a station, segment, connector or airspace that is taken away are replanned.
 `NetworkVersions` publishes the current versions over MQTT: retained, on change and on connect.
 """
 
@@ -13,7 +13,7 @@ from typing import Any
 
 from skyway.contracts.topics import NETWORK_VERSION
 from skyway.contracts.world import NetworkVersion
-from skyway.ids import ClosureId, NetworkId, StationId
+from skyway.ids import ClosureId, ConnectorId, NetworkId, StationId
 from skyway.network.geojson import read_network, write_network
 from skyway.network.network import Network, Zone
 from skyway.planner.airspace import Airspace, SegmentEnds
@@ -173,9 +173,10 @@ async def _refuse_dropped_reservations(tx: Tx, network_id: NetworkId, network: N
 
 
 def losses(old: PreparedNetwork, new: Network, *, now_ms: int) -> tuple[Reach, ...]:
-    """Removed stations and segments and added zones, each in the form of a closure's reach.
+    """What the new version takes away, each in the form of a closure's reach.
 
-    Reserved pads are not among them, because `publish` refuses to remove a reserved pad.
+    Removed stations, segments and connectors of pads, and added zones; not reserved pads, because
+    `publish` refuses to remove one.
     """
     late_ms = round(old.settings.tolerated_lateness_s * 1000)
     return tuple(_losses(old.network_id, old.network, new, now_ms=now_ms, late_ms=late_ms))
@@ -200,6 +201,13 @@ def _losses(
             segments=segments,
             late_ms=late_ms,
             what=f"no longer in the network: {_named(ways)}",
+        )
+    unfit = _with_fewer_connectors(old, new)
+    if unfit:
+        yield Reach(
+            _closure("PAD", network_id, now_ms),
+            what=f"the pads have other connectors now: {_named(unfit)}",
+            pads_now_with=unfit,
         )
     previous = {zone.zone_id: zone for zone in old.zones}
     added = [zone for zone in new.zones if previous.get(zone.zone_id) != zone]
@@ -227,6 +235,19 @@ def _closure(
         made_ms=now_ms,
         until_ms=None if ends_at is None else moment_to_ms(ends_at),
     )
+
+
+def _with_fewer_connectors(
+    old: Network, new: Network
+) -> Mapping[StationId, frozenset[ConnectorId]]:
+    """The stations whose pads fit fewer drones than before, with the connectors they have now."""
+    before = old.pad_connectors.of_station
+    return {
+        station_id: connectors
+        for station_id, connectors in new.pad_connectors.of_station.items()
+        if station_id in old.row_of
+        and (station_id not in before or not before[station_id] <= connectors)
+    }
 
 
 def _ends(network: Network) -> frozenset[SegmentEnds]:

@@ -35,8 +35,10 @@ class ClosedAhead:
 
     @classmethod
     def of(cls, world: World, *, now_ms: int) -> Self:
-        """All that is closed in a world, now or later."""
-        closed = cls(world.skyway.network, world.conditions.weather)
+        """All that is closed in a world, now or later; after its end a forecast closes nothing."""
+        known = world.conditions.weather
+        is_over = known is None or now_ms >= known.over_ms
+        closed = cls(world.skyway.network, None if is_over else known)
         closed._use_deviation = world.use_deviation
         closed.add(world.conditions.problem_closures(now_ms), start_ms=now_ms)
         closed.add_zones(world.skyway.airspace.reaches)

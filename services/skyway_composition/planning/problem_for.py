@@ -236,15 +236,14 @@ def margins_of(
     """
     margins, risk = world.skyway.settings.margins, world.risk
     found: dict[str, object] = {"energy_margin": max(world.energy_margin(model), energy_margin)}
+    flights = [step for step in plan.steps if isinstance(step, Fly)]
+    if (known := world.conditions.weather) is not None:
+        found["late_share"] = known.late_share(model, flights, start_ms=start_ms)
     if risk is not None:
-        flights = [step for step in plan.steps if isinstance(step, Fly)]
         in_wind = [_in_wind(world, model, risk, each, start_ms=start_ms) for each in flights]
         most = max(range(len(flights)), key=in_wind.__getitem__, default=None)
-        found["risk"] = _risk_margin(
-            risk,
-            0.0 if most is None else in_wind[most],
-            None if most is None else flights[most],
-        )
+        largest = (0.0, None) if most is None else (in_wind[most], flights[most])
+        found["risk"] = _risk_margin(risk, *largest)
     return margins.model_copy(update=found)
 
 

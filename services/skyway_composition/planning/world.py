@@ -76,7 +76,10 @@ class World:
         """The same world for plans of the drone about which this was learned."""
         if self.risk is None:
             return self
-        return replace(self, use_deviation=learned.still_air_deviation)
+        deviation = learned.still_air_deviation
+        if self.conditions.weather is not None:
+            deviation = self.conditions.weather.planned_deviation(deviation)
+        return replace(self, use_deviation=deviation)
 
     def energy_margin(self, model: DroneModel) -> float:
         """The share of energy that plans of this model add to all flights.

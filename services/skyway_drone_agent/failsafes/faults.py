@@ -11,7 +11,7 @@ from skyway_drone_agent.failsafes.failsafe import Situation, in_order_of_danger
 
 #: A fault begins when a predicted charge is this much below its limit, and ends when it is this
 #: much above.
-_SOC_MARGIN: Final = 0.005
+SOC_MARGIN: Final = 0.005
 
 #: Rounding of a predicted charge: plans may land with exactly what they must keep.
 _SOC_ROUNDING: Final = 0.001
@@ -63,7 +63,7 @@ _HINTS: Final[dict[Failsafe, str]] = {
     Failsafe.ASK: "the drone asks for another plan",
     Failsafe.WAIT_THEN_ASK: "the drone waits for a while, then it asks for another plan",
     Failsafe.LAND_AT_NEXT: "the drone does not take off until the fault ends",
-    Failsafe.DIVERT: "the drone flies to the nearest landing in reach and waits there",
+    Failsafe.DIVERT: "the drone flies to a safe landing and waits there",
     Failsafe.LAND_NOW: "the drone lands on the spot, and people must fetch it",
 }
 
@@ -112,11 +112,11 @@ def empty_soc(reserve_soc: float) -> float:
 
 
 def _is_low(signs: Signs) -> bool:
-    return signs.soc_at_landing < signs.reserve_soc - _SOC_MARGIN
+    return signs.soc_at_landing < signs.reserve_soc - SOC_MARGIN
 
 
 def _is_not_high(signs: Signs) -> bool:
-    return signs.soc_at_landing < signs.reserve_soc + _SOC_MARGIN
+    return signs.soc_at_landing < signs.reserve_soc + SOC_MARGIN
 
 
 def _is_short(signs: Signs) -> bool:

@@ -22,6 +22,7 @@ from skyway_drone_agent.failsafes.failsafe import (
     situation_of,
 )
 from skyway_drone_agent.failsafes.faults import (
+    SOC_MARGIN,
     FaultMonitor,
     Signs,
     in_words,
@@ -29,7 +30,7 @@ from skyway_drone_agent.failsafes.faults import (
     numbers_behind,
 )
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder, NewsOrMoment
-from skyway_drone_agent.journal.logbook import CurrentMission, run_under_way
+from skyway_drone_agent.journal.logbook import CurrentMission, Escape, run_under_way
 from skyway_drone_agent.journal.mission_changes import Place, descent, flight_to
 from skyway_drone_agent.journal.records import FailsafeBegun, FaultEnded, HealthLearned
 from skyway_drone_agent.link.events import EventWriter
@@ -200,8 +201,12 @@ class Rescue:
         match run.step, failsafe:
             case FlyStep() as flight, Failsafe.DIVERT | Failsafe.LAND_NOW:
                 escape = mission.escape
-                if escape is None or is_severer(failsafe, escape.failsafe):
-                    landing = _landing_for(fault, failsafe, assessment, mission)
+                if (
+                    escape is None
+                    or is_severer(failsafe, escape.failsafe)
+                    or (failsafe is Failsafe.DIVERT and _goes_on(escape, flight))
+                ):
+                    landing = self._landing_for(fault, failsafe, assessment, mission)
                     other = self._other_flight(run, flight, landing, at=assessment.at)
                     self._turn(run, other, fault=fault, failsafe=failsafe)
             case RechargeStep(), Failsafe.WAIT_THEN_ASK:
@@ -246,21 +251,45 @@ class Rescue:
             )
         )
 
+    def _landing_for(
+        self, fault: Fault, failsafe: Failsafe, assessment: Assessment, mission: CurrentMission
+    ) -> Place | None:
+        """The landing to fly to; None means on the spot, for LAND_NOW only.
 
-def _landing_for(
-    fault: Fault, failsafe: Failsafe, assessment: Assessment, mission: CurrentMission
-) -> Place | None:
-    """The landing to fly to: with a short battery the one with most charge left, else the nearest.
+        With a short battery it is the landing with most charge left. A drone that has left its
+        course for the first time flies to the end of its flight, if it gets there with its reserve:
+        the straight way leads back into the corridor. Otherwise it is the nearest safe landing. A
+        drone without a safe landing flies straight to the landing of its plan.
+        """
+        if failsafe is Failsafe.LAND_NOW:
+            return None
+        safe, in_reach = assessment.safe_landings, assessment.landings_in_reach
+        if in_reach and fault is Fault.BATTERY_SHORT:
+            return max(in_reach, key=lambda one: (one.soc_at_landing, one.station_id))
+        if fault is Fault.GEOFENCE and mission.escape is None:
+            ahead = self._end_in_reach(assessment, mission)
+            if ahead is not None:
+                return ahead
+        if safe:
+            return safe[0]
+        planned = next(step for step in mission.steps if isinstance(step, FlyStep) and step.lands)
+        return Landing(planned.to_id, planned.to_position)
 
-    None means on the spot, for LAND_NOW only. A diverted drone without a safe landing flies
-    straight to the landing of its plan.
+    def _end_in_reach(self, assessment: Assessment, mission: CurrentMission) -> Place | None:
+        """The end of the flight under way, if the drone lands there with its reserve."""
+        flight = next(step for step in mission.steps if isinstance(step, FlyStep))
+        ends = assessment.reach.landings_in_reach(
+            [Landing(flight.to_id, flight.to_position)],
+            position=assessment.position,
+            load_kg=assessment.load_kg,
+        )
+        least_soc = self._vehicle.model.reserve_soc - SOC_MARGIN
+        return next((one for one in ends if one.is_safe and one.soc_at_landing >= least_soc), None)
+
+
+def _goes_on(escape: Escape, flight: FlyStep) -> bool:
+    """Whether a drone that left its course flies on to the end of its flight.
+
+    If it leaves the straight way to that end too, or its battery becomes short, it turns once more.
     """
-    if failsafe is Failsafe.LAND_NOW:
-        return None
-    safe, in_reach = assessment.safe_landings, assessment.landings_in_reach
-    if in_reach and fault is Fault.BATTERY_SHORT:
-        return max(in_reach, key=lambda one: (one.soc_at_landing, one.station_id))
-    if safe:
-        return safe[0]
-    planned = next(step for step in mission.steps if isinstance(step, FlyStep) and step.lands)
-    return Landing(planned.to_id, planned.to_position)
+    return escape.fault is Fault.GEOFENCE and flight.to_id == escape.instead_of.to_id

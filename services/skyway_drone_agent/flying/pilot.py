@@ -214,6 +214,9 @@ def _end_of_step(run: StepRun, outcome: Outcome, logbook: Logbook) -> _EndFields
         "code": outcome.code,
     }
     escape = mission.escape if mission else None
+    if escape is not None and isinstance(step, FlyStep) and escape.leads_back(step):
+        # The drone lands as planned, and goes on with its plan.
+        escape = None
     if escape is not None:
         fields |= _escaped(escape)
     if outcome.elsewhere is not None:

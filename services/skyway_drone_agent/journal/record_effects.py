@@ -170,6 +170,7 @@ def _step_ended(logbook: Logbook, mission: CurrentMission, event: DroneEvent) ->
         "steps": tuple(remaining),
         "began_at": None,
         "changed_at": None,
+        "escape": None,
         "flown_before": None,
         "free_at": event.ended_at,
     }

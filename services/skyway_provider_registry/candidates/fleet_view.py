@@ -8,7 +8,8 @@ columns.
 """
 
 import asyncio
-from collections.abc import Iterable, Mapping
+from collections.abc import AsyncIterator, Iterable, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -207,6 +208,7 @@ class FleetView:
         self._models: Mapping[DroneModelId, DroneModel] = {}
         self._fleet = Fleet({}, FleetColumns(networks))
         self._refreshing = asyncio.Lock()
+        self._reading = asyncio.Lock()
         # Refreshes are counted when they begin, and again when they have succeeded.
         self._begun = self._finished = 0
 
@@ -220,6 +222,13 @@ class FleetView:
                 await self._read_changes()
                 self._finished = self._begun
         return self._fleet
+
+    @asynccontextmanager
+    async def unchanged(self) -> AsyncIterator[Fleet]:
+        """The fleets as `refreshed` finds them; they stay so until the end of the block."""
+        await self.refreshed()
+        async with self._reading:
+            yield self._fleet
 
     async def _read_changes(self) -> None:
         seen, providers, columns = self._seen, self._fleet.providers, self._fleet.columns
@@ -236,6 +245,7 @@ class FleetView:
             if any(row.drone_id not in columns for row in rows):
                 self._models = await every_model(connection)
         networks = columns.networks
-        columns.put(store.cached_drone(row, self._models, networks) for row in rows)
-        self._fleet = Fleet(providers, columns)
-        self._seen = now
+        async with self._reading:
+            columns.put(store.cached_drone(row, self._models, networks) for row in rows)
+            self._fleet = Fleet(providers, columns)
+            self._seen = now

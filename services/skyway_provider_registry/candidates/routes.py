@@ -31,7 +31,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.network_drones import count_drones
-from skyway_provider_registry.candidates.selection import payload_limit, select
+from skyway_provider_registry.candidates.selection import payload_limit, select_each
 from skyway_provider_registry.fleets import store as fleets
 
 
@@ -40,12 +40,10 @@ def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -
     router = ServiceRouter(tags=("internal",))
 
     async def select_now(queries: Sequence[CandidateQuery]) -> tuple[Candidates, ...]:
-        """An answer to each question; nothing is awaited between them, so the fleets stay alike."""
-        fleet = await view.refreshed()
-        wall_now_ms, now_ms = moment_to_ms(clock.wall_now()), moment_to_ms(clock.now())
-        return tuple(
-            select(query, fleet, wall_now_ms=wall_now_ms, now_ms=now_ms) for query in queries
-        )
+        """An answer to each question, all from the same fleets."""
+        async with view.unchanged() as fleet:
+            wall_now_ms, now_ms = moment_to_ms(clock.wall_now()), moment_to_ms(clock.now())
+            return await select_each(queries, fleet, wall_now_ms=wall_now_ms, now_ms=now_ms)
 
     @router.post("/internal/candidates", response_model=Candidates)
     async def find_candidates(

@@ -1,5 +1,6 @@
 """Which drones could fly a request: the nearest able ones, fairly over the providers."""
 
+import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -51,6 +52,17 @@ _PASSING: Final = [1 + _OBSTACLES.index(code) for code in ("BUSY", "LOW_CHARGE")
 
 #: This many nearest drones include enough drones of most providers.
 _WORTH_RANKING: Final = 4 * MAX_CANDIDATES
+
+
+async def select_each(
+    queries: Sequence[CandidateQuery], fleet: Fleet, *, wall_now_ms: int, now_ms: int
+) -> tuple[Candidates, ...]:
+    """The choice of each query; other work goes on between two of them, while the fleet stays."""
+    found: list[Candidates] = []
+    for query in queries:
+        found.append(select(query, fleet, wall_now_ms=wall_now_ms, now_ms=now_ms))
+        await asyncio.sleep(0)
+    return tuple(found)
 
 
 def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int, now_ms: int) -> Candidates:

@@ -38,8 +38,9 @@ _REMEMBERED: Final = 20
 #: An observation further from the mean than this counts as so far away (Huber 1964).
 _FARTHEST: Final = 0.25
 
-#: A drone that is better than its model is planned as such after so many flights or recharges:
-#: then its plans carry less charge, and its offers cost less.
+#: A drone that is better than its model, or steadier than a drone that has not flown, is planned as
+#: such after so many flights or recharges: then its plans carry less charge, and its offers cost
+#: less.
 _EVIDENCE: Final = 20
 
 
@@ -107,11 +108,14 @@ class Learned:
     def planned(self) -> LearnedValues:
         """The values that plans use."""
         flying, charging = self.still_air_factor, self.charge_rate_factor
+        deviation = math.sqrt(self.still_air_variance)
         values = LearnedValues.in_steps(
             still_air_factor=flying if self.flights >= _EVIDENCE else max(1.0, flying),
             state_of_health=self.state_of_health,
             charge_rate_factor=charging if self.recharges >= _EVIDENCE else min(1.0, charging),
-            still_air_deviation=math.sqrt(self.still_air_variance),
+            still_air_deviation=(
+                deviation if self.flights >= _EVIDENCE else max(UNKNOWN_USE, deviation)
+            ),
         )
         # The same object for all such drones: selection compares it without looking into it.
         return AS_MODELLED if values == AS_MODELLED else values
@@ -207,6 +211,7 @@ class LearnedDrone(JsonModel):
         LearnedValues,
         Field(
             description="what plans use: in steps of 0.05, rounded to the worse one; better than "
-            "the model only after 20 flights or recharges; the deviation in steps of 0.02"
+            "the model only after 20 flights or recharges; the deviation in steps of 0.02, below "
+            "0.08 only after 20 flights"
         ),
     ]

@@ -1,11 +1,13 @@
 """`reserve_risk` of a network: the energy margin of each flight follows from it."""
 
 import math
+from dataclasses import replace
 from datetime import timedelta
 from typing import Any
 
 import numpy as np
 import pytest
+from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.lower_bounds import LowerBounds
 from skyway_composition.planning.world import World
 from skyway_drone_agent.flying.step_checks import shortfall_of
@@ -15,6 +17,7 @@ from skyway.contracts.quote import QuoteQuery
 from skyway.contracts.shortlist import Shortlist
 from skyway.drone.flight import flight_energy_j
 from skyway.planner.energy_risk import MODEL_DEVIATION, EnergyRisk
+from skyway.units import moment_to_ms
 from tests.composition.planning.test_plan_offers import offers_of
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
@@ -189,3 +192,62 @@ async def test_an_impossible_risk_is_refused_with_its_name(
 
     assert answer.status_code == 422
     assert "reserve_risk" in answer.text
+
+
+async def test_a_plan_says_how_late_the_error_of_its_forecast_may_make_it(
+    composition: Any, make: Any
+) -> None:
+    calm, _ = await booked(composition, make.candidate(1))
+    await forecast(composition, error_mps=1.0)
+    sure, _ = await booked(composition, make.candidate(2))
+    await forecast(composition, error_mps=3.0)
+    unsure, _ = await booked(composition, make.candidate(3))
+
+    assert calm.margins.late_share is None
+    model = make.candidate().model
+    slowest_mps = min(model.speed_empty_mps, model.speed_full_mps)
+    wrong_mps = 1.2816 * 1.0
+    against = (slowest_mps - 2.0) / (slowest_mps - 2.0 - wrong_mps) - 1
+    assert 0.5 * against < sure.margins.late_share <= against + 1e-3
+    assert unsure.margins.late_share > 2 * sure.margins.late_share
+
+
+async def test_after_its_end_a_forecast_closes_nothing_and_is_not_computed(
+    composition: Any, make: Any
+) -> None:
+    await composition.publish(make.network(reserve_risk=0.05))
+    await forecast(composition)
+    skyway = await composition.parts.networks.current("row")
+    now_ms = moment_to_ms(composition.clock.now())
+    world = await World.of(skyway, composition.parts.db, after_ms=now_ms)
+    model = make.candidate().model
+
+    in_force = ClosedAhead.of(world, now_ms=now_ms)
+    over = ClosedAhead.of(world, now_ms=now_ms + 40 * 3_600_000)
+
+    assert in_force.for_model(model) is not in_force
+    assert over.for_model(model) is over
+
+
+async def test_a_small_cache_of_weather_holds_few_deviations_and_those_used_last(
+    composition: Any, make: Any
+) -> None:
+    await composition.publish(make.network(reserve_risk=0.05))
+    await forecast(composition)
+    skyway = await composition.parts.networks.current("row")
+    now_ms = moment_to_ms(composition.clock.now())
+    roomy = (await World.of(skyway, composition.parts.db, after_ms=now_ms)).conditions.weather
+    assert roomy is not None
+    model = make.candidate().model
+    size = roomy.of_model(model).time_factor.size
+    small = replace(roomy, most_cached=2 * size, _of_model={})
+
+    used = [0.02, 0.06, 0.08, 0.1, 0.26]
+    assert [roomy.planned_deviation(each) for each in used] == used
+    assert [small.planned_deviation(each) for each in used] == [0.04, 0.08, 0.08, 0.14, 0.26]
+
+    first, second = small.of_model(model, 0.04), small.of_model(model, 0.08)
+    assert small.of_model(model, 0.04) is first
+    small.of_model(model, 0.14)
+    assert small.of_model(model, 0.04) is first
+    assert small.of_model(model, 0.08) is not second

@@ -136,16 +136,48 @@ async def test_a_gps_that_is_back_in_time_changes_nothing(
     assert (world.events[1].event, world.events[1].station_id) == ("STEP_ENDED", "farm")
 
 
-async def test_a_drone_off_its_course_flies_to_the_nearest_landing(
+async def test_a_drone_off_its_course_flies_straight_to_the_end_of_its_flight_and_goes_on(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    # With this seed only the first of the ways strays.
+    await fly(world, cloud, steps, seed=1, drift={"share": 0.5, "after_s": 60, "most_m": 600})
+
+    await world.pass_until(lambda: any(one.step_id == 3 for one in world.events))
+
+    strayed = alarms(world)[0]
+    assert (strayed.code, strayed.data["off_course_m"] > 200) == ("GEOFENCE", True)
+    turned = next(state for state in world.states if state.failsafe is not None)
+    assert (turned.failsafe.failsafe, turned.failsafe.station_id) == ("DIVERT", "farm")
+    landed = next(one for one in world.events if one.step_id == 2)
+    assert (landed.event, landed.code, landed.station_id) == ("STEP_ENDED", None, "farm")
+    assert landed.soc >= 0.1
+    assert failures(world) == []
+    assert world.states[-1].failsafe is None
+
+
+async def test_a_drone_that_strays_again_flies_to_the_nearest_landing(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     await fly(world, cloud, steps, drift={"share": 1.0, "after_s": 60, "most_m": 600})
 
     await world.pass_until(lambda: bool(failures(world)))
 
-    strayed = alarms(world)[0]
-    assert (strayed.code, strayed.data["off_course_m"] > 200) == ("GEOFENCE", True)
+    led_to = [one.failsafe.station_id for one in world.states if one.failsafe is not None]
+    assert list(dict.fromkeys(led_to)) == ["farm", "home"]
+    assert {each.code for each in alarms(world)} == {"GEOFENCE"}
     assert (failures(world)[0].code, failures(world)[0].station_id) == ("GEOFENCE", "home")
+
+
+async def test_a_drone_off_its_course_without_its_reserve_flies_to_the_nearest_landing(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    strays = {"share": 1.0, "after_s": 60, "most_m": 600}
+    await fly(world, cloud, steps, flight_energy_factor=1.25, drift=strays)
+
+    await world.pass_until(lambda: any(one.failsafe is not None for one in world.states))
+
+    turned = next(one for one in world.states if one.failsafe is not None)
+    assert (turned.failsafe.fault, turned.failsafe.station_id) == ("GEOFENCE", "home")
 
 
 async def test_a_drone_that_will_land_below_its_reserve_says_so_and_goes_on(

@@ -36,7 +36,7 @@ async def test_new_steps_are_refused_while_a_failsafe_acts(
 
     last = [(ack.status, ack.code, ack.data) for ack in world.acks if ack.status != "RECEIVED"]
     assert last[1:] == [("REJECTED", "FAILSAFE_ACTIVE", {"fault": "GEOFENCE"})] * 2
-    assert world.states[-1].failsafe.station_id == "home"
+    assert world.states[-1].failsafe.station_id == "farm"
 
 
 @pytest.mark.parametrize("kind", ["divert", "return_home"])

@@ -267,6 +267,24 @@ def test_money_is_written_with_the_digits_of_its_currency(stage: StagedPage) -> 
     assert texts == ["500", "12.34", "1.500"]
 
 
+def test_a_margin_that_follows_from_a_risk_is_a_line_of_text(stage: StagedPage) -> None:
+    texts = stage.open("/console#/alarms").page.evaluate(
+        """async () => {
+          const {marginText} = await import("/console/words.js");
+          const risk = {reserve_risk: 0.001, flight_margin: 0.2784, from: "a", to: "b-c"};
+          return [undefined, {}, {risk}, {risk: {...risk, from: null, limited_by: "MOST"}}]
+            .map(marginText);
+        }"""
+    )
+
+    assert texts == [
+        "",
+        "",
+        "28 % more energy from A to B C: for a risk of 0.1 % below the reserve",
+        "28 % more energy: the most, so the risk is larger than 0.1 % below the reserve",
+    ]
+
+
 def test_a_broken_address_opens_a_view(stage: StagedPage) -> None:
     stage.answers["/v1/deliveries"] = {"items": [], "next_cursor": None}
 

@@ -10,6 +10,7 @@ from skyway_gateway.gauges import GatewayGauges
 from skyway_gateway.lateness.store import KeptPromises
 from sqlalchemy import update
 
+from skyway.contracts.margins import Margins
 from skyway.delivery.lateness import FEWEST
 from skyway.ids import NetworkId, ProviderId, StationId
 from skyway.units import moment_to_ms
@@ -132,6 +133,45 @@ async def test_what_one_customer_allows_makes_no_promise_to_others_later(
     assert margins[1] == margins[0]
     answer = await gateway.http.get("/v1/stats/promises", headers=gateway.operator)
     assert answer.json()["items"] == []
+
+
+async def test_a_p90_is_learned_if_all_customers_allow_lateness(gateway_on_both: Gateway) -> None:
+    gateway = gateway_on_both
+    gateway.is_damaged = True
+    for _ in range(FEWEST):
+        delivery_id = await gateway.accepted(qos={"may_be_later_s": 3600})
+        while await gateway.book_next():
+            pass
+        [package] = (await gateway.get(delivery_id))["packages"]
+        late_at = moment(package, "promised_at") + timedelta(minutes=10)
+        await deliver_at(gateway, delivery_id, late_at)
+    await gateway.parts.forecast.step()
+
+    [package] = (await gateway.get(await gateway.planned()))["packages"]
+
+    margin = moment(package, "promised_p90_at") - moment(package, "promised_at")
+    assert abs(margin - timedelta(minutes=10)) < timedelta(seconds=1)
+    answer = await gateway.http.get("/v1/stats/promises", headers=gateway.operator)
+    assert answer.json()["items"] == []
+
+
+async def test_the_weather_of_the_plan_gives_a_p90_until_one_is_learned(gateway: Gateway) -> None:
+    forecast = gateway.parts.forecast
+    network_id = gateway.parts.networks.cached.network_of(StationId("san-marcos"))
+    calm, windy = Margins(), Margins(late_share=0.25)
+    provider_id = ProviderId("prv_new")
+
+    before = [forecast.late_share(network_id, provider_id, each) for each in ([calm], [windy])]
+    gateway.composition.margins = windy
+    [package] = (await gateway.get(await gateway.planned()))["packages"]
+    await teach(gateway)
+
+    assert before == [None, 0.25]
+    margin = moment(package, "promised_p90_at") - moment(package, "promised_at")
+    assert margin.total_seconds() > 60
+    assert package["due_at"] == package["promised_p90_at"]
+    learned = forecast.late_share(network_id, provider_id)
+    assert learned == forecast.late_share(network_id, provider_id, [windy]) != 0.25
 
 
 async def deliver_at(gateway: Gateway, delivery_id: str, at: datetime) -> None:

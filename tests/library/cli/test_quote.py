@@ -79,6 +79,21 @@ def test_an_offer_shows_price_times_provider_expiry_and_the_command_that_accepts
     assert result.stderr == "no offer: prv_2: BUSY, all drones are busy\n"
 
 
+@pytest.mark.parametrize(
+    ("limited_by", "kept"),
+    [(None, "for a risk of"), ("MOST", "the most, so the risk is larger than")],
+)
+def test_an_offer_shows_the_margin_that_follows_from_a_risk(
+    gateway: Gateway, limited_by: str | None, kept: str
+) -> None:
+    risk = {"reserve_risk": 0.001, "flight_margin": 0.2784, "limited_by": limited_by}
+    offer = OFFER | {"margins": {"risk": risk | {"from": "a", "to": "b"}}}
+    gateway.answers["POST", "/v1/quotes"] = (201, quote_with(offer))
+
+    line = f"   margin   28% more energy from a to b: {kept} 0.1 % below the reserve"
+    assert line in runner.invoke(make_app(), ASKED).stdout.splitlines()
+
+
 @pytest.mark.parametrize(("options", "promise"), [([], "P90"), (["--promise", "P50"], "P50")])
 def test_the_promise_of_a_request_is_the_p90_unless_an_option_says_otherwise(
     gateway: Gateway, options: list[str], promise: str

@@ -228,3 +228,21 @@ async def test_simultaneous_refreshes_all_see_earlier_writes(api: Any, view: Fle
     await early
     expected = sorted(drone["drone_id"] for drone in made)
     assert [sorted(drone.drone_id for drone in look) for look in looks] == [expected] * 5
+
+
+async def test_the_fleets_stay_as_they_are_while_they_are_used(
+    api: Any, db: Database, view: FleetView
+) -> None:
+    provider_id = await api.provider()
+    await api.drone(provider_id)
+
+    async with view.unchanged() as fleet:
+        await api.drone(provider_id)
+        refreshing = asyncio.ensure_future(view.refreshed())
+        # Other replicas read the same changes meanwhile.
+        others = [await drones(FleetView(db, CachedNetworks(), Pace())) for _ in range(3)]
+        number = len(fleet.columns.drones)
+
+    assert [len(each) for each in others] == [2, 2, 2]
+    assert number == 1
+    assert len((await refreshing).columns.drones) == 2

@@ -1,5 +1,6 @@
 """Which drones could fly a request, in which order, and why other providers have none."""
 
+import asyncio
 from collections.abc import Sequence
 from typing import Any
 
@@ -7,6 +8,7 @@ import pytest
 from skyway_provider_registry.candidates.fleet_view import Fleet, FleetColumns
 from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvider
 from skyway_provider_registry.candidates.selection import select as select_from
+from skyway_provider_registry.candidates.selection import select_each
 
 from skyway.announced_networks import CachedNetworks
 from skyway.contracts.candidate import MAX_CANDIDATES_PER_PROVIDER, CandidateQuery
@@ -384,3 +386,20 @@ def test_the_drone_of_a_held_offer_is_not_named_while_it_cannot_fly() -> None:
     )
 
     assert found.shortlist.drone_ids == ()
+
+
+async def test_other_work_goes_on_while_many_queries_are_answered() -> None:
+    columns = FleetColumns(CachedNetworks())
+    columns.put([make_drone("d")])
+    fleet = Fleet({ProviderId("p"): make_provider("p")}, columns)
+    answering = asyncio.ensure_future(
+        select_each([make_query()] * 64, fleet, wall_now_ms=NOW_MS, now_ms=NOW_MS)
+    )
+
+    turns = 0
+    while not answering.done():
+        await asyncio.sleep(0)
+        turns += 1
+
+    assert len(await answering) == 64
+    assert turns >= 64

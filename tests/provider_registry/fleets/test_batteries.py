@@ -11,7 +11,7 @@ from skyway_provider_registry.presence import jump_store
 from skyway_provider_registry.verify import RULES
 
 from skyway.contracts.drone_report import DroneState
-from skyway.drone.learned_values import LearnedValues
+from skyway.drone.learned_values import AS_MODELLED
 from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId
 from skyway.runtime.clock import ManualClock
@@ -65,7 +65,7 @@ async def test_health_and_cycles_go_with_the_battery(
 
     await install(drone, fresh)
 
-    assert await drone.planned() == LearnedValues(still_air_deviation=0.06)
+    assert await drone.planned() == AS_MODELLED
     old = await shown(drone, worn)
     assert (old["drone_id"], old["installed_at"]) == (None, None)
     assert old["cycles"] == pytest.approx(1.0)

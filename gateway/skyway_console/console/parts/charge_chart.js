@@ -7,6 +7,7 @@ import {get, part} from "../api.js";
 import {fleetNow} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {colours} from "../map/colours.js";
+import {marginText} from "../words.js";
 
 const BEFORE_S = 3_600;
 const AGAIN_MS = 5_000;
@@ -34,7 +35,7 @@ async function readCharges(providerId, droneId, missionId) {
   ]);
   const measured = [items.map(({at}) => seconds(at)), items.map(({soc}) => soc)];
   const plan = progress ? planned(progress.mission) : [[], []];
-  return uPlot.join([measured, plan]);
+  return {charges: uPlot.join([measured, plan]), margins: progress?.mission.margins};
 }
 
 function chartOptions() {
@@ -57,15 +58,17 @@ function chartOptions() {
 export function ChargeChart({droneId, providerId, missionId}) {
   const element = useRef(null);
   const [problem, setProblem] = useState("");
+  const [margin, setMargin] = useState("");
   useEffect(() => {
     let chart = null;
     let isGone = false;
     async function look() {
       try {
-        const data = await readCharges(providerId, droneId, missionId);
+        const {charges, margins} = await readCharges(providerId, droneId, missionId);
         if (isGone) return;
-        if (chart) chart.setData(data);
-        else chart = new uPlot(chartOptions(), data, element.current);
+        if (chart) chart.setData(charges);
+        else chart = new uPlot(chartOptions(), charges, element.current);
+        setMargin(marginText(margins));
         setProblem("");
       } catch (refusal) {
         setProblem(refusal.message);
@@ -83,6 +86,7 @@ export function ChargeChart({droneId, providerId, missionId}) {
     <figure class="chart" aria-label="Charge over time">
       <div ref=${element}></div>
       <figcaption>Charge: <span class="measured">measured</span>, <span class="plan">plan</span></figcaption>
+      ${margin && html`<p class="hint">The plan has ${margin}.</p>`}
       ${problem && html`<p class="refused">${problem}</p>`}
     </figure>`;
 }

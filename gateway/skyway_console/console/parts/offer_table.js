@@ -6,7 +6,7 @@ import {post} from "../api.js";
 import {ticks} from "../fleet_clock.js";
 import {html} from "../html.js";
 import {openView} from "../routes.js";
-import {durationText, inWords, money, momentText, shortId, stationName} from "../words.js";
+import {durationText, inWords, marginText, money, momentText, shortId, stationName} from "../words.js";
 import {attempt} from "./messages.js";
 import {beginAgain, offeredWays} from "./request_draft.js";
 import {ShareBar} from "./share_bar.js";
@@ -41,7 +41,8 @@ function OfferRow({offer, most, name, isOpen, isChosen, onChoose, onTake}) {
         ? `, charges ${recharges === 1 ? "once" : `${recharges} times`}` : ""}${offer.trips > 1
         ? `, ${offer.trips} trips` : ""}
         <br /><small>${Math.round(energy / JOULES_PER_WH)} Wh${offer.is_held ? ", kept for you" : ""}</small>
-        <br /><small>${wayText(offer.ways)}</small></td>
+        <br /><small>${wayText(offer.ways)}</small>
+        ${marginText(offer.margins) && html`<br /><small>${marginText(offer.margins)}</small>`}</td>
       <td><button class="main" disabled=${!isOpen} onClick=${onTake}
         aria-label=${`Take the offer of ${name}`}>Take it</button></td>
     </tr>`;

@@ -200,7 +200,8 @@ class Booker:
         offer = stored.delivery.offer
         share = None if offer is None else offer.late_share
         if share is None:
-            share = self.forecast.late_share(queued.network_id, missions[0].provider_id)
+            margins = [each.margins for each in missions]
+            share = self.forecast.late_share(queued.network_id, missions[0].provider_id, margins)
         try:
             async with self.db.write() as tx:
                 self._write_plan(tx, stored, missions, share)

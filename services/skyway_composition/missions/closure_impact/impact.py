@@ -31,6 +31,7 @@ from skyway_composition.missions.closure_impact.delays import (
     with_delays,
 )
 from skyway_composition.missions.closure_impact.hits import (
+    HeldPad,
     HitMissions,
     Span,
     first_hits,
@@ -181,13 +182,32 @@ async def _find_hits(reader: Reader, reach: Reach, *, now_ms: int) -> HitMission
 
 async def _pads(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:
     closure = reach.closure
-    if closure.station_id is None or closure.pad is None:
+    if reach.pads_now_with:
+        held = await _pads_that_no_longer_fit(reader, reach)
+    elif closure.station_id is None or closure.pad is None:
         return HitMissions((), {})
-    held = await store.pads_held(reader, closure.station_id, closure.pad)
+    else:
+        held = await store.pads_held(reader, closure.station_id, closure.pad)
     hits = first_hits(hits_of_pads(held, span=Span.of(reach, now_ms=now_ms)))
     return HitMissions(
         hits, await store.activities_of(reader, [hit.owner.drone_id for hit in hits])
     )
+
+
+async def _pads_that_no_longer_fit(reader: Reader, reach: Reach) -> list[HeldPad]:
+    """The reservations of pads whose new connectors do not fit their drones."""
+    held = await store.pads_held_at(reader, reach.pads_now_with)
+    network_id = reach.closure.network_id
+    if not held or network_id is None:
+        return []
+    models = await models_of_missions(reader, network_id)
+    connectors = {mission_id: model.connector for mission_id, model in models.items()}
+    return [
+        each
+        for each in held
+        if (connector := connectors.get(each.owner.mission_id)) is not None
+        and connector not in reach.pads_now_with[each.station_id]
+    ]
 
 
 async def _flights(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:

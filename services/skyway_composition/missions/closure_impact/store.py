@@ -98,6 +98,24 @@ async def pads_held(connection: Reader, station_id: StationId, pad: int) -> list
     return [HeldPad(_owner(row), station_id, row.start_ms, row.end_ms) for row in found]
 
 
+async def pads_held_at(connection: Reader, station_ids: Collection[StationId]) -> list[HeldPad]:
+    """The reservations of all pads of these stations."""
+    held = pad_reservations.c
+    is_there: ColumnElement[bool] = true()
+    if len(station_ids) <= _MOST_NAMED:
+        is_there = held.station_id.in_(station_ids)
+    found = await connection.execute(
+        select(*_WHOSE, held.station_id, held.start_ms, held.end_ms)
+        .join(pad_reservations, held.mission_id == missions.c.mission_id)
+        .where(is_there, is_live)
+    )
+    return [
+        HeldPad(_owner(row), row.station_id, row.start_ms, row.end_ms)
+        for row in found
+        if row.station_id in station_ids
+    ]
+
+
 async def proposals(
     connection: Reader, network_id: NetworkId | None
 ) -> list[tuple[Owner, Proposal]]:

@@ -5,19 +5,21 @@ from typing import Final
 
 from skyway.contracts.drone_report import Ack
 from skyway.contracts.instruction import RefusalCode
+from skyway.ids import DroneId, MissionId
 from skyway.runtime.clock import fleet_margin
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import (
     SentInstruction,
     answered,
     is_answered,
+    refused_in_a_row,
     was_sent,
 )
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.following.advance import accept
 from skyway_composition.missions.following.handle_failure import open_stream, wait_for_revision
 from skyway_composition.missions.mission.doubt import without_doubt
-from skyway_composition.missions.mission.end import cancel, refuse
+from skyway_composition.missions.mission.end import abort, cancel, refuse
 from skyway_composition.missions.mission.instruct import (
     call_off,
     handle_refused_hold,
@@ -40,6 +42,11 @@ _NOT_WITH_THIS_LOAD: Final = (RefusalCode.OVERWEIGHT, RefusalCode.INSUFFICIENT_E
 
 #: Wall time between a refusal and the next planning. Our own choice.
 _LOOK_AGAIN_MS: Final = 2_000
+
+#: After so many refusals in a row for lack of energy a standing drone gets no further plan. Each of
+#: these plans has more energy than the one before, and the wind had as many minutes to change.
+#: Otherwise a drone that always answers so would hold its pads for 40 plans. Our own choice.
+_MOST_ENERGY_REFUSALS: Final = 10
 
 #: The arguments of `fleet_margin` for the same time, if the drone refused for lack of energy.
 _LOOK_AGAIN_FOR_ENERGY: Final = {"fleet_s": 60.0, "wall_s": 2.0}
@@ -189,8 +196,25 @@ async def _handle_refusal(
             work, record, code=code, detail=ack.detail or "the drone refused the revision"
         )
         if code is RefusalCode.INSUFFICIENT_ENERGY and record.trouble is None:
-            # So the wind can change before the mission has used up all its plans. A plan that a
-            # command or a closure needs does not wait.
-            pause = fleet_margin(work.clock, **_LOOK_AGAIN_FOR_ENERGY) / work.clock.rate
-            at_wall_ms = moment_to_ms(work.clock.wall_now() + pause)
-            await retry_stuck(work.tx, record.mission_id, at_wall_ms=at_wall_ms)
+            await _wait_or_give_up(work, record.mission_id, link.drone_id)
+
+
+async def _wait_or_give_up(
+    work: MissionUnitOfWork, mission_id: MissionId, drone_id: DroneId
+) -> None:
+    """Plan again a minute later for a drone without enough energy; end the mission in the end.
+
+    So the wind can change before the mission has used up all its plans. A plan that a command or a
+    closure needs does not wait.
+    """
+    refused = await refused_in_a_row(work.tx, mission_id, most=_MOST_ENERGY_REFUSALS)
+    record = work.missions.get(drone_id)
+    if refused < _MOST_ENERGY_REFUSALS or record is None or record.stuck is None:
+        pause = fleet_margin(work.clock, **_LOOK_AGAIN_FOR_ENERGY) / work.clock.rate
+        at_wall_ms = moment_to_ms(work.clock.wall_now() + pause)
+        await retry_stuck(work.tx, mission_id, at_wall_ms=at_wall_ms)
+        return
+    code = RefusalCode.INSUFFICIENT_ENERGY
+    detail = f"the drone has refused {refused} plans in a row, each with more energy"
+    await raise_alarm(work, record, level="URGENT", code="REVISIONS_REFUSED", detail=detail)
+    await abort(work, record, at=work.clock.now(), code=code, detail=detail)

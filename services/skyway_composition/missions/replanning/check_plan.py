@@ -16,12 +16,12 @@ from skyway.runtime.clock import fleet_margin
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
+from skyway_composition.missions.replanning.felt_wind import air_ahead, first_flights
 from skyway_composition.missions.replanning.prediction import Load, PredictedStep, predict
 from skyway_composition.missions.replanning.request_plan import request_plan
 from skyway_composition.missions.replanning.situation import (
     Situation,
     Whereabouts,
-    air_ahead,
     factor_beyond,
     waits_for_pad,
     whereabouts,
@@ -135,7 +135,8 @@ def _is_as_booked(record: MissionRecord, state: DroneState | None, *, now: datet
     is_changed = mission.loading != "AUTOMATIC" or record.aims
     if state is None or state.mission_id != mission.mission_id or not is_to_begin or is_changed:
         return False
-    factor = factor_beyond(record, state, in_air=air_ahead(mission.plan.steps))
+    in_air = air_ahead(first_flights(mission.plan.steps, drone.model))
+    factor = factor_beyond(record, state, in_air=in_air)
     return (
         (state.activity, state.station_id) == ("IDLE", drone.station_id)
         and state.at <= mission.start_at

@@ -1,50 +1,113 @@
-"""The energy that a new plan needs in the wind that its drone feels.
+"""The energy of a drone's next flights in the wind that it feels, and in the weather of its plan.
 
-A drone judges its next flights in this wind, and the plan is checked in it too. A plan with less
-energy would be refused, or replaced by another plan a moment later.
+A drone judges its next flights in the wind that it feels, and the plan is checked in it too. A plan
+with less energy would be refused, or replaced by another plan a moment later.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import zip_longest
 from typing import Final
 
 from skyway.contracts.drone_report import Wind
-from skyway.delivery.plan import Fly, Recharge
-from skyway.drone.flight import speed_mps
+from skyway.contracts.flight_step import (
+    DeliverStep,
+    FlightStep,
+    FlyStep,
+    PickUpStep,
+    RechargeStep,
+    ReturnStep,
+)
+from skyway.delivery.plan import Fly, Recharge, Step
+from skyway.drone.flight import flight_energy_j, speed_mps
+from skyway.drone.model import DroneModel
 from skyway.geo import bearing_rad
+from skyway.ids import PackageId
 from skyway.network.network import Network
 from skyway.scheduling.trip import Trip
-from skyway_composition.missions.replanning.situation import Situation
 from skyway_composition.planning.problem_for import planned_more
+
+#: Joules that a flight needs in still air, and by how much its planned weather multiplies them.
+FlightInAir = tuple[float, float]
 
 #: The least ground speed as a share of the air speed, as drones count it.
 _LEAST_SHARE: Final = 0.1
 
 
-def felt_margin(situation: Situation, trip: Trip, network: Network) -> float:
+def felt_margin(
+    wind: Wind | None, trip: Trip, network: Network, *, model: DroneModel, lasting_factor: float
+) -> float:
     """The energy margin that the next flights of this trip need; 0 if the planned energy is enough.
 
     These are the flights up to the recharge after them, as in the drone's `consumption_factor`.
+    `lasting_factor` is what the drone uses without the wind.
     """
-    state, candidate = situation.link.state, situation.record.candidate
-    health = None if state is None else state.health
-    if health is None or health.wind is None:
+    if wind is None:
         return 0.0
     planned_j = felt_j = 0.0
-    for flight in _next_flights(trip):
+    for flight in _flights_of(trip):
         planned_j += flight.energy_j
         still_j = flight.energy_j / (flight.time_factor * flight.energy_factor)
         start, end = network.stations[flight.from_id], network.stations[flight.to_id]
         felt_j += still_j * _slowness(
-            health.wind,
+            wind,
             bearing=bearing_rad(start.position, end.position),
-            air_speed_mps=speed_mps(candidate.model, flight.load_kg),
+            air_speed_mps=speed_mps(model, flight.load_kg),
         )
-    felt_j *= situation.lasting_factor
+    felt_j *= lasting_factor
     return planned_more(felt_j / planned_j) if planned_j else 0.0
 
 
-def _next_flights(trip: Trip) -> Iterator[Fly]:
+def air_ahead(flights: Iterable[FlightInAir]) -> float:
+    """By how much the planned weather multiplies the energy of all these flights together.
+
+    The drone counts in the same way: a long flight counts more than a short one.
+    """
+    still_j = in_air_j = 0.0
+    for flight_j, factor in flights:
+        still_j += flight_j
+        in_air_j += flight_j * factor
+    return in_air_j / still_j if still_j else 1.0
+
+
+def first_flights(steps: Sequence[Step], model: DroneModel) -> Iterator[FlightInAir]:
+    """The flights of a plan of this model up to the recharge after them, without landings."""
+    has_flown = False
+    for step, following in zip_longest(steps, steps[1:]):
+        if isinstance(step, Recharge) and has_flown:
+            return
+        if isinstance(step, Fly):
+            factor = step.time_factor * step.energy_factor
+            landing_j = 0.0 if isinstance(following, Fly) else model.stop_j
+            yield max(0.0, step.energy_j - landing_j) / factor, factor
+            has_flown = True
+
+
+def next_flights(
+    steps: Iterable[FlightStep],
+    model: DroneModel,
+    *,
+    masses_kg: Mapping[PackageId, float],
+    carried: Iterable[PackageId],
+) -> Iterator[FlightInAir]:
+    """The flights of these steps up to the recharge after them, with what is carried before."""
+    on_board, has_flown = {*carried}, False
+    for step in steps:
+        match step:
+            case RechargeStep() if has_flown:
+                return
+            case PickUpStep():
+                on_board.update(each.package_id for each in step.packages)
+            case DeliverStep() | ReturnStep():
+                on_board.difference_update(step.package_ids)
+            case FlyStep():
+                load_kg = sum(masses_kg.get(each, 0.0) for each in on_board)
+                still_j = flight_energy_j(model, length_m=step.length_m, load_kg=load_kg)
+                yield still_j, step.time_factor * step.energy_factor
+                has_flown = True
+
+
+def _flights_of(trip: Trip) -> Iterator[Fly]:
     """The flights up to the recharge after them."""
     has_flown = False
     for placed in trip.steps():

@@ -160,7 +160,13 @@ class PlanFinder:
         for _ in range(_MOST_MARGINS):
             case = plan.case
             network = case.world.skyway.network
-            felt = felt_margin(case.situation, plan.remainder.trip, network)
+            felt = felt_margin(
+                case.situation.felt_wind,
+                plan.remainder.trip,
+                network,
+                model=case.record.candidate.model,
+                lasting_factor=case.situation.lasting_factor,
+            )
             margin = max(felt, case.margin_after_refusal)
             if margin <= case.energy_margin or plan.remainder.given_up is not None:
                 return plan

@@ -1,12 +1,18 @@
 """A mission at one moment: its steps and packages, its drone's last report and failsafe."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Self
 
-from skyway.contracts.drone_report import ActiveFailsafe, DroneEvent, DroneState, Failsafe, Fault
-from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep, RechargeStep
-from skyway.delivery.plan import Fly, Recharge, Step
+from skyway.contracts.drone_report import (
+    ActiveFailsafe,
+    DroneEvent,
+    DroneState,
+    Failsafe,
+    Fault,
+    Wind,
+)
+from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
 from skyway.drone.learned_values import model_as_learned
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
@@ -22,6 +28,7 @@ from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import StepRecord, steps_of
 from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.felt_wind import air_ahead, next_flights
 from skyway_composition.planning.problem_for import planned_more
 from skyway_composition.planning.world import World
 
@@ -85,8 +92,17 @@ class Situation:
         state = self.link.state
         # The report is about the flights that were ahead of the drone then.
         first = self.next_step if state is None or state.step_id is None else state.step_id
-        ahead = (each.step for each in self.steps if each.step.step_id >= first)
-        return factor_beyond(self.record, state, in_air=air_ahead(ahead))
+        ahead = [each.step for each in self.steps if each.step.step_id >= first]
+        flights = next_flights(
+            ahead, self.record.candidate.model, masses_kg=self.masses_kg, carried=self.carried
+        )
+        return factor_beyond(self.record, state, in_air=air_ahead(flights))
+
+    @property
+    def felt_wind(self) -> Wind | None:
+        """The wind that the drone has reported; None if it has reported none."""
+        health = None if self.link.state is None else self.link.state.health
+        return None if health is None else health.wind
 
     @property
     def lasting_factor(self) -> float:
@@ -139,18 +155,6 @@ def factor_beyond(record: MissionRecord, state: DroneState | None, *, in_air: fl
     if state is None or state.health is None:
         return 1.0
     return record.candidate.learned.beyond(state.health.consumption_factor) / in_air
-
-
-def air_ahead(steps: Iterable[FlightStep | Step]) -> float:
-    """By how much the planned weather multiplies the energy of the flights up to a recharge."""
-    in_air, flights = 0.0, 0
-    for step in steps:
-        if isinstance(step, RechargeStep | Recharge) and flights:
-            break
-        if isinstance(step, FlyStep | Fly):
-            in_air += step.time_factor * step.energy_factor
-            flights += 1
-    return in_air / flights if flights else 1.0
 
 
 def steering_failsafe(record: MissionRecord, state: DroneState | None) -> ActiveFailsafe | None:

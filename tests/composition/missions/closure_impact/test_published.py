@@ -119,6 +119,34 @@ async def test_a_removed_station_affects_the_missions_that_would_land_there(
     assert trouble[1].startswith("no longer in the network: ")
 
 
+def with_connectors(network: dict[str, Any], station_id: str, *connectors: str) -> dict[str, Any]:
+    changed = copy.deepcopy(network)
+    for feature in changed["features"]:
+        if feature["properties"].get("station_id") == station_id:
+            feature["properties"]["pad_connectors"] = connectors
+    return changed
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+@pytest.mark.parametrize(
+    ("connector", "now", "is_hit"),
+    [("pin", ["blade"], True), ("pin", ["blade", "pin"], False), (None, ["blade"], False)],
+)
+async def test_pads_that_no_longer_fit_affect_the_missions_that_would_charge_there(
+    composition: Any, make: Any, connector: str | None, now: list[str], is_hit: bool
+) -> None:
+    candidate = make.candidate()
+    model = candidate.model.model_copy(update={"connector": connector})
+    await composition.book(candidate.model_copy(update={"model": model}))
+
+    await publish(composition, with_connectors(make.network(), "b", *now))
+
+    (trouble,) = await troubles(composition)
+    assert (trouble and (trouble[0], trouble[1].split(" from ")[0])) == (
+        ("PAD_OUT_OF_ORDER", "the pads have other connectors now: b") if is_hit else None
+    )
+
+
 @pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 async def test_the_next_plan_uses_the_new_version(composition: Any, drone: Any, make: Any) -> None:
     await composition.book()

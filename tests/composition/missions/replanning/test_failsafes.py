@@ -363,6 +363,29 @@ async def test_a_drone_that_refuses_for_lack_of_energy_gets_a_plan_with_more_a_m
     assert margins == pytest.approx([0.2, 0.25, 0.3])
 
 
+async def test_a_drone_that_refuses_ten_plans_in_a_row_for_lack_of_energy_is_given_up(
+    composition: Any, drone: Any
+) -> None:
+    first = await failed_at(composition, drone, 4, "b", "INSUFFICIENT_ENERGY", soc=0.6)
+    await composition.receive(stands_at_b(drone, first, released_through=3, soc=0.6))
+
+    states = []
+    for _ in range(10):
+        composition.clock.advance(timedelta(minutes=1))
+        await composition.replanner.step()
+        *_, revision = await composition.sent()
+        await composition.receive(
+            drone.ack(revision, status="REJECTED", code="INSUFFICIENT_ENERGY")
+        )
+        states.append(await composition.state_of(first.mission_id))
+
+    assert states == ["ACTIVE"] * 9 + ["ABORTED"]
+    (alarm,) = await alarms(composition)
+    assert (alarm["level"], alarm["code"]) == ("URGENT", "REVISIONS_REFUSED")
+    assert await composition.reservations() == []
+    assert await composition.broken() == []
+
+
 @pytest.mark.parametrize(("charging", "longer"), [(None, 1.0), (1.1, 1.0), (0.5, 2.0)])
 async def test_a_drone_that_reports_slow_charging_gets_longer_sessions_in_its_next_plan(
     composition: Any, drone: Any, charging: float | None, longer: float

@@ -123,6 +123,8 @@ class RemainderPlanner:
         masses_kg = self.situation.masses_kg
         load_kg = sum(masses_kg[each] for each in anchor.carried)
         known = self.world.conditions.weather
+        if known is not None and not known.counts_from(anchor.at_ms):
+            known = None
         return LandingSearch(
             self.world.skyway.network,
             self.closed,
