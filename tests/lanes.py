@@ -7,6 +7,9 @@ from xdist.workermanage import WorkerController
 #: The folders whose tests start whole systems.
 _SYSTEMS = ("tests/end_to_end/", "tests/verification/")
 
+#: These tests need a programme that takes seconds to compile: one process compiles it for all.
+_COMPILED = ("tests/library/planner/exact/", "tests/library/planner/test_windows.py")
+
 #: The longest of these tests and shared systems, in the order of their length. What begins last
 #: should be short, because the other processes have nothing to do while it runs.
 _LONGEST = (
@@ -46,10 +49,14 @@ def rank(item: pytest.Item) -> tuple[bool, int]:
 class LaneScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no types
     """Gives all tests of one running system, or of one file, to the same process.
 
+    All tests that need the same compiled programme are given to one process too.
+
     xdist's own groups do not work with this version of pytest, because they change test ids.
     """
 
     def _split_scope(self, nodeid: str) -> str:
+        if nodeid.startswith(_COMPILED):
+            return _COMPILED[0]
         file, _, name = nodeid.partition("::")
         _, _, system = name.rstrip("]").partition("[")
         folder = file.rpartition("/")[0]

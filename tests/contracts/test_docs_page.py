@@ -3,7 +3,6 @@
 import html
 import json
 import re
-import shutil
 import socket
 import subprocess
 import threading
@@ -15,14 +14,15 @@ import pytest
 import uvicorn
 from skyway_gateway.app import openapi_app
 
+from tests.end_to_end.browser import CHROMIUM, needs_browser
+
 ROOT = Path(__file__).resolve().parents[2]
-CHROMIUM = shutil.which("chromium")
 #: Milliseconds of the page's own clock: enough to read and draw the document.
 DRAWN_MS = 20_000
 
 pytestmark = [
     pytest.mark.integration,
-    pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed: see .ci/run"),
+    needs_browser,
 ]
 
 

@@ -10,10 +10,11 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize, expect, sync_playwright
 
-CHROMIUM = shutil.which("chromium")
+#: The headless shell draws without the parts of a whole browser, in a third less processor time.
+CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium")
 
 needs_browser = pytest.mark.skipif(
-    CHROMIUM is None, reason="chromium is not installed: see .ci/run"
+    CHROMIUM is None, reason="chromium-headless-shell is not installed: see .ci/run"
 )
 
 #: Milliseconds: longer than anything that a page waits for.

@@ -1,7 +1,7 @@
 """What `skyway verify` finds in the databases of a running system, found in the test's process.
 
 The command starts three processes. Their imports take ten times as long as the checks of a test's
-system. The stories of the market, of calendars and of cells run the command itself.
+system. The stories of cells, of rogues and of failing parts run the command itself.
 """
 
 import asyncio

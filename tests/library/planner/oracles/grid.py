@@ -114,7 +114,8 @@ def _run(
         _offsets([facts.ends[segment][0] for segment in by_start], stations),
         np.array([facts.ends[segment][1] for segment in by_start], dtype=np.int64),
         rounded,
-        np.array(facts.flight_soc).reshape(states, -1)[:, by_start] * harder,
+        # For each other layout of an array, numba would compile the whole programme again.
+        np.ascontiguousarray(np.array(facts.flight_soc).reshape(states, -1)[:, by_start] * harder),
         np.array(facts.edges_s, dtype=np.float64),
         following,
         hand_overs,
