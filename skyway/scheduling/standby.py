@@ -1,18 +1,18 @@
-"""Where a drone goes and charges after its last hand-over, and how its standby is ended.
+"""Where a drone goes and charges after its last hand-over.
 
 A standby may be at home, where the drone stands, or at a parking station. The search says to which
 station a trip is to be planned next. Its caller plans the trip and answers with it. So the same
 search serves a service, which awaits its planner, and an experiment.
 """
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
 
 from skyway.contracts.candidate import Candidate, Standby
-from skyway.delivery.plan import Fly, Plan, Recharge, Step, Wait
+from skyway.delivery.plan import Plan, Recharge
 from skyway.drone.charging import model_on_pad, recharge_time_s
 from skyway.drone.model import DroneModel
 from skyway.ids import StationId
@@ -23,11 +23,8 @@ from skyway.planner.pad_book import PadBook, booked_until_ms
 from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import DroneAtStart, Problem
 from skyway.scheduling.stays import Slot, stay_to_begin_at, stays_of_standby
-from skyway.scheduling.trip import NoTrip, Trip, no_plan, soc_after
+from skyway.scheduling.trip import NoTrip, Trip, no_plan, shortened_trip, soc_after
 from skyway.units import CHARGE_TOLERANCE
-
-#: Moments that differ by less count as the same, in milliseconds: plans round them differently.
-SAME_MS: Final = 2
 
 #: How many near stations with pads are tried. Our own choice.
 _MOST_ENDS: Final = 3
@@ -240,54 +237,3 @@ def fitted(trip: Trip, *, soc: float, ready: Slot) -> Trip | None:
     if stay is None:
         return None
     return shortened_trip(trip, ready.at_ms)
-
-
-def shortened_trip(trip: Trip, until_ms: int) -> Trip:
-    """The trip whose standby ends at a moment, which is not before its last delivery."""
-    until_s = (until_ms - trip.home_start_ms) / 1000
-    home_plan, home_recharge = trip.home_plan, trip.home_recharge
-    if (home_plan.delivery_time_s or 0.0) > until_s:
-        home_plan = shortened_plan(home_plan, until_s)
-    if home_recharge is not None:
-        shortened = shortened_step(home_recharge, until_s)
-        home_recharge = shortened if isinstance(shortened, Recharge) else None
-    return replace(trip, home_plan=home_plan, home_recharge=home_recharge)
-
-
-def shortened_plan(plan: Plan, until_s: float) -> Plan:
-    """The plan up to a moment, in seconds since its start; its deliveries are left out."""
-    steps = tuple(
-        kept for step in plan.steps if (kept := shortened_step(step, until_s)) is not None
-    )
-    flights = [each for each in steps if isinstance(each, Fly)]
-    return plan.model_copy(
-        update={
-            "steps": steps,
-            "deliveries": (),
-            "delivery_time_s": steps[-1].end_s if steps else 0.0,
-            "energy_j": sum(each.energy_j for each in flights),
-            "flight_s": _seconds(flights),
-            "waiting_s": _seconds([each for each in steps if isinstance(each, Wait)]),
-            "recharging_s": _seconds([each for each in steps if isinstance(each, Recharge)]),
-        }
-    )
-
-
-def _seconds(steps: Sequence[Step]) -> float:
-    return sum(each.end_s - each.start_s for each in steps)
-
-
-def shortened_step(step: Step, until_s: float) -> Step | None:
-    """The step up to a moment; None when it begins later."""
-    same_s = SAME_MS / 1000
-    if step.end_s <= until_s + same_s:
-        return step
-    if step.start_s >= until_s - same_s:
-        return None
-    update = {"end_s": until_s}
-    if isinstance(step, Recharge):
-        share = (until_s - step.start_s) / (step.end_s - step.start_s)
-        # Charge curves are concave, so the drone has at least this.
-        soc = step.soc_start + share * (step.soc_end - step.soc_start)
-        return step.model_copy(update={**update, "soc_end": soc})
-    return step.model_copy(update=update)

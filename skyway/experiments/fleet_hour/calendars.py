@@ -13,9 +13,8 @@ from skyway.drone.model import DroneModel
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.experiments.fleet_hour.cases import Case, HourRequest
 from skyway.planner.pad_book import PadBook
-from skyway.scheduling.standby import shortened_trip
 from skyway.scheduling.stays import Slot, Stay, slot_after, stays_of_standby
-from skyway.scheduling.trip import BookedPad, PlacedStep, Trip, without
+from skyway.scheduling.trip import BookedPad, PlacedStep, Trip, shortened_trip, without
 
 #: The services' defaults: the share of energy that plans add, the gap between two drones on one
 #: pad, the time between two missions of a drone, and how far ahead a mission is booked.
