@@ -1,11 +1,11 @@
 """Where a drone goes and charges after its last hand-over.
 
-A standby may be at home, where the drone stands, or at a parking station. The search says to which
-station a trip is to be planned next. Its caller plans the trip and answers with it. So the same
-search serves a service, which awaits its planner, and an experiment.
+A standby may be at home, where the drone stands, at a parking station, or near the next pickup. The
+search says to which station a trip is to be planned next. Its caller plans the trip and answers
+with it. So the same search serves a service, which awaits its planner, and an experiment.
 """
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
@@ -15,13 +15,14 @@ from skyway.contracts.candidate import Candidate, Standby
 from skyway.delivery.plan import Plan, Recharge
 from skyway.drone.charging import model_on_pad, recharge_time_s
 from skyway.drone.model import DroneModel
-from skyway.ids import StationId
+from skyway.ids import DroneId, ProviderId, StationId
 from skyway.network.columns import Rows
 from skyway.network.great_circle import distances_m
 from skyway.network.network import Network
 from skyway.planner.pad_book import PadBook, booked_until_ms
 from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import DroneAtStart, Problem
+from skyway.scheduling.repositioning import places_to_wait
 from skyway.scheduling.stays import Slot, stay_to_begin_at, stays_of_standby
 from skyway.scheduling.trip import NoTrip, Trip, no_plan, shortened_trip, soc_after
 from skyway.units import CHARGE_TOLERANCE
@@ -29,25 +30,55 @@ from skyway.units import CHARGE_TOLERANCE
 #: How many near stations with pads are tried. Our own choice.
 _MOST_ENDS: Final = 3
 
+#: A drone goes near the next pickup only if its pad there is free so soon after it has landed,
+#: seconds: ten minutes. Our own choice.
+_LONGEST_PAD_WAIT_S: Final = 600.0
+
 #: How many near parking stations are compared by their plans. Our own choice.
 _MOST_PARKING: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
 class StandbyChoice:
-    """A drone's standby setting, and its home station."""
+    """A drone's standby setting, and its home station.
+
+    With NEXT_PICKUP it has the `drone` and its provider, whose requests say where the next pickup
+    is expected, and then the `places` that are worth the way, the best first.
+    """
 
     standby: Standby
     home_station_id: StationId
+    drone: tuple[ProviderId, DroneId] | None = None
+    places: tuple[StationId, ...] = ()
 
     @classmethod
     def of(cls, candidate: Candidate) -> Self:
         """The choice of a candidate."""
-        return cls(candidate.standby, candidate.home_station_id)
+        seeks = candidate.standby == "NEXT_PICKUP"
+        drone = (candidate.provider_id, candidate.drone_id) if seeks else None
+        return cls(candidate.standby, candidate.home_station_id, drone)
 
     def at_home(self) -> Self:
         """The choice of a drone that an operator calls home."""
-        return replace(self, standby="HOME")
+        return replace(self, standby="HOME", drone=None)
+
+    def near(
+        self,
+        pickups: Mapping[StationId, float],
+        network: Network,
+        *,
+        start: StationId,
+        waiting: Mapping[StationId, int],
+    ) -> Self:
+        """The choice with its places near the next pickups; as HOME if no pickup is expected.
+
+        The arguments are those of `places_to_wait`. If no place is worth the way, the drone stays.
+        """
+        otherwise = next(self.in_turn(network, start), None)
+        if not pickups or otherwise is None:
+            return self.at_home()
+        places = places_to_wait(network, pickups, waiting=waiting, start=start, otherwise=otherwise)
+        return replace(self, places=places)
 
     def is_home(self, station_id: StationId) -> bool:
         """Whether the drone flies home, and this is its home; a home may have no pads."""
@@ -103,6 +134,10 @@ def search_standby(
     `drone` is the drone at the end of its plan, which is at `start`.
     """
     network = network.fitting(drone.model.connector)
+    for end in choice.places:
+        trip = yield end
+        if isinstance(trip, Trip) and _has_free_pad(trip, drone):
+            return trip
     charged: list[Trip] = []
     for end in choice.to_compare(network, start):
         trip = yield end
@@ -181,6 +216,14 @@ def _is_charged(trip: Trip, drone: DroneAtStart) -> bool:
     if trip.home_recharge is not None:
         return True
     return _is_top(drone.model, soc_after(trip.home_plan, drone.soc))
+
+
+def _has_free_pad(trip: Trip, drone: DroneAtStart) -> bool:
+    """Whether the drone is charged at the end of this trip, and need not wait long for its pad."""
+    arrived_s = trip.home_plan.delivery_time_s or 0.0
+    recharge = trip.home_recharge
+    is_soon = recharge is None or recharge.start_s <= arrived_s + _LONGEST_PAD_WAIT_S
+    return is_soon and _is_charged(trip, drone)
 
 
 def _is_top(model: DroneModel, soc: float) -> bool:

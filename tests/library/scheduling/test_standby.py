@@ -64,7 +64,7 @@ def test_only_drones_that_park_compare_parking_stations(standby: Standby) -> Non
     assert compared(make_row(parking="abdg"), standby, "f") == ""
 
 
-@pytest.mark.parametrize("standby", ["HOME", "STAY", "PARKING"])
+@pytest.mark.parametrize("standby", ["HOME", "STAY", "PARKING", "NEXT_PICKUP"])
 def test_a_drone_whose_home_is_not_in_the_network_uses_the_nearest_pads(standby: Standby) -> None:
     assert in_turn(make_row("bcdefg"), standby, "f") == "feg"
 
@@ -114,11 +114,13 @@ def trip(end: str, *, is_charged: bool = True, ends_s: float = 60.0) -> Trip:
     return Trip(0, NOTHING_TO_DELIVER, 0, NOTHING_TO_DELIVER, home_recharge)
 
 
-def searched(standby: Standby, trips: Mapping[str, Trip]) -> tuple[str, Trip | NoTrip]:
+def searched(
+    standby: Standby, trips: Mapping[str, Trip], *, places: str = ""
+) -> tuple[str, Trip | NoTrip]:
     """The ends that were tried, and the trip that won; no pad is free at all other ends."""
     tried = ""
     drone = DroneAtStart(model=MODEL, soc=0.5)
-    choice = StandbyChoice(standby, StationId("a"))
+    choice = StandbyChoice(standby, StationId("a"), places=tuple(map(StationId, places)))
     search = search_standby(choice, NETWORK, start=StationId("e"), drone=drone)
     try:
         end = next(search)
@@ -149,6 +151,30 @@ def test_the_parking_station_at_which_a_drone_is_charged_first_wins() -> None:
     sooner = trip("b", ends_s=30.0)
 
     assert searched("PARKING", {"b": sooner, "d": trip("d")}) == ("db", sooner)
+
+
+def test_a_drone_waits_near_the_next_pickup_at_the_first_place_with_a_free_pad() -> None:
+    late = trip("a")
+    assert late.home_recharge is not None
+    recharge = late.home_recharge.model_copy(update={"start_s": 1_000.0, "end_s": 2_000.0})
+    late = replace(late, home_recharge=recharge)
+    uncharged = trip("b", is_charged=False)
+    near = {"a": late, "b": uncharged, "c": trip("c"), "e": trip("e")}
+
+    assert searched("NEXT_PICKUP", near, places="abc") == ("abc", trip("c"))
+    assert searched("NEXT_PICKUP", near, places="ab") == ("abe", trip("e"))
+
+
+def test_a_drone_goes_home_where_no_pickup_is_expected() -> None:
+    choice = StandbyChoice("NEXT_PICKUP", HOME)
+
+    known, unknown = (
+        choice.near(pickups, NETWORK, start=StationId("e"), waiting={HOME: 12})
+        for pickups in ({StationId("b"): 1.0}, {})
+    )
+
+    assert known == replace(choice, places=(StationId("b"),))
+    assert unknown == StandbyChoice("HOME", HOME)
 
 
 def test_the_first_reason_counts_when_no_end_has_a_trip() -> None:
