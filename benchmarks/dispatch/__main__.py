@@ -3,6 +3,7 @@
 rolling: one hour of requests; each minute every policy plans the requests that have not started.
 together: all requests of the hour are known when it begins; with a proven lower bound.
 published: a published instance with few chargers, solved in the same way.
+standbys: where idle drones wait, without a search.
 
 docs/dispatch.md says how the cases are drawn, and holds the results.
 """
@@ -16,6 +17,7 @@ from types import MappingProxyType
 
 from benchmarks.dispatch.peers import Order, planned_in_order, present_peers
 from benchmarks.dispatch.published import published_fleet
+from benchmarks.dispatch.standbys import standbys
 from benchmarks.planner.machine import Machine
 from benchmarks.planner.table import Table
 from skyway.dispatch.optimise import optimise
@@ -119,7 +121,12 @@ def published(sizes: argparse.Namespace) -> Iterator[Table]:
 
 
 PARTS: Mapping[str, Callable[[argparse.Namespace], Iterator[Table]]] = MappingProxyType(
-    {"rolling": rolling, "together": together, "published": published}
+    {
+        "rolling": rolling,
+        "together": together,
+        "published": published,
+        "standbys": lambda sizes: standbys(seeds=sizes.seeds),
+    }
 )
 
 

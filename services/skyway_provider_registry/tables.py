@@ -23,8 +23,8 @@ from skyway.runtime.replicas.replica_store import replicas_table
 from skyway_provider_registry import battery_tables
 
 metadata = battery_tables.metadata
-
 replicas = replicas_table(metadata)
+_STANDBYS = "standby IN ('HOME', 'STAY', 'PARKING', 'NEXT_PICKUP')"
 
 
 def _place_columns() -> tuple[Column[float], Column[float]]:
@@ -47,7 +47,7 @@ providers = Table(
     Column("standby", Text, nullable=False, server_default="HOME"),
     Column("created_ms", BigInteger, nullable=False),
     CheckConstraint("state IN ('ACTIVE', 'SUSPENDED')", name="provider_state"),
-    CheckConstraint("standby IN ('HOME', 'STAY', 'PARKING')", name="provider_standby"),
+    CheckConstraint(_STANDBYS, name="provider_standby"),
 )
 
 #: Models that operators added; the library's named models are not in this table.
@@ -94,7 +94,7 @@ drones = Table(
     Column("created_ms", BigInteger, nullable=False),
     # A registration belongs to one aircraft; across providers we cannot judge to which one.
     UniqueConstraint("provider_id", "registration", name="drone_registration"),
-    CheckConstraint("standby IN ('HOME', 'STAY', 'PARKING')", name="drone_standby"),
+    CheckConstraint(_STANDBYS, name="drone_standby"),
     Index("drones_by_provider", "provider_id", "drone_id"),
     Index("drones_by_model", "model_id"),
 )

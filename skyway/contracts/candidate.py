@@ -29,8 +29,9 @@ Loading = Literal["AUTOMATIC", "CONFIRMED"]
 
 
 #: What a drone does after its last hand-over until it is booked again: it flies home, stays where
-#: it is, or goes to the best parking station. It charges there.
-Standby = Literal["HOME", "STAY", "PARKING"]
+#: it is, goes to the best parking station, or near the next pickup that its provider expects. It
+#: charges there.
+Standby = Literal["HOME", "STAY", "PARKING", "NEXT_PICKUP"]
 
 
 class CandidateQuery(WireModel):

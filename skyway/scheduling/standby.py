@@ -1,36 +1,38 @@
-"""Where a drone goes and charges after its last hand-over, and how its standby is ended.
+"""Where a drone goes and charges after its last hand-over.
 
-A standby may be at home, where the drone stands, or at a parking station. The search says to which
-station a trip is to be planned next. Its caller plans the trip and answers with it. So the same
-search serves a service, which awaits its planner, and an experiment.
+A standby may be at home, where the drone stands, at a parking station, or near the next pickup. The
+search says to which station a trip is to be planned next. Its caller plans the trip and answers
+with it. So the same search serves a service, which awaits its planner, and an experiment.
 """
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
 
 from skyway.contracts.candidate import Candidate, Standby
-from skyway.delivery.plan import Fly, Plan, Recharge, Step, Wait
+from skyway.delivery.plan import Plan, Recharge
 from skyway.drone.charging import model_on_pad, recharge_time_s
 from skyway.drone.model import DroneModel
-from skyway.ids import StationId
+from skyway.ids import DroneId, ProviderId, StationId
 from skyway.network.columns import Rows
 from skyway.network.great_circle import distances_m
 from skyway.network.network import Network
 from skyway.planner.pad_book import PadBook, booked_until_ms
 from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import DroneAtStart, Problem
+from skyway.scheduling.repositioning import places_to_wait
 from skyway.scheduling.stays import Slot, stay_to_begin_at, stays_of_standby
-from skyway.scheduling.trip import NoTrip, Trip, no_plan, soc_after
+from skyway.scheduling.trip import NoTrip, Trip, no_plan, shortened_trip, soc_after
 from skyway.units import CHARGE_TOLERANCE
-
-#: Moments that differ by less count as the same, in milliseconds: plans round them differently.
-SAME_MS: Final = 2
 
 #: How many near stations with pads are tried. Our own choice.
 _MOST_ENDS: Final = 3
+
+#: A drone goes near the next pickup only if its pad there is free so soon after it has landed,
+#: seconds: ten minutes. Our own choice.
+_LONGEST_PAD_WAIT_S: Final = 600.0
 
 #: How many near parking stations are compared by their plans. Our own choice.
 _MOST_PARKING: Final = 3
@@ -38,19 +40,45 @@ _MOST_PARKING: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class StandbyChoice:
-    """A drone's standby setting, and its home station."""
+    """A drone's standby setting, and its home station.
+
+    With NEXT_PICKUP it has the `drone` and its provider, whose requests say where the next pickup
+    is expected, and then the `places` that are worth the way, the best first.
+    """
 
     standby: Standby
     home_station_id: StationId
+    drone: tuple[ProviderId, DroneId] | None = None
+    places: tuple[StationId, ...] = ()
 
     @classmethod
     def of(cls, candidate: Candidate) -> Self:
         """The choice of a candidate."""
-        return cls(candidate.standby, candidate.home_station_id)
+        seeks = candidate.standby == "NEXT_PICKUP"
+        drone = (candidate.provider_id, candidate.drone_id) if seeks else None
+        return cls(candidate.standby, candidate.home_station_id, drone)
 
     def at_home(self) -> Self:
         """The choice of a drone that an operator calls home."""
-        return replace(self, standby="HOME")
+        return replace(self, standby="HOME", drone=None)
+
+    def near(
+        self,
+        pickups: Mapping[StationId, float],
+        network: Network,
+        *,
+        start: StationId,
+        waiting: Mapping[StationId, int],
+    ) -> Self:
+        """The choice with its places near the next pickups; as HOME if no pickup is expected.
+
+        The arguments are those of `places_to_wait`. If no place is worth the way, the drone stays.
+        """
+        otherwise = next(self.in_turn(network, start), None)
+        if not pickups or otherwise is None:
+            return self.at_home()
+        places = places_to_wait(network, pickups, waiting=waiting, start=start, otherwise=otherwise)
+        return replace(self, places=places)
 
     def is_home(self, station_id: StationId) -> bool:
         """Whether the drone flies home, and this is its home; a home may have no pads."""
@@ -106,6 +134,10 @@ def search_standby(
     `drone` is the drone at the end of its plan, which is at `start`.
     """
     network = network.fitting(drone.model.connector)
+    for end in choice.places:
+        trip = yield end
+        if isinstance(trip, Trip) and _has_free_pad(trip, drone):
+            return trip
     charged: list[Trip] = []
     for end in choice.to_compare(network, start):
         trip = yield end
@@ -186,6 +218,14 @@ def _is_charged(trip: Trip, drone: DroneAtStart) -> bool:
     return _is_top(drone.model, soc_after(trip.home_plan, drone.soc))
 
 
+def _has_free_pad(trip: Trip, drone: DroneAtStart) -> bool:
+    """Whether the drone is charged at the end of this trip, and need not wait long for its pad."""
+    arrived_s = trip.home_plan.delivery_time_s or 0.0
+    recharge = trip.home_recharge
+    is_soon = recharge is None or recharge.start_s <= arrived_s + _LONGEST_PAD_WAIT_S
+    return is_soon and _is_charged(trip, drone)
+
+
 def _is_top(model: DroneModel, soc: float) -> bool:
     return soc >= model.top_soc - CHARGE_TOLERANCE
 
@@ -240,54 +280,3 @@ def fitted(trip: Trip, *, soc: float, ready: Slot) -> Trip | None:
     if stay is None:
         return None
     return shortened_trip(trip, ready.at_ms)
-
-
-def shortened_trip(trip: Trip, until_ms: int) -> Trip:
-    """The trip whose standby ends at a moment, which is not before its last delivery."""
-    until_s = (until_ms - trip.home_start_ms) / 1000
-    home_plan, home_recharge = trip.home_plan, trip.home_recharge
-    if (home_plan.delivery_time_s or 0.0) > until_s:
-        home_plan = shortened_plan(home_plan, until_s)
-    if home_recharge is not None:
-        shortened = shortened_step(home_recharge, until_s)
-        home_recharge = shortened if isinstance(shortened, Recharge) else None
-    return replace(trip, home_plan=home_plan, home_recharge=home_recharge)
-
-
-def shortened_plan(plan: Plan, until_s: float) -> Plan:
-    """The plan up to a moment, in seconds since its start; its deliveries are left out."""
-    steps = tuple(
-        kept for step in plan.steps if (kept := shortened_step(step, until_s)) is not None
-    )
-    flights = [each for each in steps if isinstance(each, Fly)]
-    return plan.model_copy(
-        update={
-            "steps": steps,
-            "deliveries": (),
-            "delivery_time_s": steps[-1].end_s if steps else 0.0,
-            "energy_j": sum(each.energy_j for each in flights),
-            "flight_s": _seconds(flights),
-            "waiting_s": _seconds([each for each in steps if isinstance(each, Wait)]),
-            "recharging_s": _seconds([each for each in steps if isinstance(each, Recharge)]),
-        }
-    )
-
-
-def _seconds(steps: Sequence[Step]) -> float:
-    return sum(each.end_s - each.start_s for each in steps)
-
-
-def shortened_step(step: Step, until_s: float) -> Step | None:
-    """The step up to a moment; None when it begins later."""
-    same_s = SAME_MS / 1000
-    if step.end_s <= until_s + same_s:
-        return step
-    if step.start_s >= until_s - same_s:
-        return None
-    update = {"end_s": until_s}
-    if isinstance(step, Recharge):
-        share = (until_s - step.start_s) / (step.end_s - step.start_s)
-        # Charge curves are concave, so the drone has at least this.
-        soc = step.soc_start + share * (step.soc_end - step.soc_start)
-        return step.model_copy(update={**update, "soc_end": soc})
-    return step.model_copy(update=update)

@@ -137,6 +137,7 @@ class Contest:
 def _twins_among(shortlist: Shortlist, openings: Mapping[DroneId, Opening]) -> npt.NDArray[np.intp]:
     """A number for each row; rows with equal kind, place, charge, home and standby share one.
 
+    The standby NEXT_PICKUP follows from the requests of the provider, so providers share none.
     A drone that has other missions shares its number with no other drone, because the pads of
     those missions are free for this drone only.
     """
@@ -147,6 +148,12 @@ def _twins_among(shortlist: Shortlist, openings: Mapping[DroneId, Opening]) -> n
         shortlist.socs,
         shortlist.home_station_ids,
         shortlist.each_standby,
+        (
+            provider_id if standby == "NEXT_PICKUP" else None
+            for provider_id, standby in zip(
+                shortlist.provider_ids, shortlist.each_standby, strict=True
+            )
+        ),
         map(openings.get, shortlist.drone_ids),
         strict=True,
     )

@@ -100,7 +100,14 @@ async def _with_standby(
 ) -> Trip | NoTrip:
     """The trip with the best end that the drone reaches, and where it charges if one has a pad."""
     at_end = DroneAtStart(model=drone.model, soc=drone.soc, station_id=drone.station_id)
-    search = search_standby(standby, world.skyway.network, start=drone.station_id, drone=at_end)
+    network, start = world.skyway.network, drone.station_id
+    standby = await world.past_pickups.with_places(
+        standby,
+        network.fitting(drone.model.connector),
+        start=start,
+        at_ms=home_start_ms(plan, start_ms=start_ms),
+    )
+    search = search_standby(standby, network, start=start, drone=at_end)
     try:
         end = next(search)
         while True:

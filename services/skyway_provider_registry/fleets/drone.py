@@ -46,7 +46,7 @@ ModelId = Annotated[DroneModelId, Field(description="id of the drone model")]
 HomeStationId = Annotated[StationId, Field(description="id of the drone's home station")]
 OwnStandby = Annotated[
     Standby | None,
-    Field(description="HOME, STAY or PARKING when it is idle; null means as its provider"),
+    Field(description="HOME, STAY, PARKING or NEXT_PICKUP when idle; null means as its provider"),
 ]
 Registration = Annotated[
     str,

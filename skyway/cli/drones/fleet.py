@@ -36,6 +36,7 @@ class StandbyName(StrEnum):
     HOME = "HOME"
     STAY = "STAY"
     PARKING = "PARKING"
+    NEXT_PICKUP = "NEXT_PICKUP"
 
 
 _OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"

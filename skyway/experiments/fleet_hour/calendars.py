@@ -1,8 +1,9 @@
 """The calendars of a simulated fleet under a policy: the missions of each drone, and its pads."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import takewhile
+from itertools import chain, takewhile
 from typing import Final, Literal
 
 import numpy as np
@@ -12,10 +13,11 @@ from skyway.delivery.plan import Fly
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.experiments.fleet_hour.cases import Case, HourRequest
+from skyway.ids import StationId
 from skyway.planner.pad_book import PadBook
-from skyway.scheduling.standby import shortened_trip
+from skyway.scheduling.repositioning import PastRequest
 from skyway.scheduling.stays import Slot, Stay, slot_after, stays_of_standby
-from skyway.scheduling.trip import BookedPad, PlacedStep, Trip, without
+from skyway.scheduling.trip import BookedPad, PlacedStep, Trip, shortened_trip, without
 
 #: The services' defaults: the share of energy that plans add, the gap between two drones on one
 #: pad, the time between two missions of a drone, and how far ahead a mission is booked.
@@ -72,6 +74,9 @@ ONE_AT_A_TIME: Final = Policy("one at a time", "HOME", "CHARGED")
 CHAINED_HOME: Final = Policy("chained, home", "HOME", "SERVED", books_behind=True)
 
 CHAINED: Final = Policy("chained", "STAY", "SERVED", books_behind=True)
+
+#: Not among the policies of the experiment: `python -m benchmarks dispatch` compares it.
+CHAINED_NEAR: Final = Policy("chained, next pickup", "NEXT_PICKUP", "SERVED", books_behind=True)
 
 POLICIES: Final = (
     ONE_AT_A_TIME,
@@ -160,6 +165,17 @@ class Calendars:
     def free_ms(self, drone: int) -> int:
         """The moment at which the policy counts the drone as free again."""
         return self.stays(drone)[0].from_ms
+
+    def waiting(self, drone: int) -> Counter[StationId]:
+        """How many drones beside this one wait at each station, or will after their missions."""
+        others = (each for each in range(len(self.missions)) if each != drone)
+        return Counter(self.stays(each)[-1].station_id for each in others)
+
+    def past_requests(self) -> Iterator[PastRequest]:
+        """The requests of earlier days, and those that were booked."""
+        yield from self.case.past
+        for mission in chain.from_iterable(self.missions):
+            yield PastRequest(mission.request.source, mission.request.asked_ms)
 
     def book(self, mission: HourMission) -> None:
         """Add a mission to its drone's calendar; the standby before it ends early."""

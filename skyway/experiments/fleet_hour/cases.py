@@ -15,6 +15,7 @@ from skyway.network.bundled import texas_corridor
 from skyway.network.network import Network
 from skyway.network.synthetic import synthetic_city
 from skyway.planner.problem import PackageToDeliver
+from skyway.scheduling.repositioning import PastRequest
 from skyway.units import hours_to_s
 
 #: Where packages come from: any station of a city, any place of the Texas corridor, or the most
@@ -25,6 +26,8 @@ PLACES: Final[tuple[Place, ...]] = ("city", "corridor", "hub", "three hubs")
 
 #: Requests come within this time, milliseconds.
 HOUR_MS: Final = round(hours_to_s(1) * 1000)
+
+_DAY_MS: Final = 24 * HOUR_MS
 
 #: The cities: their stations and the side of a station's share of the area. Our own choice.
 _STATIONS, _SPACING_M, _DEGREE = 40, 5_000.0, 5.0
@@ -61,23 +64,39 @@ class HourRequest:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A network, the home of each drone, and the requests in the order of asking."""
+    """A network, the home of each drone, and the requests in the order of asking.
+
+    `past` are requests of earlier days, for drones that wait near the next pickup.
+    """
 
     network: Network
     homes: tuple[StationId, ...]
     requests: tuple[HourRequest, ...]
+    past: tuple[PastRequest, ...] = ()
 
 
 def draw_case(place: Place, load: Load, *, seed: int) -> Case:
     """The case that this seed draws."""
     random = chance(f"{seed}/hour")
     network, stations = _network(place, seed=seed)
-    hubs = _central(network, count=_HUBS[place]) if place in _HUBS else stations
-    return Case(
-        network,
-        homes=tuple(_spread(stations, load.drones, random=random)),
-        requests=tuple(_Customers(network, hubs, stations).requests(load.requests, random=random)),
-    )
+    homes = tuple(_spread(stations, load.drones, random=random))
+    customers = _customers(place, network, stations)
+    return Case(network, homes, tuple(customers.requests(load.requests, random=random)))
+
+
+def draw_day(place: Place, load: Load, *, seed: int, hours: float, days_before: int) -> Case:
+    """The same case with its requests spread over so many hours, after days of such requests."""
+    case = draw_case(place, load, seed=seed)
+    random = chance(f"{seed}/days before")
+    _, stations = _network(place, seed=seed)
+    customers = _customers(place, case.network, stations)
+    past = [
+        PastRequest(each.source, round(each.asked_ms * hours) - day * _DAY_MS)
+        for day in range(days_before, 0, -1)
+        for each in customers.requests(load.requests, random=random)
+    ]
+    requests = (replace(each, asked_ms=round(each.asked_ms * hours)) for each in case.requests)
+    return replace(case, requests=tuple(requests), past=tuple(past))
 
 
 def _network(place: Place, *, seed: int) -> tuple[Network, list[StationId]]:
@@ -92,6 +111,12 @@ def _network(place: Place, *, seed: int) -> tuple[Network, list[StationId]]:
         stations=_STATIONS, seed=seed, pads=1, degree=_DEGREE, spacing_m=_SPACING_M
     )
     return network, list(network.stations)
+
+
+def _customers(place: Place, network: Network, stations: Sequence[StationId]) -> "_Customers":
+    """Where the customers of a place are."""
+    hubs = _central(network, count=_HUBS[place]) if place in _HUBS else stations
+    return _Customers(network, hubs, stations)
 
 
 def _central(network: Network, *, count: int) -> list[StationId]:

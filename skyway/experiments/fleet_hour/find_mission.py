@@ -14,6 +14,7 @@ from skyway.planner.compose import compose
 from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.pad_book import PadBook
 from skyway.planner.problem import DroneAtStart, PackageToDeliver, Problem
+from skyway.scheduling.repositioning import expected_pickups
 from skyway.scheduling.standby import (
     StandbyChoice,
     home_start_ms,
@@ -67,7 +68,7 @@ class MissionFinder:
         for each in deliveries:
             home = calendars.case.homes[each.drone]
             choice = StandbyChoice(calendars.policy.standby, home)
-            trip = self._with_standby(each, choice)
+            trip = self._with_standby(each, choice, calendars)
             if isinstance(trip, Trip):
                 return HourMission.of(request, each.drone, each.slot, trip)
         return None
@@ -91,9 +92,16 @@ class MissionFinder:
                 delivered_ms = home_start_ms(plan, start_ms=slot.at_ms)
                 yield _Delivery(delivered_ms, plan.energy_j or 0.0, drone, slot, plan, pads)
 
-    def _with_standby(self, delivery: _Delivery, choice: StandbyChoice) -> Trip | NoTrip:
+    def _with_standby(
+        self, delivery: _Delivery, choice: StandbyChoice, calendars: Calendars
+    ) -> Trip | NoTrip:
         plan, slot = delivery.plan, delivery.slot
         start = [each.station_id for each in plan.steps if isinstance(each, Deliver)][-1]
+        if choice.standby == "NEXT_PICKUP":
+            past = calendars.past_requests()
+            pickups = expected_pickups(past, at_ms=delivery.delivered_ms)
+            waiting = calendars.waiting(delivery.drone)
+            choice = choice.near(pickups, self.network, start=start, waiting=waiting)
         drone = DroneAtStart(model=MODEL, soc=soc_after(plan, slot.soc), station_id=start)
         booked = delivery.pads.seen_from(delivery.delivered_ms)
 

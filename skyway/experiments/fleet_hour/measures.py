@@ -133,14 +133,15 @@ def measure(trial: HourTrial) -> HourMeasures:
     until_given_up = simulate(case, trial.policy, longest_wait_ms=LONGEST_WAIT_MS)
     return HourMeasures(
         served_share=len(until_given_up.missions) / len(case.requests),
-        delays_min=_delays_min(hour),
+        delays_min=delays_min(hour),
         held_h=sum(_held_ms(hour.calendars, each) for each in hour.missions) / _MS_PER_HOUR,
         energy_kwh=sum(each.energy_j for each in hour.missions) / _J_PER_KWH,
         shares=_shares(hour.missions, drones=trial.load.drones),
     )
 
 
-def _delays_min(hour: FlownHour) -> tuple[float, ...]:
+def delays_min(hour: FlownHour) -> tuple[float, ...]:
+    """Minutes from each request to its last delivery; infinite for those without a plan."""
     served = [(each.served_ms - each.request.asked_ms) / _MS_PER_MINUTE for each in hour.missions]
     return (*served, *(math.inf for _ in hour.unserved))
 

@@ -156,6 +156,20 @@ def test_only_drones_with_the_same_standby_share_a_plan() -> None:
     assert contest.next_to_compose([]) == [0, 2]
 
 
+def test_drones_of_two_providers_that_go_near_the_next_pickup_share_no_plan() -> None:
+    drones = [
+        OfferValues(10.0, 100, 5.0, ProviderId(f"prv_{number % 2}"), DroneId(f"drn_{number}"))
+        for number in range(4)
+    ]
+    shortlist = Shortlist.of(
+        make_candidate(values, station_id="a", standby="NEXT_PICKUP") for values in drones
+    )
+    equal = LowerBounds(np.full(4, 10.0), np.full(4, 100.0), np.full(4, 5.0))
+    contest = Contest(shortlist, equal, Weights(time=1), openings={})
+
+    assert contest.next_to_compose([]) == [0, 2]
+
+
 @given(entrants(), weights())
 def test_the_winner_by_lower_bounds_is_composed_first(
     among: list[tuple[OfferValues, OfferValues | None]], by: Weights

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from skyway.delivery.plan import Deliver, Fly, Plan, PlanStatus, Recharge, Step, Wait
 from skyway.ids import StationId
-from skyway.scheduling.standby import shortened_trip
 from skyway.scheduling.stays import Slot, Stay, first_slot, stay_to_begin_at, stays_of_standby
-from skyway.scheduling.trip import Trip
+from skyway.scheduling.trip import Trip, shortened_trip
 
 START_MS = 1_000_000
 MINUTE_MS = 60_000

@@ -1,4 +1,4 @@
-"""Where a drone stands by, which of the ways there wins, and a standby that ends early."""
+"""Where a drone stands by, and which of the ways there wins."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -7,13 +7,13 @@ from typing import Final
 import pytest
 
 from skyway.contracts.candidate import Standby
-from skyway.delivery.plan import Fly, Plan, PlanStatus, Recharge, Wait
+from skyway.delivery.plan import Recharge
 from skyway.drone.models import DJI_MATRICE_300_RTK as MODEL
 from skyway.geo import Position
 from skyway.ids import ConnectorId, StationId
 from skyway.network.network import Network, Station
 from skyway.planner.problem import DroneAtStart
-from skyway.scheduling.standby import StandbyChoice, search_standby, shortened_plan, shortened_step
+from skyway.scheduling.standby import StandbyChoice, search_standby
 from skyway.scheduling.trip import NOTHING_TO_DELIVER, NoTrip, Trip
 
 HOME: Final = StationId("a")
@@ -64,7 +64,7 @@ def test_only_drones_that_park_compare_parking_stations(standby: Standby) -> Non
     assert compared(make_row(parking="abdg"), standby, "f") == ""
 
 
-@pytest.mark.parametrize("standby", ["HOME", "STAY", "PARKING"])
+@pytest.mark.parametrize("standby", ["HOME", "STAY", "PARKING", "NEXT_PICKUP"])
 def test_a_drone_whose_home_is_not_in_the_network_uses_the_nearest_pads(standby: Standby) -> None:
     assert in_turn(make_row("bcdefg"), standby, "f") == "feg"
 
@@ -114,11 +114,13 @@ def trip(end: str, *, is_charged: bool = True, ends_s: float = 60.0) -> Trip:
     return Trip(0, NOTHING_TO_DELIVER, 0, NOTHING_TO_DELIVER, home_recharge)
 
 
-def searched(standby: Standby, trips: Mapping[str, Trip]) -> tuple[str, Trip | NoTrip]:
+def searched(
+    standby: Standby, trips: Mapping[str, Trip], *, places: str = ""
+) -> tuple[str, Trip | NoTrip]:
     """The ends that were tried, and the trip that won; no pad is free at all other ends."""
     tried = ""
     drone = DroneAtStart(model=MODEL, soc=0.5)
-    choice = StandbyChoice(standby, StationId("a"))
+    choice = StandbyChoice(standby, StationId("a"), places=tuple(map(StationId, places)))
     search = search_standby(choice, NETWORK, start=StationId("e"), drone=drone)
     try:
         end = next(search)
@@ -151,55 +153,29 @@ def test_the_parking_station_at_which_a_drone_is_charged_first_wins() -> None:
     assert searched("PARKING", {"b": sooner, "d": trip("d")}) == ("db", sooner)
 
 
+def test_a_drone_waits_near_the_next_pickup_at_the_first_place_with_a_free_pad() -> None:
+    late = trip("a")
+    assert late.home_recharge is not None
+    recharge = late.home_recharge.model_copy(update={"start_s": 1_000.0, "end_s": 2_000.0})
+    late = replace(late, home_recharge=recharge)
+    uncharged = trip("b", is_charged=False)
+    near = {"a": late, "b": uncharged, "c": trip("c"), "e": trip("e")}
+
+    assert searched("NEXT_PICKUP", near, places="abc") == ("abc", trip("c"))
+    assert searched("NEXT_PICKUP", near, places="ab") == ("abe", trip("e"))
+
+
+def test_a_drone_goes_home_where_no_pickup_is_expected() -> None:
+    choice = StandbyChoice("NEXT_PICKUP", HOME)
+
+    known, unknown = (
+        choice.near(pickups, NETWORK, start=StationId("e"), waiting={HOME: 12})
+        for pickups in ({StationId("b"): 1.0}, {})
+    )
+
+    assert known == replace(choice, places=(StationId("b"),))
+    assert unknown == StandbyChoice("HOME", HOME)
+
+
 def test_the_first_reason_counts_when_no_end_has_a_trip() -> None:
     assert searched("STAY", {}) == ("edca", NO_PAD)
-
-
-A, B = StationId("a"), StationId("b")
-FLIGHT = Fly.model_validate(
-    {
-        "from": B,
-        "to": A,
-        "start_s": 0.0,
-        "end_s": 100.0,
-        "load_kg": 0.0,
-        "energy_j": 5.0,
-        "soc_end": 0.3,
-    }
-)
-PAUSE = Wait(station_id=A, start_s=100.0, end_s=150.0)
-CHARGE = Recharge(station_id=A, pad=0, start_s=150.0, end_s=350.0, soc_start=0.3, soc_end=0.9)
-TO_HOME = Plan(status=PlanStatus.OPTIMAL, delivery_time_s=350.0, steps=(FLIGHT, PAUSE, CHARGE))
-
-
-def test_a_recharge_that_ends_early_gives_its_share_of_the_charge() -> None:
-    shortened = shortened_step(CHARGE, 250.0)
-
-    assert isinstance(shortened, Recharge)
-    assert shortened.end_s == 250.0
-    assert shortened.soc_end == pytest.approx(0.6)
-
-
-@pytest.mark.parametrize("until_s", [350.0, 349.999, 1_000.0])
-def test_a_step_that_ends_before_the_moment_stays(until_s: float) -> None:
-    assert shortened_step(CHARGE, until_s) == CHARGE
-
-
-@pytest.mark.parametrize("until_s", [150.0, 150.001, 20.0])
-def test_a_step_that_begins_at_the_moment_or_later_is_left_out(until_s: float) -> None:
-    assert shortened_step(CHARGE, until_s) is None
-
-
-def test_a_shortened_plan_counts_only_the_steps_that_are_left() -> None:
-    plan = shortened_plan(TO_HOME, 120.0)
-
-    assert [each.end_s for each in plan.steps] == [100.0, 120.0]
-    assert plan.delivery_time_s == 120.0
-    assert (plan.energy_j, plan.flight_s) == (5.0, 100.0)
-    assert (plan.waiting_s, plan.recharging_s) == (20.0, 0.0)
-
-
-def test_a_plan_that_ends_before_its_start_is_empty() -> None:
-    plan = shortened_plan(TO_HOME, 0.0)
-
-    assert (plan.steps, plan.delivery_time_s, plan.energy_j) == ((), 0.0, 0)

@@ -105,13 +105,13 @@ async def test_a_drone_has_its_own_standby_until_it_is_removed(api: Any, mine: s
     drone = await api.drone(mine, standby="STAY")
     path = f"/v1/providers/{mine}/drones/{drone['drone_id']}"
 
-    changed = await api(f"provider:{mine}", "PATCH", path, {"standby": "PARKING"})
+    changed = await api(f"provider:{mine}", "PATCH", path, {"standby": "NEXT_PICKUP"})
     renamed = await api(f"provider:{mine}", "PATCH", path, {"name": "Heron"})
     removed = await api(f"provider:{mine}", "PATCH", path, {"standby": None})
 
     answers = (changed, renamed, removed)
     assert drone["standby"] == "STAY"
-    assert [each.json()["standby"] for each in answers] == ["PARKING", "PARKING", None]
+    assert [each.json()["standby"] for each in answers] == ["NEXT_PICKUP", "NEXT_PICKUP", None]
 
 
 async def test_maintenance_begins_and_ends(api: Any, mine: str) -> None:

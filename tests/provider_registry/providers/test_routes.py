@@ -1,8 +1,10 @@
 """Providers over REST: permissions, changes, and refusals of bad bodies."""
 
-from typing import Any
+from typing import Any, get_args
 
 import pytest
+
+from skyway.contracts.candidate import Standby
 
 TARIFF = {
     "currency": "USD",
@@ -45,16 +47,17 @@ async def test_a_provider_says_who_confirms_what_is_loaded_and_changes_it(api: A
     assert changed.json()["loading"] == "AUTOMATIC"
 
 
-async def test_a_provider_chooses_where_its_idle_drones_go(api: Any) -> None:
+@pytest.mark.parametrize("standby", ["PARKING", "NEXT_PICKUP"])
+async def test_a_provider_chooses_where_its_idle_drones_go(api: Any, standby: str) -> None:
     body = {"name": "x", "tariff": {}, "standby": "STAY"}
     made = await api("operator:op", "POST", "/v1/providers", body)
     provider_id = made.json()["provider_id"]
     path = f"/v1/providers/{provider_id}"
 
-    changed = await api(f"provider:{provider_id}", "PATCH", path, {"standby": "PARKING"})
+    changed = await api(f"provider:{provider_id}", "PATCH", path, {"standby": standby})
 
     assert made.json()["standby"] == "STAY"
-    assert changed.json()["standby"] == "PARKING"
+    assert changed.json()["standby"] == standby
 
 
 @pytest.mark.parametrize("standby", ["ROAM", None, 1])
@@ -70,7 +73,7 @@ async def test_an_unknown_standby_is_refused_with_its_field_and_the_choices(
     (problem,) = answer.json()["errors"]
     assert (answer.status_code, problem["field"]) == (422, "standby")
     if standby is not None:
-        assert all(choice in problem["detail"] for choice in ("HOME", "STAY", "PARKING"))
+        assert all(choice in problem["detail"] for choice in get_args(Standby))
 
 
 @pytest.mark.parametrize("caller", ["provider:prv_1", "customer:c", "drone:drn_1", None])

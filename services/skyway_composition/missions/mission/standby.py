@@ -11,8 +11,8 @@ from skyway.contracts.flight_step import FlightStep, RechargeStep, WaitStep
 from skyway.contracts.mission import Mission
 from skyway.ids import DroneId, MissionId
 from skyway.runtime.sql.database import Tx
-from skyway.scheduling.standby import SAME_MS, StandbyChoice, shortened_plan, shortened_step
-from skyway.scheduling.trip import NoTrip, Trip
+from skyway.scheduling.standby import StandbyChoice
+from skyway.scheduling.trip import SAME_MS, NoTrip, Trip, shortened_plan, shortened_step
 from skyway.units import CHARGE_TOLERANCE, moment_to_ms, ms_to_moment
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.from_trip import StepTerms, finished_wait, flight_steps

@@ -14,9 +14,16 @@ from skyway.errors import InvalidProblem
 from skyway.ids import DroneId, MissionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.scheduling.standby import StandbyChoice, home_start_ms, shortened_trip
+from skyway.scheduling.standby import StandbyChoice, home_start_ms
 from skyway.scheduling.stays import Slot, slot_after
-from skyway.scheduling.trip import NOTHING_TO_DELIVER, BookedPad, NoTrip, Trip, no_plan
+from skyway.scheduling.trip import (
+    NOTHING_TO_DELIVER,
+    BookedPad,
+    NoTrip,
+    Trip,
+    no_plan,
+    shortened_trip,
+)
 from skyway.units import moment_to_ms
 from skyway_composition.missions.calendar.dispatching.fleet import Calendar, Fleet, Moments, Orders
 from skyway_composition.missions.calendar.plan_queue import Moved, deadline_ms, problem_of

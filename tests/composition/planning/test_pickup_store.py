@@ -1,0 +1,52 @@
+"""A drone waits near the next pickup that the last requests of its provider let expect."""
+
+from typing import Any
+
+from skyway_composition.planning.find_trip import TripFinder
+from skyway_composition.planning.world import World
+
+from skyway.drone.models import DRONE_MODELS
+from skyway.ids import DroneModelId, StationId
+from skyway.scheduling.trip import Trip
+from skyway.units import moment_to_ms
+
+#: Flies there and back without a recharge.
+FAR_FLYER = DRONE_MODELS[DroneModelId("dji-matrice-300-rtk")]
+
+
+async def book_pickups_at_b(composition: Any, make: Any, count: int = 10) -> None:
+    """Book requests from b to c, each on a drone of its own that stays at e."""
+    for number in range(2, 2 + count):
+        drone = make.candidate(
+            number, model=FAR_FLYER, station_id="c", home_station_id="e", standby="HOME"
+        )
+        booking = await composition.book(
+            drone, delivery_id=f"dlv_{number}", request=make.request("c", pickup="b")
+        )
+        assert booking.outcome == "BOOKED", booking
+
+
+async def waits_at(composition: Any, make: Any, **members: Any) -> StationId:
+    """Where a drone of provider 1 waits after a delivery at d."""
+    skyway = await composition.parts.networks.current("row")
+    world = await World.of(skyway, composition.db, after_ms=0)
+    start_ms = moment_to_ms(composition.clock.now())
+    finder = TripFinder(composition.parts.solver, world, start_ms, None)
+    candidate = make.candidate(model=FAR_FLYER, standby="NEXT_PICKUP", **members)
+    trip = await finder.trip(candidate, make.request("d", pickup="c"))
+    assert isinstance(trip, Trip)
+    assert trip.home_recharge is not None
+    return trip.home_recharge.station_id
+
+
+async def test_a_drone_waits_near_the_pickups_of_its_own_provider(
+    composition: Any, make: Any
+) -> None:
+    at = {"station_id": "c", "home_station_id": "e"}
+    assert await waits_at(composition, make, **at) == "e"  # nothing is known: home
+
+    await book_pickups_at_b(composition, make)
+
+    assert await waits_at(composition, make, **at) == "b"
+    assert await waits_at(composition, make, provider_id="prv_2", **at) == "e"
+    assert await composition.broken() == []
