@@ -185,7 +185,7 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
         metrics_gate=MetricsGate(settings.secrets_dir),
         clock=clock,
         mint=mint,
-        networks=PreparedNetworks(db),
+        networks=PreparedNetworks(db, clock),
         solver=_pool(settings, "missions", inline_labels=_INLINE_LABELS),
         inquiries=_pool(settings, "quotes", inline_labels=0),
         problems=_pool(settings, "problems", inline_labels=0),

@@ -70,10 +70,10 @@ def expected_pickups(past: Iterable[PastRequest], *, at_ms: int) -> dict[Station
     for each in past:
         weights[each.station_id] += _weight(at_ms - each.at_ms)
         requests += 1
-    if requests < _FEWEST_REQUESTS:
-        return {}
     most = _most(weights)[:_MOST_PICKUPS]
     total = sum(weight for _, weight in most)
+    if requests < _FEWEST_REQUESTS or total == 0.0:  # requests of long ago weigh nothing
+        return {}
     return {station_id: weight / total for station_id, weight in most}
 
 

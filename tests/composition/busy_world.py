@@ -134,7 +134,7 @@ class BusyWorld:
     def restart(self) -> None:
         """Restart composition as after kill -9: new objects on the same database."""
         db, clock, mint, stuck = self.db, self.clock, self.mint, Wake()
-        networks, parts = PreparedNetworks(db), (db, clock, mint, stuck)
+        networks, parts = PreparedNetworks(db, clock), (db, clock, mint, stuck)
         shared = HostFinder(db, networks, self.solver, clock, mint, tolerance_s=60.0)
         self.bookings = Bookings(
             db, networks, self.solver, clock, mint, Wake(), pause=self._pause, shared=shared

@@ -303,7 +303,7 @@ async def unpublished(
             metrics_gate=MetricsGate(secrets_dir),
             clock=clock,
             mint=mint,
-            networks=PreparedNetworks(db),
+            networks=PreparedNetworks(db, clock),
             solver=solver,
             inquiries=inquiries,
             problems=problems,

@@ -55,7 +55,7 @@ async def forecast_wind(world: BusyWorld, *, speed_mps: float, from_deg: float) 
         for hour in range(24)
     ]
     forecast = {"source": "test", "issued_at": now.isoformat(), "reports": reports}
-    networks = PreparedNetworks(world.db)
+    networks = PreparedNetworks(world.db, world.clock)
     changes = WeatherChanges(world.db, networks, world.closings.impact, world.clock, Wake())
     await changes.put(NETWORK_ID, ForecastDocument.model_validate(forecast))
 
@@ -88,7 +88,7 @@ def dispatcher_of(
     """A dispatcher on the world's database."""
     finder = OrderFinder(
         world.db,
-        PreparedNetworks(world.db),
+        PreparedNetworks(world.db, world.clock),
         world.solver,
         OwnSearch() if search is None else search,
         RegistryInService(withdrawn, due),  # type: ignore[arg-type]

@@ -26,7 +26,9 @@ async def all_rows(db: Database) -> dict[str, list[str]]:
 
 async def preview(world: BusyWorld, mission_id: MissionId, wish: dict[str, Any]) -> None:
     """Preview a command in a busy world, and check that this changes nothing."""
-    foresight = Foresight(world.db, PreparedNetworks(world.db), world.solver, world.clock)
+    foresight = Foresight(
+        world.db, PreparedNetworks(world.db, world.clock), world.solver, world.clock
+    )
     previews = CommandPreviews(world.db, world.clock, world.mint, foresight)
     before = await all_rows(world.db)
     try:

@@ -135,7 +135,7 @@ class DayWorld(BusyWorld):
         if error_mps is None:
             return
         body = forecast_of(self.day, self.network, from_at=now, error_mps=error_mps, seed=seed)
-        networks, impact = PreparedNetworks(self.db), self.closings.impact
+        networks, impact = PreparedNetworks(self.db, self.clock), self.closings.impact
         changes = WeatherChanges(self.db, networks, impact, self.clock, calendars=Wake())
         await changes.put(NETWORK_ID, ForecastDocument.model_validate_json(json.dumps(body)))
 

@@ -18,10 +18,12 @@ from skyway.network.great_circle import distances_m
 from skyway.network.network import Network
 from skyway.planner.airspace import Airspace
 from skyway.planner.hierarchy import Hierarchy
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.sql.database import Database
 from skyway_composition.closures.conditions import CachedConditions
 from skyway_composition.networks import store
+from skyway_composition.networks.pickup_store import PastPickups
 from skyway_composition.networks.settings import NetworkSettings, settings_of
 from skyway_composition.networks.store import VersionRow
 
@@ -44,7 +46,8 @@ class PreparedNetwork:
 
     `straightness` is the smallest ratio of a segment's length to the great circle between its
     ends, at most 1. So no path between two stations is shorter than `straightness` times their
-    great circle. `conditions` belong to the network and change without a new version.
+    great circle. `conditions` and `past_pickups` belong to the network and change without a new
+    version.
     """
 
     network_id: NetworkId
@@ -55,13 +58,15 @@ class PreparedNetwork:
     hierarchy: Hierarchy | None
     straightness: float
     conditions: CachedConditions
+    past_pickups: PastPickups
 
 
 class PreparedNetworks:
     """The networks of this database, each parsed once."""
 
-    def __init__(self, db: Database) -> None:
+    def __init__(self, db: Database, clock: FleetClock) -> None:
         self._db = db
+        self._clock = clock
         self._kept: dict[NetworkId, dict[int, PreparedNetwork]] = {}
         self._loading = asyncio.Lock()
 
@@ -130,11 +135,12 @@ class PreparedNetworks:
             content = await store.content(connection, network_id, version)
         if content is None:
             raise NotFound("network version", f"{network_id}/{version}")
-        return await asyncio.to_thread(_prepare, network_id, version, content)
+        past_pickups = PastPickups(self._db, self._clock, network_id)
+        return await asyncio.to_thread(_prepare, version, content, past_pickups)
 
 
-def _prepare(network_id: NetworkId, version: int, content: bytes) -> PreparedNetwork:
-    started_at = time.monotonic()
+def _prepare(version: int, content: bytes, past_pickups: PastPickups) -> PreparedNetwork:
+    started_at, network_id = time.monotonic(), past_pickups.network_id
     network = read_network_text(content)
     # Computed on first use. Used here, so that no plan waits for them.
     adjacencies = network.outgoing, network.incoming
@@ -148,6 +154,7 @@ def _prepare(network_id: NetworkId, version: int, content: bytes) -> PreparedNet
         hierarchy=_hierarchy(network),
         straightness=_straightness(network),
         conditions=CachedConditions(network_id, network, reserve_risk=settings.reserve_risk),
+        past_pickups=past_pickups,
     )
     log.info(
         "network prepared",

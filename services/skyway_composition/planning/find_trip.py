@@ -101,7 +101,7 @@ async def _with_standby(
     """The trip with the best end that the drone reaches, and where it charges if one has a pad."""
     at_end = DroneAtStart(model=drone.model, soc=drone.soc, station_id=drone.station_id)
     network, start = world.skyway.network, drone.station_id
-    standby = await world.past_pickups.with_places(
+    standby = await world.skyway.past_pickups.with_places(
         standby,
         network.fitting(drone.model.connector),
         start=start,

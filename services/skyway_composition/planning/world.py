@@ -29,7 +29,6 @@ from skyway_composition.closures.conditions import Conditions
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
 from skyway_composition.networks.store import Present, share_current
 from skyway_composition.pads.pad_snapshot import PadSnapshot
-from skyway_composition.planning.pickup_store import PastPickups
 from skyway_composition.planning.solver_pool import SolverPool
 
 #: How far around a request's places pads are read first, as a share of the distance between them.
@@ -52,7 +51,6 @@ class World:
     pads: PadSnapshot
     conditions: Conditions
     conditions_version: int
-    past_pickups: PastPickups
     use_deviation: float = UNKNOWN_USE
 
     @property
@@ -163,7 +161,7 @@ class World:
         number = present.conditions
         conditions = await skyway.conditions.numbered(number, db, after_ms=after_ms)
         pads = _pads(skyway, db, conditions, after_ms=after_ms, pad_gap_s=pad_gap_s)
-        return cls(skyway, pads, conditions, number, PastPickups(db, skyway.network_id))
+        return cls(skyway, pads, conditions, number)
 
     @classmethod
     async def of(
@@ -193,7 +191,7 @@ class World:
             without=without,
             pad_gap_s=pad_gap_s,
         )
-        return cls(skyway, pads, conditions, number, PastPickups(db, skyway.network_id))
+        return cls(skyway, pads, conditions, number)
 
 
 def _pads(

@@ -45,7 +45,7 @@ class WindyWorld(BusyWorld):
             for station_id in PLACES
         ]
         body = {"source": "test", "issued_at": self.clock.now().isoformat(), "reports": reports}
-        networks, impact = PreparedNetworks(self.db), self.closings.impact
+        networks, impact = PreparedNetworks(self.db, self.clock), self.closings.impact
         weather = WeatherChanges(self.db, networks, impact, self.clock, calendars=Wake())
         await weather.put(NETWORK_ID, ForecastDocument.model_validate(body))
         await self.converse()

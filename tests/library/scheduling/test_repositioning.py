@@ -76,6 +76,10 @@ def test_fewer_than_ten_requests_let_expect_nothing() -> None:
     assert expected_pickups(requests("a"), at_ms=0) == {"a": 1.0}
 
 
+def test_requests_that_are_decades_old_let_expect_nothing() -> None:
+    assert expected_pickups(requests("a"), at_ms=100 * 365 * 24 * HOUR_MS) == {}
+
+
 def test_recent_requests_count_more_than_old_ones() -> None:
     old, recent = requests("a", at_ms=0), requests("b", at_ms=14 * 24 * HOUR_MS)
 

@@ -1,5 +1,6 @@
 """A drone waits near the next pickup that the last requests of its provider let expect."""
 
+from datetime import timedelta
 from typing import Any
 
 from skyway_composition.planning.find_trip import TripFinder
@@ -46,7 +47,11 @@ async def test_a_drone_waits_near_the_pickups_of_its_own_provider(
     assert await waits_at(composition, make, **at) == "e"  # nothing is known: home
 
     await book_pickups_at_b(composition, make)
+    composition.clock.advance(timedelta(seconds=6))
 
     assert await waits_at(composition, make, **at) == "b"
     assert await waits_at(composition, make, provider_id="prv_2", **at) == "e"
+    drone = make.candidate(model=FAR_FLYER, standby="NEXT_PICKUP", **at)
+    booking = await composition.book(drone, request=make.request("d", pickup="c"))
+    assert booking.missions[0].home_recharge.station_id == "b"
     assert await composition.broken() == []

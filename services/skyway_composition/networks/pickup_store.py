@@ -5,8 +5,9 @@ other providers.
 """
 
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import timedelta
 from typing import Any, Final
 
 from sqlalchemy import and_, bindparam, select
@@ -14,6 +15,8 @@ from sqlalchemy import and_, bindparam, select
 from skyway.contracts.mission import OPEN_MISSION_STATES
 from skyway.ids import DroneId, NetworkId, ProviderId, StationId
 from skyway.network.network import Network
+from skyway.runtime.answer_cache import AnswerCache
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
 from skyway.scheduling.repositioning import PastRequest, expected_pickups
 from skyway.scheduling.standby import StandbyChoice
@@ -22,6 +25,12 @@ from skyway_composition.tables import mission_steps, missions
 
 #: So many missions are read, the last that were booked. Our own choice.
 _MOST_MISSIONS: Final = 500
+
+#: How old the missions of a provider are at most, wall time, and of how many providers they are
+#: cached. Our own choices.
+_KEPT: Final = timedelta(seconds=5)
+
+_MOST_PROVIDERS: Final = 1_000
 
 _LAST: Final = (
     select(
@@ -51,16 +60,22 @@ _LAST: Final = (
 #: After a mission in one of these states its drone waits where the mission has planned.
 _WAITS_AFTER: Final = frozenset({*OPEN_MISSION_STATES, "COMPLETED"})
 
-Rows = list[Any]  # rows of `_LAST`, whose columns have any type
-
 
 @dataclass(frozen=True, slots=True)
-class PastPickups:
-    """The last missions in one network; those of each provider are read once."""
+class _Past:
+    """A provider's last requests, and where each of its drones waits, or will after a mission."""
 
-    db: Database
-    network_id: NetworkId
-    _read: dict[ProviderId, Rows] = field(default_factory=dict)
+    requests: tuple[PastRequest, ...]
+    waits_at: Mapping[DroneId, StationId]
+
+
+class PastPickups:
+    """The last missions in one network, a few seconds old."""
+
+    def __init__(self, db: Database, clock: FleetClock, network_id: NetworkId) -> None:
+        self._db = db
+        self.network_id = network_id
+        self._past = AnswerCache(self._read, clock=clock, kept=_KEPT, most=_MOST_PROVIDERS)
 
     async def with_places(
         self, choice: StandbyChoice, network: Network, *, start: StationId, at_ms: int
@@ -72,21 +87,21 @@ class PastPickups:
         if choice.drone is None:
             return choice
         provider_id, drone_id = choice.drone
-        rows = await self._rows(provider_id)
-        pickups = expected_pickups(_requests(rows), at_ms=at_ms)
-        return choice.near(pickups, network, start=start, waiting=_waiting(rows, drone_id))
+        past = self._past.cached(provider_id)
+        if past is None:
+            past = await self._past.ask(provider_id)
+        waiting = Counter(at for each, at in past.waits_at.items() if each != drone_id)
+        pickups = expected_pickups(past.requests, at_ms=at_ms)
+        return choice.near(pickups, network, start=start, waiting=waiting)
 
-    async def _rows(self, provider_id: ProviderId) -> Rows:
-        rows = self._read.get(provider_id)
-        if rows is None:
-            values = {"provider_id": provider_id, "network_id": self.network_id}
-            async with self.db.read() as connection:
-                rows = [*(await connection.execute(_LAST, values)).all()]
-            self._read[provider_id] = rows
-        return rows
+    async def _read(self, provider_id: ProviderId) -> _Past:
+        values = {"provider_id": provider_id, "network_id": self.network_id}
+        async with self._db.read() as connection:
+            rows = (await connection.execute(_LAST, values)).all()
+        return _Past(tuple(_requests(rows)), _waits_at(rows))
 
 
-def _requests(rows: Rows) -> Iterator[PastRequest]:
+def _requests(rows: Sequence[Any]) -> Iterator[PastRequest]:
     """The requests of these missions; a request that was booked several times counts once."""
     seen = set[str]()
     for row in rows:
@@ -95,11 +110,10 @@ def _requests(rows: Rows) -> Iterator[PastRequest]:
             yield PastRequest(StationId(row.station_id), row.start_ms)
 
 
-def _waiting(rows: Rows, drone_id: DroneId) -> Counter[StationId]:
-    """How many other drones wait at each station, or will after their last mission."""
-    last: dict[str, Any] = {}  # rows
-    for row in rows:
-        is_later = row.drone_id not in last or last[row.drone_id].start_ms < row.start_ms
-        if row.state in _WAITS_AFTER and row.drone_id != drone_id and is_later:
-            last[row.drone_id] = row
-    return Counter(read_stays(row.stays)[-1].station_id for row in last.values() if row.stays)
+def _waits_at(rows: Sequence[Any]) -> dict[DroneId, StationId]:
+    """Where each drone waits after the last of these missions."""
+    last: dict[DroneId, Any] = {}  # rows
+    for row in sorted(rows, key=lambda each: each.start_ms):
+        if row.state in _WAITS_AFTER:
+            last[DroneId(row.drone_id)] = row
+    return {each: read_stays(row.stays)[-1].station_id for each, row in last.items() if row.stays}
