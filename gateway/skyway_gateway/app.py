@@ -15,12 +15,12 @@ from skyway.runtime.http.app import (
     nothing_to_open,
     nothing_to_wait_for,
 )
-from skyway.runtime.http.identity import read_secret
 from skyway.runtime.http.metrics_routes import metrics_routes, readiness_gauges
 from skyway.runtime.loops import Loops
 from skyway.runtime.metrics import GaugeSource
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient
+from skyway.runtime.peer_secrets import read_secret
 from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from skyway.ids import DeliveryId
-from skyway.runtime.http.identity import read_secret
+from skyway.runtime.peer_secrets import read_secret
 
 #: The first link of a delivery has this number; each renewal counts up.
 FIRST_LINK: Final = 1

@@ -18,11 +18,12 @@ from skyway.runtime.http.app import (
 )
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import ServiceEntrance
-from skyway.runtime.http.identity import ServiceIdentity, read_secret
+from skyway.runtime.http.identity import ServiceIdentity
 from skyway.runtime.http.metrics_routes import figures_routes, metrics_routes, readiness_gauges
 from skyway.runtime.loops import Loops
 from skyway.runtime.metrics import GaugeSource
 from skyway.runtime.mqtt.client import MqttClient
+from skyway.runtime.peer_secrets import read_secret
 from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate

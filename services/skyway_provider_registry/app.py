@@ -20,12 +20,12 @@ from skyway.runtime.http.app import (
     nothing_to_wait_for,
 )
 from skyway.runtime.http.entrance import ServiceEntrance
-from skyway.runtime.http.identity import read_secret
 from skyway.runtime.http.metrics_routes import figures_routes, metrics_routes, readiness_gauges
 from skyway.runtime.idempotency_store import sweep
 from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.metrics import GaugeSource
 from skyway.runtime.mqtt.client import MqttClient
+from skyway.runtime.peer_secrets import read_secret
 from skyway.runtime.replicas.membership import LeaderStep, Membership
 from skyway.runtime.sql.migrations import migrate
 from skyway_provider_registry.candidates.routes import candidate_routes, service_state_routes

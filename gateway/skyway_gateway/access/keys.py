@@ -15,10 +15,11 @@ from skyway.errors import InvalidInput
 from skyway.ids import KeyId, ProviderId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, Unauthenticated
-from skyway.runtime.http.identity import Caller, KeyHolder, read_secret
+from skyway.runtime.http.identity import Caller, KeyHolder
 from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
+from skyway.runtime.peer_secrets import read_secret
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access import account_store, rotation_store, store
 from skyway_gateway.access.api_key import ApiKey, BrokerLogin, IssuedKey, KeyRole, NewKey

@@ -20,7 +20,7 @@ from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 from skyway.errors import SkywayError
 from skyway.ids import WebhookId
 from skyway.runtime.errors import InvalidSettings
-from skyway.runtime.http.identity import read_secret
+from skyway.runtime.peer_secrets import read_secret
 from skyway_gateway.notifications.webhook import signing_key
 
 KEYS_FILE: Final = "webhook_keys"

@@ -12,8 +12,7 @@ from typing import Final, Protocol
 
 from skyway.contracts.broker_rules import DEPLOYMENT_OPERATOR
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.http.identity import read_secret
-from skyway.runtime.peer_secrets import account_file
+from skyway.runtime.peer_secrets import account_file, read_secret
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment import credential_store
 

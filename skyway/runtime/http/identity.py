@@ -13,8 +13,8 @@ from fastapi.openapi.models import HTTPBearer as HTTPBearerModel
 from fastapi.security.base import SecurityBase
 from fastapi.security.utils import get_authorization_scheme_param
 
-from skyway.runtime.errors import AccessDenied, InvalidSettings, Unauthenticated
-from skyway.runtime.peer_secrets import peer_file, peer_hash
+from skyway.runtime.errors import AccessDenied, Unauthenticated
+from skyway.runtime.peer_secrets import peer_file, peer_hash, read_secret
 
 CallerRole = Literal["customer", "provider", "operator", "drone", "service"]
 
@@ -107,23 +107,6 @@ class RefusedKey:
 
     reason: RefusalReason
     holder: KeyHolder | None = None
-
-
-def read_secret(secrets_dir: Path, name: str) -> str:
-    """The secret in a file of one line, as Docker and Kubernetes mount them: ``service_gateway``.
-
-    Raises
-    ------
-    InvalidSettings
-        The file is missing or empty.
-    """
-    try:
-        secret = (secrets_dir / name).read_text(encoding="utf-8").strip()
-    except OSError as error:
-        raise InvalidSettings(f"SKYWAY_SECRETS_DIR holds no readable file {name}") from error
-    if not secret:
-        raise InvalidSettings(f"the file {name} in SKYWAY_SECRETS_DIR is empty")
-    return secret
 
 
 class ServiceIdentity:

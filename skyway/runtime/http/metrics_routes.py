@@ -18,7 +18,7 @@ from fastapi.security.utils import get_authorization_scheme_param
 from skyway.contracts.figures import FIGURES, Figure, Figures
 from skyway.runtime.errors import InvalidSettings, Unauthenticated
 from skyway.runtime.http.app import Readiness
-from skyway.runtime.http.identity import Caller, ServiceGate, read_secret
+from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.metrics import (
     COUNTERS,
@@ -29,6 +29,7 @@ from skyway.runtime.metrics import (
     GaugeSource,
     gauge_families,
 )
+from skyway.runtime.peer_secrets import read_secret
 from skyway.runtime.tracing import LAST_ERRORS
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from skyway.contracts.signature import CloudKeys
 from skyway.errors import InvalidInput
 from skyway.runtime.errors import InvalidSettings
-from skyway.runtime.http.identity import read_secret
+from skyway.runtime.peer_secrets import read_secret
 from skyway.runtime.signing.key_pair import PrivateKey, public_key_bytes
 
 #: Name of the file with the cloud's public keys, in the folder of secrets.

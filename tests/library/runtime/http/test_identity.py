@@ -11,8 +11,9 @@ from fastapi import Depends, FastAPI
 
 from skyway.runtime.errors import InvalidSettings, Unauthenticated
 from skyway.runtime.http.app import create_app
-from skyway.runtime.http.identity import Caller, ServiceGate, ServiceIdentity, read_secret
+from skyway.runtime.http.identity import Caller, ServiceGate, ServiceIdentity
 from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.peer_secrets import read_secret
 
 
 async def ready() -> dict[str, bool]:
