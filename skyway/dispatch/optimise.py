@@ -134,6 +134,7 @@ def begun(problem: FleetProblem, *, seed: int = 0) -> OrderSearch:
         shared=shared_pools(problem),
     )
     board.limit(limits)
+    scheduler.planner.latest_s = limits.latest_s
     search = OrderSearch(scheduler, board, limits, arrival, baseline, _chance(seed))
     for each in (arrival, current):
         search.look_at(each)

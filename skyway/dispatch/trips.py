@@ -4,8 +4,9 @@ Only this file of the dispatcher calls the planner.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import timedelta
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -74,6 +75,8 @@ class TripPlanner:
             next((each, each.kinds.index(kind)) for each in self._ledgers if kind in each.kinds)
             for kind in range(len(self.models))
         ]
+        #: The latest delivery of requests with a promise, which shared trips try to keep.
+        self.latest_s: Mapping[int, float] = {}
         self._cached: dict[tuple[int, StationId, float, Pool], PlannedTrip | None] = {}
         network = problem.network
         self._is_timeless = not (
@@ -95,6 +98,7 @@ class TripPlanner:
     ) -> PlannedTrip | None:
         """The trip that serves these requests from this slot on, and delivers earliest.
 
+        If a shared trip would break a promise, it is the earliest trip that keeps all promises.
         None if no plan exists or is found. `new` are the pads that are held since the last call;
         the list is empty afterwards.
         """
@@ -104,14 +108,26 @@ class TripPlanner:
                 return None
             fitted = pads.fitted(undisturbed.pads_at(slot))
             if fitted is not None:
-                return undisturbed.moved(slot, fitted)
+                moved = undisturbed.moved(slot, fitted)
+                if not self._breaks_promises(moved):
+                    return moved
         for session in new:
             parts = self._reserved.new_parts(pads.widened(session))
             for each in self._ledgers:
                 each.held.reserve(parts)
         new.clear()
         ledgers, _ = self._ledgers_of[self.model_of[drone]]
-        return self._planned(pool, drone, slot, ledgers.held)
+        trip = self._planned(pool, drone, slot, ledgers.held)
+        if trip is None or not self._breaks_promises(trip):
+            return trip
+        return self._planned(pool, drone, slot, ledgers.held, latest_s=self.latest_s) or trip
+
+    def _breaks_promises(self, trip: PlannedTrip) -> bool:
+        """Whether the requests share the trip, and one of them is delivered too late."""
+        return len(trip.pool) > 1 and any(
+            moment_ms / 1000 > self.latest_s.get(number, math.inf)
+            for number, moment_ms in zip(trip.pool, trip.delivered_ms, strict=True)
+        )
 
     def _undisturbed(self, pool: Pool, drone: int, slot: Slot) -> PlannedTrip | None:
         key = (self.model_of[drone], slot.station_id, slot.soc, pool)
@@ -120,9 +136,20 @@ class TripPlanner:
             self._cached[key] = self._planned(pool, drone, slot, ledgers.free)
         return self._cached[key]
 
-    def _planned(self, pool: Pool, drone: int, slot: Slot, ledger: PadLedger) -> PlannedTrip | None:
+    def _planned(
+        self,
+        pool: Pool,
+        drone: int,
+        slot: Slot,
+        ledger: PadLedger,
+        *,
+        latest_s: Mapping[int, float] = MappingProxyType({}),
+    ) -> PlannedTrip | None:
+        """The earliest trip that delivers these requests by `latest_s`; None if none is found."""
         found = compose_many(
-            self._columns(pool, drone, slot), ledger, labels_per_trip=self.problem.label_limit
+            self._columns(pool, drone, slot, latest_s),
+            ledger,
+            labels_per_trip=self.problem.label_limit,
         )
         if not found.is_planned[0]:
             return None
@@ -144,11 +171,16 @@ class TripPlanner:
             pool, slot, tuple(delivered_ms), end, float(found.energy_j[0]), pads, found
         )
 
-    def _columns(self, pool: Pool, drone: int, slot: Slot) -> Trips:
+    def _columns(self, pool: Pool, drone: int, slot: Slot, until_s: Mapping[int, float]) -> Trips:
         """One trip as the planner's columns."""
         row_of = self.problem.network.row_of
         requests = [self.problem.requests[each] for each in pool]
         packages = [one for each in requests for one in each.packages]
+        latest_of = [
+            min(until_s.get(number, math.inf), math.inf if one.latest_s is None else one.latest_s)
+            for number, each in zip(pool, requests, strict=True)
+            for one in each.packages
+        ]
         earliest_s = _last([each.pickup_not_before_s for each in requests])
         latest_s = _first([each.pickup_latest_s for each in requests])
         return Trips.of(
@@ -165,7 +197,7 @@ class TripPlanner:
             not_before_s=[
                 -math.inf if each.not_before_s is None else each.not_before_s for each in packages
             ],
-            latest_s=[math.inf if each.latest_s is None else each.latest_s for each in packages],
+            latest_s=latest_of,
         )
 
     def plan_of(self, trip: PlannedTrip) -> Plan:

@@ -235,6 +235,7 @@ class OrderFinder:
             instead=hosts,
             times=times,
             clock=self.clock,
+            tolerance_s=self.terms.tolerance_s,
         )
         if isinstance(moved, NoTrip):
             log.info("better order has no plan", extra={"code": moved.code, "detail": moved.detail})

@@ -109,6 +109,23 @@ async def test_two_waiting_missions_become_one_trip_at_the_pooled_price(world: B
 
 
 @_on_sqlite
+@pytest.mark.parametrize(("first", "second"), [("b", "c"), ("c", "b")])
+async def test_two_missions_merge_although_the_drone_charges_between_their_stops(
+    world: BusyWorld, first: str, second: str
+) -> None:
+    """Another order of the stops, or a sooner recharge, would break the promise of the first."""
+    await book_alone(world, "dlv1", asks(first))
+    await book_alone(world, "dlv2", asks(second))
+
+    record = await merged(world)
+
+    kinds = [each.kind for each in record.mission.plan.steps]
+    assert "RECHARGE" in kinds[kinds.index("DELIVER") :]
+    await world.end()
+    assert sorted(await world.handed_over()) == [("dlv1", "p1"), ("dlv2", "p1")]
+
+
+@_on_sqlite
 async def test_the_customer_of_the_mission_that_ends_learns_of_its_new_drone_and_time(
     world: BusyWorld,
 ) -> None:
