@@ -11,6 +11,7 @@ from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.trips import TripPlanner
 from skyway.ids import StationId
 from skyway.planner.pad_book import booked_until_ms
+from skyway.planner.problem import Problem
 from skyway.planner.verify import verify
 from skyway.scheduling.stays import Slot
 
@@ -40,8 +41,28 @@ def _violations(problem: FleetProblem, plan: FleetPlan) -> Iterator[str]:
         )
         booked = pads.book().seen_from(trip.slot.at_ms)
         own = planner.problem_of(trip.pool, drone, trip.slot, source=_loaded_at(own_plan))
+        if len(trip.pool) > 1 and any(
+            problem.requests[one].promised_s is not None for one in trip.pool
+        ):
+            own = _with_windows(own, own_plan)
         for violation in verify(own, own_plan, booked=booked):
             yield f"trips.{number}: {violation}"
+
+
+def _with_windows(own: Problem, plan: Plan) -> Problem:
+    """The problem of a shared trip that was planned with promises as windows.
+
+    With windows a drone may wait or recharge where it hands over next. Each window here ends when
+    the plan hands over.
+    """
+    ends_s = {each.package_id: each.delivered_s for each in plan.deliveries}
+    packages = tuple(
+        each.model_copy(update={"latest_s": ends_s[each.package_id]})
+        if each.latest_s is None and each.package_id in ends_s
+        else each
+        for each in own.packages
+    )
+    return own.model_copy(update={"packages": packages})
 
 
 def _follow_drones(

@@ -108,6 +108,32 @@ class Estimates:
             found = self._found[key] = self._estimated(source, kind, pool)
         return found
 
+    def soonest(self, kind: int, pool: Pool) -> list[tuple[float, float]]:
+        """For each member: seconds and need from the pick-up to its last hand-over, if it is first.
+
+        No order of the destinations serves the member sooner.
+        """
+        problem, model = self._problem, self.models[kind]
+        requests = [problem.requests[each] for each in pool]
+        here = self.place_of[requests[0].source]
+        load_kg = sum(each.mass_kg for each in requests)
+        if load_kg > model.max_payload_kg:
+            return [(OUT_OF_REACH, OUT_OF_REACH)] * len(pool)
+        pace, power_w = 1.0 / speed_mps(model, load_kg), flight_power_w(model, load_kg)
+        found = []
+        for each in requests:
+            away_m = max(
+                float(self.apart_m[here, self.place_of[one.destination]]) for one in each.packages
+            )
+            flight_s = away_m * pace
+            flown_j = flight_s * power_w
+            seconds = problem.loading_s + problem.dropoff_s + flight_s
+            if away_m > 0:
+                seconds, flown_j = seconds + model.stop_s, flown_j + model.stop_j
+            need = seconds + flown_j * self.s_per_j[kind]
+            found.append((min(seconds, OUT_OF_REACH), min(need, OUT_OF_REACH)))
+        return found
+
     def credit_s(self, kind: int, soc: float) -> float:
         """The part of the need that this charge covers until the reserve is reached."""
         model = self.models[kind]

@@ -80,13 +80,11 @@ def optimise(
         tasks = [_Task(problem, budget_s, rounds, each) for each in seeds]
         search = _best_of(tasks, executor)
     bound_s = proven_s(search) if proves else None
-    planner = search.scheduler.planner
-    planner.begin()
+    search.scheduler.planner.begin()
     plan = FleetPlan.of(
         problem,
         search.best,
         arrival=search.arrival,
-        plan_of=planner.plan_of,
         rounds=search.rounds,
         lower_bound_s=bound_s,
     )
@@ -134,6 +132,7 @@ def begun(problem: FleetProblem, *, seed: int = 0) -> OrderSearch:
         shared=shared_pools(problem),
     )
     board.limit(limits)
+    scheduler.planner.latest_s = limits.latest_s
     search = OrderSearch(scheduler, board, limits, arrival, baseline, _chance(seed))
     for each in (arrival, current):
         search.look_at(each)

@@ -1,13 +1,11 @@
 """The fleet plan: the trips of each drone, their costs, and the proven lower bound of the costs."""
 
-from collections.abc import Callable
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from skyway.delivery.plan import Plan
 from skyway.dispatch.objective import Costs
-from skyway.dispatch.planned_trip import PlannedTrip
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.schedule import Schedule
 from skyway.ids import DroneId
@@ -90,11 +88,10 @@ class FleetPlan(JsonModel):
         schedule: Schedule,
         *,
         arrival: Schedule,
-        plan_of: Callable[[PlannedTrip], Plan],
         rounds: int,
         lower_bound_s: float | None = None,
     ) -> "FleetPlan":
-        """The plan of this schedule; `plan_of` makes the plan of each trip."""
+        """The plan of this schedule, whose trips were planned and are not held any more."""
         total_s = schedule.costs.total_s
         gap = None
         if lower_bound_s is not None:
@@ -105,7 +102,7 @@ class FleetPlan(JsonModel):
             arrival_order=FleetCosts.of(problem, arrival.costs),
             lower_bound_s=lower_bound_s,
             gap=gap,
-            trips=_trips(problem, schedule, plan_of),
+            trips=_trips(problem, schedule),
             unserved=tuple(
                 UnservedRequest(
                     request_id=problem.requests[number].request_id,
@@ -119,9 +116,7 @@ class FleetPlan(JsonModel):
         )
 
 
-def _trips(
-    problem: FleetProblem, schedule: Schedule, plan_of: Callable[[PlannedTrip], Plan]
-) -> tuple[FleetTrip, ...]:
+def _trips(problem: FleetProblem, schedule: Schedule) -> tuple[FleetTrip, ...]:
     by_start = sorted(schedule.trips, key=lambda each: (each.drone, each.trip.slot.at_ms))
     return tuple(
         FleetTrip(
@@ -133,7 +128,7 @@ def _trips(
                 )
                 for number, moment_ms in zip(trip.pool, trip.delivered_ms, strict=True)
             ),
-            plan=plan_of(trip),
+            plan=trip.plan(problem.requests),
         )
         for drone, trip in by_start
     )

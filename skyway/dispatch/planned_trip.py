@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Self
 
-from skyway.delivery.plan import Deliver, Plan, Recharge
+from skyway.delivery.plan import Deliver, PickUp, Plan, Recharge, Step
 from skyway.dispatch.pads import HeldPad
 from skyway.dispatch.problem import FleetRequest
+from skyway.ids import PackageId
 from skyway.planner.pad_book import booked_from_ms, booked_until_ms
 from skyway.planner.planned_trips import PlannedTrips
 from skyway.scheduling.stays import Slot
@@ -80,6 +81,37 @@ class PlannedTrip:
         return tuple(
             HeldPad(each.station_id, each.pad, each.start_ms + by_ms, each.end_ms + by_ms)
             for each in self.pads
+        )
+
+    def plan(self, requests: Sequence[FleetRequest]) -> Plan:
+        """The plan on the pads that it holds; `requests` are all of the problem.
+
+        Its seconds count from the slot. No trip may hold pads in the planner then: call
+        `TripPlanner.begin` before.
+        """
+        if self.found is None:
+            raise ValueError(f"the trip of {self.pool} was read from a plan")
+        plan = self.found.plan(0)
+        names = [one.package_id for each in self.pool for one in requests[each].packages]
+        pads = iter(self.pads)
+
+        def named(ids: tuple[PackageId, ...]) -> tuple[PackageId, ...]:
+            return tuple(names[int(each)] for each in ids)
+
+        steps: list[Step] = []
+        for step in plan.steps:
+            if isinstance(step, PickUp | Deliver):
+                steps.append(step.model_copy(update={"package_ids": named(step.package_ids)}))
+            elif isinstance(step, Recharge):
+                steps.append(step.model_copy(update={"pad": next(pads).pad}))
+            else:
+                steps.append(step)
+        deliveries = tuple(
+            each.model_copy(update={"package_id": names[int(each.package_id)]})
+            for each in plan.deliveries
+        )
+        return plan.model_copy(
+            update={"steps": tuple(steps), "deliveries": deliveries, "stats": {}}
         )
 
 

@@ -1,7 +1,7 @@
 """A fleet problem and its sequences as the arrays that the kernels read."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from skyway.dispatch.schedule import Sequences
 from skyway.planner.kernels.fleet_costs import KEY_BITS
 from skyway.planner.kernels.fleet_order import price_rows
 from skyway.planner.kernels.fleet_records import FleetEstimates, Rows
+from skyway.planner.kernels.memory import Floats
 
 #: The price of a second after a latest moment. It is so high that no order gains by being late.
 _NEVER_LATE = 1e4
@@ -35,6 +36,7 @@ class Board:
         self.pools: list[Pool] = [*((each,) for each in range(len(problem.requests))), *shared]
         self.number_of = {pool: number for number, pool in enumerate(self.pools)}
         self.fleet = _fleet(problem, estimates, kinds, self.pools)
+        self._estimates = estimates
         self._providers = [*dict.fromkeys(each.provider_id for each in problem.drones)]
         self._drones = len(problem.drones)
         self._most = len(problem.requests) + 1
@@ -44,10 +46,26 @@ class Board:
         latest_s = self.fleet.latest_s.copy()
         for number, moment_s in limits.latest_s.items():
             latest_s[number] = min(latest_s[number], moment_s)
+        if np.isfinite(latest_s).any():
+            self._soften()
         least_flown = [limits.flown.get(each, 0) for each in self._providers]
         self.fleet = self.fleet._replace(
             latest_s=latest_s, least_flown=np.array(least_flown, np.int64)
         )
+
+    def _soften(self) -> None:
+        """Let shared trips break limits as long as some order of their stops might keep them."""
+        soonest = self.fleet.soonest
+        for kind in range(len(soonest)):
+            for number, pool in enumerate(self.pools):
+                if len(pool) > 1:
+                    soonest[kind, number, : len(pool)] = self._estimates.soonest(kind, pool)
+
+    def harden(self, pools: Iterable[Pool]) -> None:
+        """Judge these shared trips by the order of least need: no other order keeps the limits."""
+        for each in pools:
+            number = self.number_of[each]
+            self.fleet.soonest[:, number] = _by_least_need(self.fleet, number)
 
     def rows(self, sequences: Sequences) -> Rows:
         """The rows of these sequences, priced."""
@@ -65,6 +83,11 @@ class Board:
             tuple(self.pools[each] for each in row[:length])
             for row, length in zip(rows.pool.tolist(), rows.length.tolist(), strict=True)
         )
+
+
+def _by_least_need(fleet: FleetEstimates, pool: int) -> Floats:
+    """Seconds and need until each member is served in the order of least need, by model."""
+    return fleet.flight[:, pool, None, :2] - fleet.early_s[:, pool, :, None]
 
 
 def _key(pool: Pool) -> int:
@@ -112,6 +135,7 @@ def _fleet(
         flight=flight,
         end=end,
         early_s=early_s,
+        soonest=flight[:, :, None, :2] - early_s[..., None],
         source=np.array([place_of[estimates.source(each)] for each in pools], np.int64),
         members=members,
         key=keys[order],

@@ -5,11 +5,13 @@ first heat differs from round to round. Then the exact planner plans all trips o
 around each other's pads. The search keeps the new schedule if it costs less.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
 from skyway.dispatch.objective import Limits
+from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.rows import Board
 from skyway.dispatch.schedule import Schedule, Scheduler
 from skyway.planner.kernels.fleet_order import anneal
@@ -61,7 +63,20 @@ class OrderSearch:
         rows = self.board.rows(self.best.sequences(len(problem.drones)))
         mean_s = max(1.0, abs(rows.cost.sum()) / len(problem.requests))
         anneal(self.board.fleet, rows, self.chance, steps, heat * mean_s, heat * _COLD * mean_s)
-        self.look_at(self.scheduler.planned(self.board.sequences(rows)))
+        found = self.scheduler.planned(self.board.sequences(rows))
+        self.look_at(found)
+        self.board.harden(self._too_late(found))
+
+    def _too_late(self, found: Schedule) -> Iterator[Pool]:
+        """The shared trips that break promises."""
+        latest_s = self.limits.latest_s
+        for _, trip in found.trips:
+            ends_s = (each / 1000 for each in trip.delivered_ms)
+            if len(trip.pool) > 1 and any(
+                end_s > latest_s.get(number, math.inf)
+                for number, end_s in zip(trip.pool, ends_s, strict=True)
+            ):
+                yield trip.pool
 
     def look_at(self, found: Schedule | None) -> None:
         """Keep this schedule if it costs less and keeps the limits."""

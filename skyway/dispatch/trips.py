@@ -4,19 +4,19 @@ Only this file of the dispatcher calls the planner.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import timedelta
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
-from skyway.delivery.plan import Deliver, PickUp, Plan, Recharge, Step
 from skyway.dispatch.pads import FleetPads, HeldPad, Reserved
 from skyway.dispatch.planned_trip import NotPlanned, PlannedTrip, Pool
 from skyway.dispatch.pools import pickups_of
 from skyway.dispatch.problem import FleetProblem
 from skyway.drone.model import DroneModel
-from skyway.ids import PackageId, StationId
+from skyway.ids import StationId
 from skyway.planner import PadLedger, Trips, TripTerms, compose, compose_many
 from skyway.planner.pad_book import PadBook, booked_until_ms
 from skyway.planner.problem import DroneAtStart, Problem
@@ -75,6 +75,8 @@ class TripPlanner:
             next((each, each.kinds.index(kind)) for each in self._ledgers if kind in each.kinds)
             for kind in range(len(self.models))
         ]
+        #: The latest delivery of requests with a promise, which shared trips try to keep.
+        self.latest_s: Mapping[int, float] = {}
         self._cached: dict[tuple[int, StationId, float, Pool], PlannedTrip | None] = {}
         network = problem.network
         self._is_timeless = not (
@@ -96,6 +98,7 @@ class TripPlanner:
     ) -> PlannedTrip | None:
         """The trip that serves these requests from this slot on, and delivers earliest.
 
+        If a shared trip would break a promise, it is the earliest trip that keeps all promises.
         None if no plan exists or is found. `new` are the pads that are held since the last call;
         the list is empty afterwards.
         """
@@ -105,14 +108,26 @@ class TripPlanner:
                 return None
             fitted = pads.fitted(undisturbed.pads_at(slot))
             if fitted is not None:
-                return undisturbed.moved(slot, fitted)
+                moved = undisturbed.moved(slot, fitted)
+                if not self._breaks_promises(moved):
+                    return moved
         for session in new:
             parts = self._reserved.new_parts(pads.widened(session))
             for each in self._ledgers:
                 each.held.reserve(parts)
         new.clear()
         ledgers, _ = self._ledgers_of[self.model_of[drone]]
-        return self._planned(pool, drone, slot, ledgers.held)
+        trip = self._planned(pool, drone, slot, ledgers.held)
+        if trip is None or not self._breaks_promises(trip):
+            return trip
+        return self._planned(pool, drone, slot, ledgers.held, latest_s=self.latest_s) or trip
+
+    def _breaks_promises(self, trip: PlannedTrip) -> bool:
+        """Whether the requests share the trip, and one of them is delivered too late."""
+        return len(trip.pool) > 1 and any(
+            moment_ms / 1000 > self.latest_s.get(number, math.inf)
+            for number, moment_ms in zip(trip.pool, trip.delivered_ms, strict=True)
+        )
 
     def _undisturbed(self, pool: Pool, drone: int, slot: Slot) -> PlannedTrip | None:
         key = (self.model_of[drone], slot.station_id, slot.soc, pool)
@@ -121,10 +136,21 @@ class TripPlanner:
             self._cached[key] = self._planned(pool, drone, slot, ledgers.free)
         return self._cached[key]
 
-    def _planned(self, pool: Pool, drone: int, slot: Slot, ledger: PadLedger) -> PlannedTrip | None:
-        """The trip that ends first of those from each pick-up; if equal, that with less energy."""
+    def _planned(
+        self,
+        pool: Pool,
+        drone: int,
+        slot: Slot,
+        ledger: PadLedger,
+        *,
+        latest_s: Mapping[int, float] = MappingProxyType({}),
+    ) -> PlannedTrip | None:
+        """The trip that keeps `latest_s` and ends first, from any pick-up of all requests.
+
+        If two end together, that with less energy. None if none is found.
+        """
         pickups = pickups_of([self.problem.requests[each] for each in pool])
-        trips = (self._planned_from(each, pool, drone, slot, ledger) for each in pickups)
+        trips = (self._planned_from(each, pool, drone, slot, ledger, latest_s) for each in pickups)
         return min(
             (each for each in trips if each is not None),
             key=lambda each: (each.end.at_ms, each.energy_j),
@@ -132,9 +158,15 @@ class TripPlanner:
         )
 
     def _planned_from(
-        self, source: StationId, pool: Pool, drone: int, slot: Slot, ledger: PadLedger
+        self,
+        source: StationId,
+        pool: Pool,
+        drone: int,
+        slot: Slot,
+        ledger: PadLedger,
+        latest_s: Mapping[int, float],
     ) -> PlannedTrip | None:
-        columns = self._columns(source, pool, drone, slot)
+        columns = self._columns(source, pool, drone, slot, latest_s)
         found = compose_many(columns, ledger, labels_per_trip=self.problem.label_limit)
         if not found.is_planned[0]:
             return None
@@ -156,11 +188,18 @@ class TripPlanner:
             pool, slot, tuple(delivered_ms), end, float(found.energy_j[0]), pads, found
         )
 
-    def _columns(self, source: StationId, pool: Pool, drone: int, slot: Slot) -> Trips:
+    def _columns(
+        self, source: StationId, pool: Pool, drone: int, slot: Slot, until_s: Mapping[int, float]
+    ) -> Trips:
         """One trip from this pick-up as the planner's columns."""
         row_of = self.problem.network.row_of
         requests = [self.problem.requests[each] for each in pool]
         packages = [one for each in requests for one in each.packages]
+        latest_of = [
+            min(until_s.get(number, math.inf), math.inf if one.latest_s is None else one.latest_s)
+            for number, each in zip(pool, requests, strict=True)
+            for one in each.packages
+        ]
         earliest_s = _last([each.pickup_not_before_s for each in requests])
         latest_s = _first([each.pickup_latest_s for each in requests])
         return Trips.of(
@@ -177,39 +216,7 @@ class TripPlanner:
             not_before_s=[
                 -math.inf if each.not_before_s is None else each.not_before_s for each in packages
             ],
-            latest_s=[math.inf if each.latest_s is None else each.latest_s for each in packages],
-        )
-
-    def plan_of(self, trip: PlannedTrip) -> Plan:
-        """The plan of a trip that was planned here, on the pads that it holds.
-
-        Its seconds count from the trip's slot. No trip may hold pads then: call `begin` before.
-        """
-        if trip.found is None:
-            raise ValueError(f"the trip of {trip.pool} was not planned by this planner")
-        plan = trip.found.plan(0)
-        names = [
-            one.package_id for each in trip.pool for one in self.problem.requests[each].packages
-        ]
-        pads = iter(trip.pads)
-
-        def named(ids: tuple[PackageId, ...]) -> tuple[PackageId, ...]:
-            return tuple(names[int(each)] for each in ids)
-
-        steps: list[Step] = []
-        for step in plan.steps:
-            if isinstance(step, PickUp | Deliver):
-                steps.append(step.model_copy(update={"package_ids": named(step.package_ids)}))
-            elif isinstance(step, Recharge):
-                steps.append(step.model_copy(update={"pad": next(pads).pad}))
-            else:
-                steps.append(step)
-        deliveries = tuple(
-            each.model_copy(update={"package_id": names[int(each.package_id)]})
-            for each in plan.deliveries
-        )
-        return plan.model_copy(
-            update={"steps": tuple(steps), "deliveries": deliveries, "stats": {}}
+            latest_s=latest_of,
         )
 
     def reason(self, pool: Pool, drone: int, slot: Slot, pads: FleetPads) -> NotPlanned:

@@ -10,6 +10,7 @@ from typing import Any, Final
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
 from skyway_composition.missions.calendar.dispatching.dispatch import Dispatcher
 from skyway_composition.missions.calendar.dispatching.find_order import DispatchTerms, OrderFinder
+from skyway_composition.missions.calendar.dispatching.judgement import ENERGY_S_PER_KWH
 from skyway_composition.missions.calendar.dispatching.search_process import (
     FoundOrder,
     Search,
@@ -131,13 +132,15 @@ def _check_gain(
     *,
     tolerance_s: float,
 ) -> None:
-    """Check that all deliveries together end sooner, no promise is broken, and no price changes.
+    """Check that time and energy are saved together, no promise is broken, and no price changes.
 
     A mission may have become a guest of another one; then its delivery still sees it.
     """
     assert _prices(after) == _prices(before)
     earlier, later = _arrivals(before.values()), _arrivals(after.values())
-    assert sum(_ends_s(later)) < sum(_ends_s(earlier))
+    saved_j = _energy_j(before.values()) - _energy_j(after.values())
+    saved_s = sum(_ends_s(earlier)) - sum(_ends_s(later))
+    assert saved_s + ENERGY_S_PER_KWH * saved_j / 3.6e6 > 0
     promised = _promised(before.values())
     assert _promised(after.values()) == promised
     allowed_s = _allowed(before.values())
@@ -145,6 +148,11 @@ def _check_gain(
         allowed = timedelta(seconds=max(tolerance_s, allowed_s[each]))
         latest_at = max(earlier[each], promised.get(each, earlier[each]) + allowed)
         assert eta_at <= latest_at
+
+
+def _energy_j(records: Iterable[MissionRecord]) -> float:
+    """The energy of all flights until the last hand-overs."""
+    return sum(each.mission.plan.energy_j or 0.0 for each in records)
 
 
 def _prices(records: Mapping[MissionId, MissionRecord]) -> dict[MissionId, Price]:

@@ -42,10 +42,10 @@ CALENDAR_CORRUPTIONS: Final = (
         composition="UPDATE missions SET promised = '[{' WHERE mission_id = :queued_mission",
     ),
     Corruption(
-        "a day of better orders that has saved nothing",
-        "what better orders have saved is counted by days, and each order has saved something",
+        "a day without better orders",
+        "what better orders have saved is counted by days",
         composition="INSERT INTO better_orders (provider_id, day_ms, orders, moves, saved_ms)"
-        " VALUES ('prv_1', 86400000, 1, 0, 0)",
+        " VALUES ('prv_1', 86400000, 0, 0, 0)",
     ),
     Corruption(
         "half of the offers of a hold",

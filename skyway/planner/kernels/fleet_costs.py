@@ -31,9 +31,15 @@ def pool_of(fleet: FleetEstimates, members: Longs) -> int:
 
 
 @kernel
-def cost_of_trip(fleet: FleetEstimates, drone: int, pool: int, end_s: float) -> float:
-    """The cost of the requests of a trip that ends at this moment, without energy."""
+def cost_of_trip(
+    fleet: FleetEstimates, drone: int, pool: int, flown_s: float, charged_s: float
+) -> float:
+    """The cost of the requests of a trip, without energy.
+
+    `flown_s` and `charged_s` are when loading can begin, by the flights and by the needs so far.
+    """
     kind, prices = fleet.kind[drone], fleet.prices
+    end_s = max(flown_s + fleet.flight[kind, pool, 0], charged_s + fleet.flight[kind, pool, 1])
     cost = 0.0
     for number in range(fleet.members.shape[1]):
         request = fleet.members[pool, number]
@@ -44,7 +50,10 @@ def cost_of_trip(fleet: FleetEstimates, drone: int, pool: int, end_s: float) -> 
             prices[0] * (served_s - fleet.known_s[request])
             + prices[1] * max(0.0, served_s - fleet.due_s[request])
         )
-        cost += prices[4] * max(0.0, served_s - fleet.latest_s[request])
+        # The exact planner looks for an order of the stops that is never too late.
+        soonest = fleet.soonest[kind, pool, number]
+        soonest_s = max(flown_s + soonest[0], charged_s + soonest[1])
+        cost += prices[4] * max(0.0, soonest_s - fleet.latest_s[request])
         if fleet.planned[request] >= 0 and fleet.planned[request] != drone:
             cost += prices[3]
     return cost
@@ -65,14 +74,13 @@ def cost_of_row(fleet: FleetEstimates, drone: int, row: Longs, length: int) -> f
         for member in fleet.members[pool]:
             if member >= 0:
                 flown_s = max(flown_s, fleet.ready_s[member])
-        flown_s += fleet.flight[kind, pool, 0]
-        charged_s += fleet.approach[kind, place, source, 1] + fleet.flight[kind, pool, 1]
+        charged_s += fleet.approach[kind, place, source, 1]
         cost += fleet.prices[2] * (
             fleet.approach[kind, place, source, 2] + fleet.flight[kind, pool, 2]
         )
-        cost += cost_of_trip(fleet, drone, pool, max(flown_s, charged_s))
-        flown_s += fleet.hand_over_s
-        charged_s += fleet.hand_over_s
+        cost += cost_of_trip(fleet, drone, pool, flown_s, charged_s)
+        flown_s += fleet.flight[kind, pool, 0] + fleet.hand_over_s
+        charged_s += fleet.flight[kind, pool, 1] + fleet.hand_over_s
         place = fleet.end[kind, pool]
     return cost
 

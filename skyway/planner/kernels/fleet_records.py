@@ -18,7 +18,9 @@ class FleetEstimates(NamedTuple):
     - `approach` ``(kinds, places, places, 3)``: seconds, need and joules of the empty flight.
     - By kind and pool: `flight` ``(kinds, pools, 3)`` seconds, need and joules from the pick-up to
       the end of the last hand-over; `end` place; `early_s` ``(kinds, pools, members)``, how long
-      before the end of the trip each member is served.
+      before the end of the trip each member is served, in the order of least need;
+      `soonest` ``(kinds, pools, members, 2)``, seconds and need from the pick-up to the moment
+      before which no order serves the member.
     - By pool: `source` place, and `members` ``(pools, members)``, requests in rising order, -1 for
       none. `key` is made of the members (`key_of`), rising, and `pool_of_key` its pool.
     - By request: `weight`; `known_s`; `ready_s`, the earliest loading; `due_s` and `latest_s` (inf
@@ -37,6 +39,7 @@ class FleetEstimates(NamedTuple):
     flight: Floats
     end: Longs
     early_s: Floats
+    soonest: Floats
     source: Longs
     members: Longs
     key: Longs

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from random import Random
 from typing import Any
 
+from skyway.dispatch.plan import FleetPlan
 from skyway.dispatch.problem import FleetDrone, FleetProblem, FleetRequest
 from skyway.drone.model import ChargePoint, DroneModel
 from skyway.network.network import Network
@@ -102,3 +103,8 @@ def _request(random: Random, number: int, *, hub: str, stations: Sequence[str]) 
             "weight": random.choice([1.0, 1.0, 3.0]),
         }
     )
+
+
+def delivered(plan: FleetPlan) -> dict[str, float]:
+    """When the last package of each request is delivered."""
+    return {one.request_id: one.delivered_s for each in plan.trips for one in each.requests}

@@ -9,25 +9,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skyway.delivery.plan import PickUp, Recharge
+from skyway.delivery.plan import Recharge
 from skyway.dispatch.check import violations
 from skyway.dispatch.optimise import optimise
 from skyway.dispatch.plan import FleetPlan
-from skyway.dispatch.pools import waits_for_more
 from skyway.dispatch.problem import CurrentTrip, FleetProblem, read_fleet_problem
 from skyway.errors import InvalidProblem
 from skyway.network.network import Network
-from tests.library.dispatch.fleets import small_fleet, with_pickups, without_promises
+from tests.library.dispatch.fleets import delivered, small_fleet, with_pickups
 
 SEEDS = st.integers(min_value=0, max_value=10_000)
 
 
 def arrival_order(problem: FleetProblem) -> FleetPlan:
     return optimise(problem, rounds=0)
-
-
-def delivered(plan: FleetPlan) -> dict[str, float]:
-    return {one.request_id: one.delivered_s for each in plan.trips for one in each.requests}
 
 
 @settings(max_examples=15)
@@ -159,45 +154,6 @@ def test_the_same_seed_gives_the_same_plan() -> None:
     assert plans[0] == plans[1]
 
 
-def test_requests_with_one_pick_up_share_trips_only_if_they_allow_it() -> None:
-    problem = at_one_hub(pooling=True)
-
-    shared, alone = optimise(problem, rounds=3), optimise(at_one_hub(pooling=False), rounds=3)
-
-    assert violations(problem, shared) == ()
-    assert len(shared.trips) < len(problem.requests) == len(alone.trips)
-    assert shared.costs.total_s < alone.costs.total_s
-    assert violations(at_one_hub(pooling=False), shared) != ()
-
-
-def test_requests_of_different_stations_share_a_trip_from_a_station_where_all_hand_over() -> None:
-    fleet = small_fleet(4, drones=2, requests=6)
-    taken = {one.destination for each in fleet.requests for one in each.packages}
-    hub, *others = [each for each in fleet.network.stations if each not in taken]
-    requests = [
-        each.model_copy(
-            update={"source": others[number % len(others)], "pickups": (hub,), "pooling": True}
-        )
-        for number, each in enumerate(fleet.requests)
-    ]
-    problem = without_promises(fleet.model_copy(update={"requests": tuple(requests)}))
-    far = problem.model_copy(
-        update={"requests": tuple(each.model_copy(update={"pickups": ()}) for each in requests)}
-    )
-
-    plan = optimise(problem, rounds=3, proves=True)
-
-    loaded = {
-        step.station_id: len(each.requests)
-        for each in plan.trips
-        for step in each.plan.steps
-        if isinstance(step, PickUp)
-    }
-    assert loaded[hub] > 1
-    assert violations(problem, plan) == ()
-    assert "not loaded at a pick-up of all its requests" in violations(far, plan)[0]
-
-
 def test_a_check_finds_a_pad_and_a_drone_that_are_used_twice() -> None:
     problem = small_fleet(3, drones=3, requests=6)
     plan = optimise(problem, rounds=1)
@@ -303,33 +259,3 @@ def test_a_fault_of_other_pick_ups_is_named(changes: dict[str, Any], fault: str)
         read_fleet_problem(document)
 
     assert refused.value.field.startswith("requests.0.pickups")
-
-
-def at_one_hub(*, pooling: bool) -> FleetProblem:
-    fleet = small_fleet(4, drones=2, requests=6)
-    source = fleet.requests[0].source
-    requests = [
-        each.model_copy(update={"source": source, "pooling": pooling, "promised_s": None})
-        for each in fleet.requests
-    ]
-    return fleet.model_copy(update={"requests": tuple(requests)})
-
-
-def test_a_trip_waits_for_more_requests_until_it_is_full_or_its_oldest_request_is_old() -> None:
-    fleet = small_fleet(1, requests=3, most_pooled=2)
-    source = fleet.requests[0].source
-    requests = tuple(
-        each.model_copy(update={"pooling": number < 2, "known_s": known_s, "source": source})
-        for number, (each, known_s) in enumerate(
-            zip(fleet.requests, (-300.0, -100.0, 0.0), strict=True)
-        )
-    )
-    problem = fleet.model_copy(update={"requests": requests})
-
-    def waits(*pool: int) -> bool:
-        return waits_for_more(problem, pool, most_wait_s=200.0)
-
-    assert waits(1)
-    assert not waits(0), "its request is old"
-    assert not waits(0, 1), "it is full"
-    assert not waits(2), "its request may not share a trip"

@@ -74,7 +74,7 @@ class Dispatcher:
             return "taken"
         self.calendars.set()
         about = "seconds by which adopted orders deliver earlier"
-        count("skyway_dispatch_saved_seconds", about, judgement.saved_s)
+        count("skyway_dispatch_saved_seconds", about, max(0.0, judgement.saved_s))
         guests = sum(len(each.guests) for each in better.merges)
         if guests:
             about = "deliveries that joined the mission of another one"
@@ -86,6 +86,7 @@ class Dispatcher:
                 "moves": judgement.moves,
                 "guests": guests,
                 "saved_s": round(judgement.saved_s),
+                "saved_j": round(judgement.saved_j),
             },
         )
         return "adopted"

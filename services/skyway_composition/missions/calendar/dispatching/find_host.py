@@ -196,6 +196,7 @@ class HostFinder:
             instead=[together],
             times=times,
             clock=self.clock,
+            tolerance_s=self.tolerance_s,
         )
         if isinstance(moved, NoTrip):
             return None

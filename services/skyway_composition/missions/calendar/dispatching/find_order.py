@@ -235,6 +235,7 @@ class OrderFinder:
             instead=hosts,
             times=times,
             clock=self.clock,
+            tolerance_s=self.terms.tolerance_s,
         )
         if isinstance(moved, NoTrip):
             log.info("better order has no plan", extra={"code": moved.code, "detail": moved.detail})
@@ -242,7 +243,7 @@ class OrderFinder:
         before = {each.mission_id: each for each in (*affected.waiting, *hosts)}
         after = [each.record for planned in moved.values() for each in planned]
         changes = ((before[each.mission_id], each) for each in after)
-        guests = sum(len(each.guests) for each in order.merges)
+        guests = [guest for each in order.merges for guest in each.guests]
         judgement = judge(changes, tolerance_s=self.terms.tolerance_s, guests=guests)
         if judgement.late:
             return Broken(judgement.late)

@@ -16,6 +16,7 @@ from skyway.planner.problem_parts import PackageToDeliver, PadReservation
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Moments
 from skyway_composition.missions.calendar.dispatching.judgement import (
+    ENERGY_S_PER_KWH,
     MOVE_S,
     latest_ms,
     weight_of,
@@ -84,7 +85,7 @@ def fleet_problem(
         "dropoff_s": settings.dropoff_s,
         "hand_over_s": times.hand_over_ms / 1000,
         "pad_gap_s": settings.pad_gap_s,
-        "prices": Prices(move_s=MOVE_S),
+        "prices": Prices(move_s=MOVE_S, energy_s_per_kwh=ENERGY_S_PER_KWH),
         "promise_tolerance_s": 0.0,
         "most_pooled": MOST_SHARES if may_merge else 1,
         "baseline": "current plan",

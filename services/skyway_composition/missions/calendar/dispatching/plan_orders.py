@@ -5,6 +5,7 @@ the standby of each drone's last mission, around the pads of all services.
 """
 
 import heapq
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -12,6 +13,8 @@ from typing import Final
 from skyway.delivery.plan import Plan
 from skyway.errors import InvalidProblem
 from skyway.ids import DroneId, MissionId
+from skyway.planner.problem import Problem
+from skyway.planner.problem_parts import PackageToDeliver
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.scheduling.standby import StandbyChoice, home_start_ms
@@ -26,6 +29,7 @@ from skyway.scheduling.trip import (
 )
 from skyway.units import moment_to_ms
 from skyway_composition.missions.calendar.dispatching.fleet import Calendar, Fleet, Moments, Orders
+from skyway_composition.missions.calendar.dispatching.judgement import latest_ms
 from skyway_composition.missions.calendar.plan_queue import Moved, deadline_ms, problem_of
 from skyway_composition.missions.mission.from_trip import flown_by, replanned_in_queue
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
@@ -63,6 +67,7 @@ class OrderPlanner:
     world: World
     times: Moments
     clock: FleetClock
+    tolerance_s: float
     _pads: dict[MissionId, Sequence[BookedPad]] = field(default_factory=dict)
 
     async def plan(
@@ -150,9 +155,29 @@ class OrderPlanner:
             problem = problem_of(world, record, slot, from_ms=0, latest_ms=latest_ms)
             plan = await compose_in(self.solver, world, problem)
             if plan.is_flyable:
-                return plan, slot
+                return await self._in_time(world, problem, plan, record, slot), slot
             reason = no_plan(plan)
         return reason
+
+    async def _in_time(
+        self, world: World, problem: Problem, plan: Plan, record: MissionRecord, slot: Slot
+    ) -> Plan:
+        """The earliest plan that keeps the promises of several packages; without one this plan.
+
+        Two plans with the same end may differ in the order of the stops, or in where they recharge.
+        """
+        promised = {each.package_id for each in record.promised}
+        by_ms = latest_ms(record, tolerance_s=self.tolerance_s)
+        latest_s = {each: (by_ms[each] - slot.at_ms) / 1000 for each in by_ms.keys() & promised}
+        if len(problem.packages) == 1 or all(
+            each.delivered_s <= latest_s.get(each.package_id, math.inf) for each in plan.deliveries
+        ):
+            return plan
+        packages = tuple(_due(each, latest_s.get(each.package_id)) for each in problem.packages)
+        kept = await compose_in(
+            self.solver, world, problem.model_copy(update={"packages": packages})
+        )
+        return kept if kept.is_flyable else plan
 
     async def _add_standby(self, row: _Row) -> NoTrip | None:
         """Plan the standby of the last mission that is planned; why there is none."""
@@ -206,6 +231,12 @@ class OrderPlanner:
         return free.for_drone(calendar.candidate.learned)
 
 
+def _due(package: PackageToDeliver, latest_s: float | None) -> PackageToDeliver:
+    """The package with this latest hand-over, if it has no earlier one."""
+    limits = [each for each in (package.latest_s, latest_s) if each is not None]
+    return package.model_copy(update={"latest_s": min(limits, default=None)})
+
+
 async def plan_orders(
     solver: SolverPool,
     world: World,
@@ -214,16 +245,20 @@ async def plan_orders(
     *,
     times: Moments,
     clock: FleetClock,
+    tolerance_s: float,
     instead: Iterable[MissionRecord] = (),
 ) -> dict[DroneId, tuple[Moved, ...]] | NoTrip:
     """The fleet's missions in this order with their new plans; why some mission has none.
 
+    No package comes later than its promise by more than `tolerance_s` if another order of a
+    mission's stops, or other recharges, can avoid it.
     `instead` are missions of the fleet with other packages than now. Missions that the order leaves
     out have no pads. Planning stops when the first missions that may move could begin.
     """
     free = world.without([each.mission_id for each in fleet.waiting])
     try:
-        return await OrderPlanner(solver, free, times, clock).plan(fleet, orders, instead=instead)
+        planner = OrderPlanner(solver, free, times, clock, tolerance_s)
+        return await planner.plan(fleet, orders, instead=instead)
     except InvalidProblem as error:
         # A newer version of the network has hand-overs that are longer than a window.
         return NoTrip("WINDOW_MISSED", str(error), is_temporary=False)

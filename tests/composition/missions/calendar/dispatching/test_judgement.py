@@ -12,6 +12,7 @@ from skyway_composition.missions.mission.share import Share
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.mission import Mission, PackageEta
 from skyway.delivery.offer import Price
+from skyway.delivery.plan import Plan, PlanStatus
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, MissionId, NetworkId, PackageId
 
@@ -19,7 +20,12 @@ _NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
 
 def make_record(
-    *, eta_min: float, promised_min: float, drone: str = "drn_1", **qos: Any
+    *,
+    eta_min: float,
+    promised_min: float,
+    drone: str = "drn_1",
+    energy_kwh: float = 0.0,
+    **qos: Any,
 ) -> MissionRecord:
     """A waiting mission with one package; minutes count from noon."""
 
@@ -32,6 +38,7 @@ def make_record(
         "mission_id": "msn_1",
         "drone_id": drone,
         "packages": etas(eta_min),
+        "plan": Plan.model_construct(status=PlanStatus.OPTIMAL, energy_j=energy_kwh * 3.6e6),
     }
     mission = Mission.model_construct(**members)
     asked = DeliveryRequest.model_validate(
@@ -65,6 +72,22 @@ def test_a_change_must_save_more_than_the_price_of_its_moves(
 
     assert judgement.is_better == is_better
     assert judgement.moves == drones - 1
+
+
+@pytest.mark.parametrize(
+    ("saved_kwh", "later_s", "is_better"), [(0.05, 0, False), (0.1, 0, True), (0.1, 50, False)]
+)
+def test_a_merge_that_saves_a_flight_is_better_even_if_no_delivery_is_sooner(
+    saved_kwh: float, later_s: float, is_better: bool
+) -> None:
+    before = make_record(eta_min=60, promised_min=60, energy_kwh=0.2)
+    after = make_record(eta_min=60 + later_s / 60, promised_min=60, energy_kwh=0.2)
+    guest = make_record(eta_min=60, promised_min=60, energy_kwh=saved_kwh)
+
+    judgement = judge([(before, after)], tolerance_s=60, guests=[guest])
+
+    assert judgement.is_better == is_better
+    assert judgement.moves == 1
 
 
 def test_a_second_of_a_priority_delivery_counts_twice() -> None:

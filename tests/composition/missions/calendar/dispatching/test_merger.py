@@ -57,10 +57,12 @@ async def book_alone(
     assert await asked_alone(world, delivery_id, request, drone=drone) == "BOOKED"
 
 
-async def book_two_in_a_row(world: BusyWorld, *, second: DeliveryRequest | None = None) -> None:
-    """Two missions from one station wait for the same drone, one after the other."""
-    await book_alone(world, "dlv1", asks("b"))
-    await book_alone(world, "dlv2", asks("b", "b") if second is None else second)
+async def book_two(
+    world: BusyWorld, *, first: str = "b", second: tuple[str, ...] = ("b", "b"), drone: int = 1
+) -> None:
+    """Two missions from one station wait, the second one for this drone."""
+    await book_alone(world, "dlv1", asks(first))
+    await book_alone(world, "dlv2", asks(*second), drone=drone)
 
 
 async def merged(world: BusyWorld) -> MissionRecord:
@@ -73,7 +75,7 @@ async def merged(world: BusyWorld) -> MissionRecord:
 
 
 async def test_two_waiting_missions_become_one_trip_at_the_pooled_price(world: BusyWorld) -> None:
-    await book_two_in_a_row(world)
+    await book_two(world)
     before = {each.mission.delivery_id: each.mission for each in await world.planned()}
 
     record = await merged(world)
@@ -106,6 +108,26 @@ async def test_two_waiting_missions_become_one_trip_at_the_pooled_price(world: B
         assert loaded.mission.price == share.pooled_price
         assert share.pooled_price.amount < share.price.amount
     assert sorted(await world.handed_over()) == _BOTH
+
+
+@_on_sqlite
+async def test_two_flights_to_one_place_at_one_time_become_one(world: BusyWorld) -> None:
+    await book_two(world, second=("b",), drone=2)
+    await merged(world)
+
+
+@_on_sqlite
+@pytest.mark.parametrize(("first", "second"), [("b", "c"), ("c", "b")])
+async def test_two_missions_merge_although_the_drone_charges_between_their_stops(
+    world: BusyWorld, first: str, second: str
+) -> None:
+    """Another order of the stops, or a sooner recharge, would break the promise of the first."""
+    await book_two(world, first=first, second=(second,))
+
+    record = await merged(world)
+    kinds = [each.kind for each in record.mission.plan.steps]
+    assert "RECHARGE" in kinds[kinds.index("DELIVER") :]
+    await world.end()
 
 
 @_on_sqlite
@@ -146,7 +168,7 @@ async def test_the_customer_of_the_mission_that_ends_learns_of_its_new_drone_and
 @pytest.mark.databases("postgresql")
 async def test_a_merge_that_is_killed_anywhere_changes_nothing(world: BusyWorld) -> None:
     """On PostgreSQL, where each statement is a wait."""
-    await book_two_in_a_row(world)
+    await book_two(world)
     dispatcher = dispatcher_of(world)
     better = await better_order(dispatcher)
     assert better.merges
@@ -162,7 +184,7 @@ async def test_a_merge_that_is_killed_anywhere_changes_nothing(world: BusyWorld)
 async def test_a_delivery_whose_companion_cancels_flies_on_at_its_full_price(
     world: BusyWorld, leaves: str, stays: str
 ) -> None:
-    await book_two_in_a_row(world)
+    await book_two(world)
     await merged(world)
 
     await world.cancel(leaves, None)
@@ -177,7 +199,7 @@ async def test_a_delivery_whose_companion_cancels_flies_on_at_its_full_price(
 
 @_on_sqlite
 async def test_a_cancellation_before_the_adoption_wins(world: BusyWorld) -> None:
-    await book_two_in_a_row(world)
+    await book_two(world)
     dispatcher = dispatcher_of(world)
     better = await better_order(dispatcher)
 
@@ -193,7 +215,7 @@ async def test_a_cancellation_before_the_adoption_wins(world: BusyWorld) -> None
 async def test_both_deliveries_are_booked_again_when_the_drone_refuses_their_trip(
     world: BusyWorld,
 ) -> None:
-    await book_two_in_a_row(world)
+    await book_two(world)
     record = await merged(world)
     drone = next(each for each in world.drones if each.drone_id == record.drone_id)
     drone.refuses_next = True
