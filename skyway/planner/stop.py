@@ -70,6 +70,10 @@ class Effort:
         """Count one more label; True when the search has to end."""
         return self.has_made(1)
 
+    def is_over(self) -> bool:
+        """Whether the search has to end."""
+        return self.has_made(0)
+
     def has_made(self, labels: int) -> bool:
         """Count these labels; True when the search has to end."""
         self.labels += labels
