@@ -114,7 +114,7 @@ def _proven(
     """
     for labels, width in _WIDER:
         ending = search.run(effort, most_labels=min(labels, effort.room))
-        if ending is not Ending.PAUSED or effort.is_over():
+        if ending is not Ending.PAUSED or effort.is_over:
             return ending, best
         best = earlier(itinerary_found(haste.situation, search), best)
         best = haste.better_plan(best, width=width)

@@ -64,10 +64,10 @@ class Haste:
     def better_plan(self, best: Itinerary | None, *, width: int) -> Itinerary | None:
         """The best plan of a search of this width, if it is better than the best so far.
 
-        There is no such search where there is no room for its labels.
+        There is no such search where there is no room for its labels, or the effort is over.
         """
         room = self.effort.room * 15 // 16
-        if not _LEAST_WIDTH <= width <= _width_for(room):
+        if self.effort.is_over or not _LEAST_WIDTH <= width <= _width_for(room):
             return best
         narrow = ExactSearch(self.situation, method=self.method, order=self.order, width=width)
         if best is not None:
@@ -76,7 +76,7 @@ class Haste:
             # Where the labels run out, a narrower rest may still reach the last delivery.
             labels = room - room // 4
             ending = narrow.run(self.effort, most_labels=labels)
-            if ending is not Ending.PAUSED or self.effort.is_over():
+            if ending is not Ending.PAUSED or self.effort.is_over:
                 break
             room -= labels
             width //= 2
