@@ -81,6 +81,8 @@ def _solved(cell: Cell, taken: float, extent: Extent) -> tuple[list[Solved], lis
     prepared = Prepared(pads, Airspace.of(network))
     problems = list(requests(network, cell, runs=runs, limit_s=_LIMIT_S))
     few = [one.model_copy(update={"label_limit": _FEW_LABELS}) for one in problems]
+    # Not counted: that the compiled code is loaded when it is first asked for.
+    solve(few[0], prepared)
     return [_solve(one, prepared) for one in problems], [_solve(one, prepared) for one in few]
 
 

@@ -14,7 +14,7 @@ from skyway.delivery.plan import Infeasibility
 from skyway.ids import StationId
 from skyway.planner.closures import Closures
 from skyway.planner.exact_bounds import likely_delivery_s
-from skyway.planner.exact_itinerary import itinerary_of
+from skyway.planner.exact_haste import Haste, earlier, itinerary_found
 from skyway.planner.exact_search import Ending, ExactSearch
 from skyway.planner.exact_task import Method
 from skyway.planner.findings import Findings, Strategy
@@ -25,16 +25,12 @@ from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
 from skyway.units import TIME_TOLERANCE_S
 
-#: The bound is multiplied by these factors, one after another, to find a plan soon and then better
-#: plans (Likhachev, Gordon and Thrun 2003, ARA*). Our own choice.
-_HASTE = (5.0, 3.0, 2.0, 1.7, 1.5, 1.3)
-
 #: These searches begin when the limit's labels divided by this number are made.
 ROOM_BEFORE_HASTE = 32
 
-#: The most labels of a search before a plan is found, and of a search for a better plan.
-_LABELS_FOR_ANY_PLAN = 1 << 16
-_LABELS_FOR_A_BETTER_PLAN = 1 << 15
+#: After so many labels the search for the proof pauses again, for a narrow search of this width.
+#: Our own choice.
+_WIDER = ((1 << 18, 256), (1 << 22, 1024))
 
 #: With weather, the first searches look for plans that take up to so many times the likely time.
 #: Our own choice.
@@ -69,7 +65,8 @@ def _find(
     search, ending = _searched_before_haste(situation, effort, method, order)
     other = None
     if ending is Ending.PAUSED:
-        other = _found_in_haste(situation, effort, method, order)
+        haste = Haste(situation, effort, method, order)
+        other = haste.plan()
         if situation.problem.weather is not None:
             # The bounds are higher if they hold only for periods before the best plan's end.
             until_s = math.inf if other is None else other.delivered_s
@@ -78,8 +75,8 @@ def _find(
             search.improve_on(other.delivered_s)
         elif (proof := _unreachable_behind_closures(situation)) is not None:
             return Findings(None, search.stations_searched, infeasibility=proof)
-        ending = search.run(effort, most_labels=effort.room)
-    itinerary = _itinerary_of(situation, search) or other
+        ending, other = _proven(search, effort, haste, other)
+    itinerary = earlier(itinerary_found(situation, search), other)
     searched = search.stations_searched
     if itinerary is None and ending is Ending.EXHAUSTED:
         proof = _proof_of_infeasibility(situation, effort)
@@ -108,34 +105,22 @@ def _searched_before_haste(
     return search, ending
 
 
-def _found_in_haste(
-    situation: Situation,
-    effort: Effort,
-    method: Method,
-    order: Sequence[StationId] | None,
-) -> Itinerary | None:
-    """The best plan that searches with raised bounds find soon, or None."""
-    best: Itinerary | None = None
-    for weight in _HASTE:
-        hasty = ExactSearch(situation, method=method, order=order, weight=weight)
-        if best is None:
-            most_labels = min(_LABELS_FOR_ANY_PLAN, effort.room * 3 // 4)
-        else:
-            hasty.improve_on(best.delivered_s)
-            most_labels = min(_LABELS_FOR_A_BETTER_PLAN, effort.room * 15 // 16)
-        ending = hasty.run(effort, most_labels=most_labels)
-        found = _itinerary_of(situation, hasty)
-        if found is not None and (best is None or found.delivered_s < best.delivered_s):
-            best = found
-        if ending is Ending.PAUSED:
-            # A smaller factor would need even more labels.
-            break
-    return best
+def _proven(
+    search: ExactSearch, effort: Effort, haste: Haste, best: Itinerary | None
+) -> tuple[Ending, Itinerary | None]:
+    """Go on with the search for the proof, with pauses for better plans; the best of these plans.
 
-
-def _itinerary_of(situation: Situation, search: ExactSearch) -> Itinerary | None:
-    acts = search.best_acts()
-    return None if acts is None else itinerary_of(situation, acts)
+    `best` is the best plan so far.
+    """
+    for labels, width in _WIDER:
+        ending = search.run(effort, most_labels=min(labels, effort.room))
+        if ending is not Ending.PAUSED or effort.is_over:
+            return ending, best
+        best = earlier(itinerary_found(haste.situation, search), best)
+        best = haste.better_plan(best, width=width)
+        if best is not None:
+            search.improve_on(best.delivered_s)
+    return search.run(effort, most_labels=effort.room), best
 
 
 def _at_most(bound_s: float | None, itinerary: Itinerary | None) -> float | None:

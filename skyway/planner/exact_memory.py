@@ -47,13 +47,13 @@ AMPLE: Final = Room()
 
 
 def new_memory(
-    trees: int, ranks: int = 0, *, room: Room = AMPLE, has_weather: bool = False
+    trees: int, ranks: int = 0, *, room: Room = AMPLE, has_weather: bool = False, layers: int = 0
 ) -> Memory:
     """The empty memory of a search with so many trees, and a hierarchy of so many ranks or none.
 
-    Places and states have to be powers of two.
+    Places and states have to be powers of two. A narrow search has layers.
     """
-    memory = _sized(trees, ranks, room, has_weather=has_weather)
+    memory = _sized(trees, ranks, room, has_weather=has_weather, layers=layers)
     memory.counts[BEST] = -1
     memory.best_s[0] = np.inf
     memory.radius[:] = -1.0
@@ -92,6 +92,8 @@ def enlarged(memory: Memory, *, trees: int | None = None) -> Memory:
         rank_known=memory.rank_known,
         climb=memory.climb,
         tree_of_row=memory.tree_of_row,
+        layer=memory.layer,
+        layer_size=memory.layer_size,
     )
     larger.counts[FULL] = 0
     notes = handle_of(larger)
@@ -111,7 +113,7 @@ def _larger_room(memory: Memory, *, must_grow: bool) -> Room:
     return Room(*np.where(grows, 2 * sizes, sizes).tolist())
 
 
-def _sized(trees: int, ranks: int, room: Room, *, has_weather: bool) -> Memory:
+def _sized(trees: int, ranks: int, room: Room, *, has_weather: bool, layers: int = 0) -> Memory:
     """Arrays of these sizes; only counts and tables are filled, with zeros."""
     places, arcs, states, labels = room.places, room.arcs, room.states, room.labels
     return Memory(
@@ -150,4 +152,6 @@ def _sized(trees: int, ranks: int, room: Room, *, has_weather: bool) -> Memory:
         period=np.empty((labels if has_weather else 0, 2), np.int64),
         queue_key=np.empty(labels + _PUT_BACK),
         queue_label=np.empty(labels + _PUT_BACK, np.int64),
+        layer=np.zeros(layers, np.int64),
+        layer_size=np.zeros(2),
     )

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from enum import Enum
+from typing import Final
 
 import numpy as np
 
@@ -28,6 +29,9 @@ from skyway.planner.stop import Effort
 #: Labels between two checks of the effort: about 10 ms of search.
 _LABELS_PER_RUN = 1 << 14
 
+#: A narrow search divides the time of the whole plan by this. Our own choice.
+LAYERS: Final = 256
+
 
 class Ending(Enum):
     """How a run of the search ended."""
@@ -47,6 +51,9 @@ class ExactSearch:
     weight
         At least 1, by which the bound is multiplied in the queue. Above 1 the search ends with the
         first plan, which it finds sooner and which may be later than the best.
+    width
+        A narrow search takes at most so many labels from the queue that need about as long until
+        the last delivery, and drops the others. It finds good plans soon, and proves nothing.
     until_s
         Only plans that deliver everything by then count.
     room
@@ -60,6 +67,7 @@ class ExactSearch:
         method: Method,
         order: Sequence[StationId] | None = None,
         weight: float = 1.0,
+        width: int | None = None,
         until_s: float = math.inf,
         room: Room = AMPLE,
     ) -> None:
@@ -86,7 +94,13 @@ class ExactSearch:
         self._approaches = self._start != self._source or situation.windows.may_pass
         trees_needed = len(self._destinations) + self._approaches
         ranks = 0 if hierarchy is None else len(hierarchy.rank)
-        self._memory = new_memory(trees_needed, ranks, room=room, has_weather=weather is not None)
+        self._memory = new_memory(
+            trees_needed,
+            ranks,
+            room=room,
+            has_weather=weather is not None,
+            layers=0 if width is None else LAYERS,
+        )
         self._notes = handle_of(self._memory)
         self._plant_trees()
         count = len(self._destinations)
@@ -106,6 +120,8 @@ class ExactSearch:
         self._task = handle_of(record)
         while not search.begin(*self._search()):
             self._enlarge()
+        if width is not None and 0.0 < self.lower_bound_s < math.inf:
+            self._memory.layer_size[:] = self.lower_bound_s / LAYERS, width
 
     @property
     def labels(self) -> int:
@@ -154,6 +170,10 @@ class ExactSearch:
     def improve_on(self, delivered_s: float) -> None:
         """Look only for plans that deliver earlier than this."""
         self._memory.best_s[0] = min(self._memory.best_s[0], delivered_s)
+
+    def narrow_to(self, width: int) -> None:
+        """From now on take at most so many labels that need about as long, as a narrow search."""
+        self._memory.layer_size[1] = width
 
     def best_acts(self) -> list[Act] | None:
         """The acts of the best plan so far, from the start on; None without a plan."""

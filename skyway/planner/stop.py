@@ -59,6 +59,8 @@ class Effort:
     most_labels: int | None = None
     #: Whole routes simulated, by the strategies that simulate routes.
     compositions: int = 0
+    #: Whether the search had to end when labels were last counted.
+    is_over: bool = False
 
     @property
     def room(self) -> int:
@@ -73,7 +75,8 @@ class Effort:
     def has_made(self, labels: int) -> bool:
         """Count these labels; True when the search has to end."""
         self.labels += labels
-        return self.stop(self.labels) or self.room == 0
+        self.is_over = self.stop(self.labels) or self.room == 0
+        return self.is_over
 
 
 def stopwatch() -> Callable[[], float]:

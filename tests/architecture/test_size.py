@@ -9,7 +9,7 @@ from typing import Final
 from tools.house_figures import ROOT, source_files, source_packages
 
 #: Source files and folders with files, without migrations, as `tools/house_figures.py` counts them.
-MOST_FILES: Final = 911
+MOST_FILES: Final = 912
 MOST_FOLDERS: Final = 88
 #: Lines of `skyway/runtime`, which every process stands on.
 MOST_RUNTIME_LINES: Final = 11_650

@@ -116,6 +116,8 @@ class Memory(NamedTuple):
     - With weather `period` ``(labels, 2)``: the period in which the label's segment was flown, and
       the period in which the drone leaves next. The second is there for labels with a period only.
     - `queue_key`, `queue_label`: a binary heap of labels by the earliest delivery they promise.
+    - In a narrow search `layer`: how many labels were taken from the queue, by the least time until
+      the last delivery. `layer_size` ``(2,)``: the seconds of a layer, and the most labels of it.
     """
 
     counts: Longs
@@ -153,3 +155,5 @@ class Memory(NamedTuple):
     period: Longs
     queue_key: Floats
     queue_label: Longs
+    layer: Longs
+    layer_size: Floats

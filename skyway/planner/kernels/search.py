@@ -23,12 +23,15 @@ from skyway.planner.kernels.memory import (
     KIND,
     LABELS,
     LEAVES_IN,
+    LEVEL,
     NEW,
     NONE,
     QUEUE,
     SESSION,
     START,
+    STATE,
     TIME,
+    USED,
     WITH_PERIOD,
     Memory,
     int64,
@@ -37,7 +40,7 @@ from skyway.planner.kernels.places import place_of
 from skyway.planner.kernels.queue import pop, push
 from skyway.planner.kernels.records import Book, Closed, Search, Skyway, Task
 from skyway.planner.kernels.sessions import enter_next_sessions
-from skyway.planner.kernels.states import state_of
+from skyway.planner.kernels.states import state_of, still_s
 from skyway.planner.kernels.weather import has_weather, period_at
 
 # How a run ended.
@@ -112,6 +115,8 @@ def run_search(search: Search, most_labels: int) -> int:
         if memory.counts[LABELS] >= most_labels:
             return PAUSED
         label = pop(memory)
+        if memory.layer.size > 0 and _is_crowded(task, memory, label):
+            continue
         is_alive = memory.link[label, ALIVE] != 0
         if is_alive and task.compares_masks and is_behind(task, memory, label):
             memory.link[label, ALIVE] = 0
@@ -137,6 +142,18 @@ def run_search(search: Search, most_labels: int) -> int:
         if is_alive and in_weather:
             _enqueue_for_next_period(search, label, period)
     return PROVEN if memory.counts[BEST] >= 0 else EXHAUSTED
+
+
+@kernel
+def _is_crowded(task: Task, memory: Memory, label: int) -> bool:
+    """Whether a narrow search has taken enough labels that need about as long as this one."""
+    row = memory.label[label]
+    left_s = still_s(task, memory, memory.link[label, STATE], row[LEVEL] - row[USED])
+    layer = min(int64(left_s / memory.layer_size[0]), memory.layer.size - 1)
+    if memory.layer[layer] >= memory.layer_size[1]:
+        return True
+    memory.layer[layer] += 1
+    return False
 
 
 @kernel

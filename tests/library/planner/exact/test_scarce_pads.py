@@ -7,10 +7,15 @@ import pytest
 from skyway.delivery.plan import Plan
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.network.synthetic import synthetic_city
+from skyway.planner.airspace import Airspace
 from skyway.planner.compose import compose, compose_with
 from skyway.planner.exact import exact_with
+from skyway.planner.exact_haste import itinerary_found
+from skyway.planner.exact_search import LAYERS, ExactSearch
 from skyway.planner.exact_task import Method
 from skyway.planner.problem import Problem
+from skyway.planner.situation import Situation
+from skyway.planner.stop import Effort, never
 
 
 def scarce_problem(seed: int, *, stations: int = 9, packages: int = 3) -> Problem:
@@ -91,13 +96,50 @@ def test_a_first_search_for_any_plan_does_not_change_the_delivery_time() -> None
         assert _end_alike(hasty, compose(problem)), seed
 
 
-def test_a_plan_under_a_limit_is_near_the_best_plan() -> None:
-    for seed in range(3):
-        problem = scarce_problem(seed, stations=30, packages=8)
-        best, few = compose(problem), problem.model_copy(update={"label_limit": 4_000})
+def hard_problem(seed: int) -> Problem:
+    """A problem whose proof takes about 10,000 labels, for seeds 10 and 13."""
+    return scarce_problem(seed, stations=35, packages=11)
+
+
+@pytest.mark.parametrize(("label_limit", "late"), [(4_000, 1.25), (8_500, 1.02)])
+def test_a_plan_under_a_limit_is_near_the_best_plan(label_limit: int, late: float) -> None:
+    for seed in (10, 13):
+        problem = hard_problem(seed)
+        best, few = compose(problem), problem.model_copy(update={"label_limit": label_limit})
 
         plan = compose(few)
 
         assert best.delivery_time_s is not None
         assert plan.delivery_time_s is not None
-        assert plan.delivery_time_s <= 1.25 * best.delivery_time_s, seed
+        assert plan.delivery_time_s <= late * best.delivery_time_s, seed
+
+
+def test_narrow_searches_between_two_parts_of_the_proof_do_not_change_the_delivery_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problems = [hard_problem(seed) for seed in (10, 13)]
+    best_s = [compose(problem).delivery_time_s for problem in problems]
+    monkeypatch.setattr("skyway.planner.exact._WIDER", ((1_000, 16), (1_000, 32), (1_000, 64)))
+
+    for problem, expected_s in zip(problems, best_s, strict=True):
+        plan = _found(problem, Method(labels_before_haste=10))
+
+        assert plan.delivery_time_s == pytest.approx(expected_s, abs=1e-6)
+
+
+def test_a_narrow_search_takes_few_labels_that_need_about_as_long() -> None:
+    problem = hard_problem(13)
+    situation = Situation.of(problem, Airspace.of(problem.network))
+    best_s, labels = compose(problem).delivery_time_s, []
+
+    for width in (8, 32):
+        narrow = ExactSearch(situation, method=Method(), width=width)
+        narrow.run(Effort(never), most_labels=1 << 20)
+        labels.append(narrow.labels)
+        itinerary = itinerary_found(situation, narrow)
+
+        assert itinerary is not None
+        assert best_s is not None
+        assert itinerary.delivered_s >= best_s - 1e-6
+    assert labels[0] < 2 * 8 * LAYERS
+    assert labels[0] < labels[1]
