@@ -81,7 +81,10 @@ def test_an_offer_shows_price_times_provider_expiry_and_the_command_that_accepts
 
 @pytest.mark.parametrize(
     ("limited_by", "kept"),
-    [(None, "for a risk of"), ("MOST", "the most, so the risk is larger than")],
+    [
+        (None, "at most 0.1 % of landings are"),
+        ("MOST", "the largest margin, but more than 0.1 % of landings may be"),
+    ],
 )
 def test_an_offer_shows_the_margin_that_follows_from_a_risk(
     gateway: Gateway, limited_by: str | None, kept: str
@@ -90,7 +93,7 @@ def test_an_offer_shows_the_margin_that_follows_from_a_risk(
     offer = OFFER | {"margins": {"risk": risk | {"from": "a", "to": "b"}}}
     gateway.answers["POST", "/v1/quotes"] = (201, quote_with(offer))
 
-    line = f"   margin   28% more energy from a to b: {kept} 0.1 % below the reserve"
+    line = f"   margin   28 % more energy on the flight from a to b: {kept} below the reserve"
     assert line in runner.invoke(make_app(), ASKED).stdout.splitlines()
 
 
