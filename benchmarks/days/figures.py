@@ -82,7 +82,7 @@ HEADER: Final = (
     "deliveries",
     "late p50 / p90 min",
     "10 min later than planned",
-    "than promised",
+    "10 min later than promised",
     "by P90",
     "new plans a mission",
     "missions refused by drones",

@@ -1,6 +1,6 @@
 """Where idle drones wait: at home, where they delivered, or near the next pickup.
 
-Nobody searches for a better order here: requests are booked one after another, in calendars.
+Requests are booked in calendars, one after another. The dispatcher searches for no better order.
 """
 
 from collections.abc import Iterator

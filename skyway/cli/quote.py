@@ -22,7 +22,6 @@ from skyway.cli.request_options import (
     ObjectiveOption,
     PackageOption,
     PickupArgument,
-    PickupWithinOption,
     PoolingOption,
     PoolingWaitOption,
     PriorityOption,
@@ -40,7 +39,6 @@ def quote_command(
     promise: PromiseOption = "P90",
     pooling: PoolingOption = False,
     pooling_wait_s: PoolingWaitOption = None,
-    pickup_within_m: PickupWithinOption = None,
     may_be_later_s: MayBeLaterOption = 0.0,
     earliest_pickup: EarliestPickupOption = None,
     latest_pickup: LatestPickupOption = None,
@@ -71,7 +69,6 @@ def quote_command(
         promise=promise,
         pooling=pooling,
         pooling_wait_s=pooling_wait_s,
-        pickup_within_m=pickup_within_m,
         may_be_later_s=may_be_later_s,
         earliest_pickup=earliest_pickup,
         latest_pickup=latest_pickup,
@@ -149,13 +146,14 @@ def _margin(risk: dict[str, Any] | None) -> Iterator[str]:
     """The line about an energy margin that follows from a risk; none if it is a constant."""
     if risk is None:
         return
-    way = "" if risk["from"] is None else f" from {risk['from']} to {risk['to']}"
+    way = "" if risk["from"] is None else f" on the flight from {risk['from']} to {risk['to']}"
+    share = f"{100 * risk['reserve_risk']:.2g} % of landings"
     is_most = risk["limited_by"] == "MOST"
-    kept = "the most, so the risk is larger than" if is_most else "for a risk of"
-    yield (
-        f"   margin   {risk['flight_margin']:.0%} more energy{way}: "
-        f"{kept} {100 * risk['reserve_risk']:.2g} % below the reserve"
+    kept = (
+        f"the largest margin, but more than {share} may be" if is_most else f"at most {share} are"
     )
+    more = f"{100 * risk['flight_margin']:.0f} % more energy{way}"
+    yield f"   margin   {more}: {kept} below the reserve"
 
 
 def _reasons(answer: dict[str, Any], names: dict[str, str]) -> Iterator[str]:

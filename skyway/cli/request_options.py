@@ -152,12 +152,13 @@ class RequestOptions:
     promise: str
     pooling: bool
     pooling_wait_s: float | None
-    pickup_within_m: float | None
     may_be_later_s: float
     earliest_pickup: str | None
     latest_pickup: str | None
     not_before: Sequence[str]
     latest: Sequence[str]
+    #: Not an option of `skyway quote`: a delivery with an offer joins no trip of others.
+    pickup_within_m: float | None = None
 
     @property
     def fields(self) -> Mapping[str, str]:

@@ -29,8 +29,8 @@ Loading = Literal["AUTOMATIC", "CONFIRMED"]
 
 
 #: What a drone does after its last hand-over until it is booked again: it flies home, stays where
-#: it is, goes to the best parking station, or near the next pickup that its provider expects. It
-#: charges there.
+#: it is, goes to the best parking station, or goes near the next pickup that is expected. There it
+#: charges.
 Standby = Literal["HOME", "STAY", "PARKING", "NEXT_PICKUP"]
 
 

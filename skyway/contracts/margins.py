@@ -95,8 +95,8 @@ class Margins(WireModel):
         Field(
             ge=0,
             exclude_if=lambda value: value is None,
-            description="The lateness that nine of ten packages do not exceed by the error of the "
-            "forecast, as a share of the planned time. Promises use it until the lateness of the "
-            "provider's packages is known. Left out without a forecast.",
+            description="How late the error of the forecast makes a package in nine of ten cases, "
+            "at most, as a share of the planned time. The P90 uses it until enough lateness is "
+            "learned. Left out without a forecast.",
         ),
     ] = None

@@ -101,7 +101,8 @@ class DeliveryMission(WireModel):
         float,
         Field(
             ge=0,
-            description="Metres from there to the pickup of the request; 0 at the pickup itself.",
+            description="Metres from there to the pickup that this booking asked for; 0 if it is "
+            "the same station.",
         ),
     ] = 0.0
     margins: Annotated[

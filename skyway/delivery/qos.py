@@ -20,8 +20,8 @@ Priority = Literal["PRIORITY", "STANDARD"]
 #: The order of the classes: a lower rank is planned first.
 PRIORITY_RANKS: Final[Mapping[Priority, int]] = {"PRIORITY": 0, "STANDARD": 1}
 
-#: The furthest station where packages may be handed over instead of the pickup, metres. A walk of
-#: an hour; our own choice.
+#: The most metres to another station where packages may be handed over. At a walk of 5 km/h this is
+#: an hour. Our own choice.
 FURTHEST_PICKUP_M: Final = 5_000.0
 
 
@@ -132,9 +132,9 @@ class QoS(JsonModel):
         Field(
             ge=0,
             le=FURTHEST_PICKUP_M,
-            description="Metres, in a straight line, to other stations where the customer can hand "
-            "the packages over, so that they share a trip from there; 0 to 5000. It needs "
-            "`pooling`. The delivery's `pickup` says which station it is.",
+            description="Metres, in a straight line, from the pickup to other stations where the "
+            "packages may be handed over to share a trip; 0 to 5000. It needs `pooling`. The "
+            "delivery's `pickup` says which station it is.",
         ),
     ] = 0.0
     may_be_later_s: Annotated[

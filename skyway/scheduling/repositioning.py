@@ -34,10 +34,11 @@ _LEAST_WEIGHT: Final = 0.1
 #: From fewer requests nothing is expected. Our own choice.
 _FEWEST_REQUESTS: Final = 10
 
-#: At most this many pickups are expected, the most frequent ones, and no more places are compared
-#: after so many. So the work does not grow with the network. Our own choices.
+#: At most this many pickups count, the most frequent ones. So the work does not grow with the
+#: network. Our own choice.
 _MOST_PICKUPS: Final = 200
 
+#: After so many places no further pickup adds places. Our own choice.
 _MOST_PLACES: Final = 500
 
 #: At most this many places are worth trying. Our own choice.
@@ -46,7 +47,7 @@ _MOST_CHOSEN: Final = 3
 #: The share of the time in which a drone is busy, or has too little charge. Our own choice.
 _BUSY: Final = 0.75
 
-#: Only so many drones nearest to a pickup count; all of them are busy 1 % of the time.
+#: Only so many drones count for a pickup, the nearest ones. All of them are busy 1 % of the time.
 _MOST_NEAR: Final = 16
 
 #: Ways that differ by less differ by rounding only, metres.

@@ -70,8 +70,8 @@ class DayWorld(BusyWorld):
         self.network = texas_corridor()
         self.chance = random.Random(trial.seed)
         self.day = changed(read_scenario(trial.scenario), {"seed": trial.seed})
-        #: When each package was planned to come at its booking, and its P90 as the gateway makes it
-        #: before it has learned anything. Without a forecast it is the same.
+        #: When each package comes by the plan of its booking, and its P90 as the gateway makes it
+        #: before it has learned any lateness. Without a forecast both moments are the same.
         self.promised: dict[str, datetime] = {}
         self.due: dict[str, datetime] = {}
         self._waiting: list[str] = []

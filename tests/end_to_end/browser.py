@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize, exp
 CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium")
 
 needs_browser = pytest.mark.skipif(
-    CHROMIUM is None, reason="chromium-headless-shell is not installed: see .ci/run"
+    CHROMIUM is None, reason="no chromium-headless-shell and no chromium is installed: see .ci/run"
 )
 
 #: Milliseconds: longer than anything that a page waits for.

@@ -42,13 +42,13 @@ export function money({amount, currency}) {
   return format.format(amount / 10 ** format.resolvedOptions().maximumFractionDigits);
 }
 
-// What an energy margin is made of that follows from an accepted risk; "" if it is a constant.
+// An energy margin that follows from an accepted risk, and what it is for; "" if the margin is a constant.
 export function marginText({risk} = {}) {
   if (!risk) return "";
-  const way = risk.from ? ` from ${stationName(risk.from)} to ${stationName(risk.to)}` : "";
-  const kept = risk.limited_by === "MOST" ? "the most, so the risk is larger than" : "for a risk of";
-  const accepted = Number((risk.reserve_risk * 100).toPrecision(2));
-  return `${percent(risk.flight_margin)} more energy${way}: ${kept} ${accepted} % below the reserve`;
+  const way = risk.from ? ` on the flight from ${stationName(risk.from)} to ${stationName(risk.to)}` : "";
+  const share = `${Number((risk.reserve_risk * 100).toPrecision(2))} % of landings`;
+  const kept = risk.limited_by === "MOST" ? `the largest margin, but more than ${share} may be` : `at most ${share} are`;
+  return `${percent(risk.flight_margin)} more energy${way}: ${kept} below the reserve`;
 }
 
 // The ends of ids differ, their beginnings hardly do.

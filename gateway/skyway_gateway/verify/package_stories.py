@@ -25,8 +25,8 @@ _ENDS: Final = {f"package.{state.lower()}": state for state in SETTLED_PACKAGE_S
 class PackageStory:
     """A package, its links in order, and where it may go.
 
-    `is_brought` if its second link is the pickup of one of its missions, which is as near to the
-    pickup of the request as its customer allows.
+    `is_brought` says that its customer brought it to the pickup of one of its missions, which is
+    within the distance that the request allows: this station is its second link.
     """
 
     pickup: str
@@ -42,7 +42,8 @@ class PackageStory:
 _first = custody.alias("first")
 _second = custody.alias("second")
 
-#: Packages that are at another station without a drone, with each mission of their deliveries.
+#: Packages that moved from one station to another without a drone, with each mission of their
+#: deliveries.
 _MOVED: Final = (
     select(
         _second.c.delivery_id,

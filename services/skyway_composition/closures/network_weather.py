@@ -40,17 +40,18 @@ from skyway_composition.closures.read_forecast import (
     place_count,
 )
 
-#: So many standard deviations cover nine of ten errors.
-_OF_TEN: Final = NormalDist().inv_cdf(COVERED)
+#: Nine of ten errors are at most so many standard deviations.
+_COVERED_DEVIATIONS: Final = NormalDist().inv_cdf(COVERED)
 #: The largest share by which a flight counts as longer. Our own choice.
 _MOST_LATE: Final = 1.0
 
 #: The most time factors that are cached, of all drone models. With as many energy factors they take
 #: 384 MB.
 MOST_CACHED: Final = 24_000_000
-#: If the weather of fewer drones fits into the cache, plans use these deviations of the energy use
-#: only, rounded up: otherwise the weather of each deviation would be computed again and again.
-_ROOMY: Final = 50
+#: If the weather of fewer drones than this fits into the cache, plans round the deviation of the
+#: energy use up to one of `_FEW_DEVIATIONS`. Otherwise the weather of each deviation would be
+#: computed again and again.
+_MANY_DRONES: Final = 50
 _FEW_DEVIATIONS: Final = (0.04, UNKNOWN_USE, 0.14, DEVIATION_BOUNDS[1])
 
 
@@ -197,7 +198,7 @@ class NetworkWeather:
     def of_model(self, model: DroneModel, use_deviation: float = UNKNOWN_USE) -> Weather:
         """The weather for drones of this model, by seconds of fleet time since 1970."""
         key = self._key(model, use_deviation)
-        # The one that was used last is at the end, and is dropped last.
+        # The weather that was used last is at the end of the dict, and is dropped last.
         found = self._of_model.pop(key, None)
         if found is None:
             if self.reserve_risk is None:
@@ -212,10 +213,10 @@ class NetworkWeather:
         return found
 
     def planned_deviation(self, use_deviation: float) -> float:
-        """The deviation of the energy use that plans count for a drone with this one, or more."""
+        """The deviation that plans use for a drone whose energy use has this one; never less."""
         periods = len(self.forecast.edges_s) + len(FADING) + 1
         fitting = self.most_cached // max(1, periods * len(self.network.columns.length_m))
-        if fitting >= _ROOMY:
+        if fitting >= _MANY_DRONES:
             return use_deviation
         return next((each for each in _FEW_DEVIATIONS if each >= use_deviation), use_deviation)
 
@@ -234,16 +235,18 @@ class NetworkWeather:
     ) -> float | None:
         """The lateness that the error of the forecast explains, as a share of the planned time.
 
-        Nine of ten flights take no longer if the wind is wrong by a normal error. Charging for them
-        takes longer by the same share, since the energy of a flight goes with its time. None if the
-        forecast is over when the plan begins, or without a flight.
+        If the error of the wind is normal, nine of ten flights are late by no more than this share.
+        Charging for them takes longer by the same share, because the energy of a flight is
+        proportional to its time. None if the forecast is over when the plan begins, or if the plan
+        has no flight.
         """
         if not flights or start_ms >= self.over_ms:
             return None
         segments = segment_rows(self.network, [(each.from_id, each.to_id) for each in flights])
         at_s = start_ms / 1000 + np.array([each.start_s for each in flights])
         wind = self._on_segments().of_flights(segments, at_s, least_error_mps=FORECAST_ERROR_MPS)
-        longer = np.expm1(np.minimum(wind.in_error(model, _OF_TEN)[0], math.log(1 + _MOST_LATE)))
+        logarithms = wind.in_error(model, _COVERED_DEVIATIONS)[0]
+        longer = np.expm1(np.minimum(logarithms, math.log(1 + _MOST_LATE)))
         lasting_s = np.array([each.end_s - each.start_s for each in flights])
         return round(float(np.average(longer, weights=np.maximum(lasting_s, 1.0))), 4)
 

@@ -23,11 +23,11 @@ from skyway.scheduling.standby import StandbyChoice
 from skyway.scheduling.stays import read_stays
 from skyway_composition.tables import mission_steps, missions
 
-#: So many missions are read, the last that were booked. Our own choice.
+#: So many of a provider's missions are read, those that were booked last. Our own choice.
 _MOST_MISSIONS: Final = 500
 
-#: How old the missions of a provider are at most, wall time, and of how many providers they are
-#: cached. Our own choices.
+#: How long the missions of a provider are cached, wall time, and for how many providers. Our own
+#: choices.
 _KEPT: Final = timedelta(seconds=5)
 
 _MOST_PROVIDERS: Final = 1_000
@@ -82,7 +82,8 @@ class PastPickups:
     ) -> StandbyChoice:
         """The choice with the places near the next pickup, for a standby that begins at `start`.
 
-        `network` is the network as the drone sees it. Other settings than NEXT_PICKUP stay.
+        `network` is the network as the drone sees it. For other settings than NEXT_PICKUP the
+        choice stays as it is.
         """
         if choice.drone is None:
             return choice

@@ -137,7 +137,8 @@ class Contest:
 def _twins_among(shortlist: Shortlist, openings: Mapping[DroneId, Opening]) -> npt.NDArray[np.intp]:
     """A number for each row; rows with equal kind, place, charge, home and standby share one.
 
-    The standby NEXT_PICKUP follows from the requests of the provider, so providers share none.
+    Where NEXT_PICKUP leads depends on the requests of the provider, so there drones of different
+    providers share no number.
     A drone that has other missions shares its number with no other drone, because the pads of
     those missions are free for this drone only.
     """

@@ -96,7 +96,7 @@ async def _twice_named(survey: Survey) -> set[str]:
 
 
 async def _far_pickups(survey: Survey) -> set[str]:
-    """Missions with a share that is neither picked up where it asked, nor as near as it allows."""
+    """Missions with a share whose pickup is not its own, and not within the metres it allows."""
     shares = await survey.once(shares_of)
     found: set[str] = set()
     query = select(missions.c.mission_id, missions.c.request).where(missions.c.shares.is_not(None))

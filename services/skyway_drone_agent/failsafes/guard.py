@@ -256,10 +256,10 @@ class Rescue:
     ) -> Place | None:
         """The landing to fly to; None means on the spot, for LAND_NOW only.
 
-        With a short battery it is the landing with most charge left. A drone that has left its
-        course for the first time flies to the end of its flight, if it gets there with its reserve:
-        the straight way leads back into the corridor. Otherwise it is the nearest safe landing. A
-        drone without a safe landing flies straight to the landing of its plan.
+        With a short battery it is the landing with most charge left. For a drone that has left its
+        course for the first time it is the end of the flight, if the drone gets there with its
+        reserve: the straight way leads back into the corridor. Otherwise it is the nearest safe
+        landing, or the landing of the plan if none is safe.
         """
         if failsafe is Failsafe.LAND_NOW:
             return None

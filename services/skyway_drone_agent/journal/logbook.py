@@ -41,8 +41,8 @@ class Escape(WireModel):
 
     def leads_back(self, flight: FlyStep) -> bool:
         """Whether this flight corrects the course: it lands where the planned flight lands."""
-        is_of_course = (self.fault, self.failsafe) == (Fault.GEOFENCE, Failsafe.DIVERT)
-        return is_of_course and self.instead_of.lands and flight.to_id == self.instead_of.to_id
+        has_left_course = (self.fault, self.failsafe) == (Fault.GEOFENCE, Failsafe.DIVERT)
+        return has_left_course and self.instead_of.lands and flight.to_id == self.instead_of.to_id
 
 
 class FlownBefore(WireModel):

@@ -57,7 +57,7 @@ _WORTH_RANKING: Final = 4 * MAX_CANDIDATES
 async def select_each(
     queries: Sequence[CandidateQuery], fleet: Fleet, *, wall_now_ms: int, now_ms: int
 ) -> tuple[Candidates, ...]:
-    """The choice of each query; other work goes on between two of them, while the fleet stays."""
+    """The choice of each query; other work goes on between two of them, but the fleet stays."""
     found: list[Candidates] = []
     for query in queries:
         found.append(select(query, fleet, wall_now_ms=wall_now_ms, now_ms=now_ms))

@@ -32,7 +32,7 @@ _LOADING: Final = (
 _STANDBY: Final = (
     "what an idle drone does: HOME: it flies home; STAY: it stays where it delivered; PARKING: it "
     "goes to the best parking station of the network; NEXT_PICKUP: it goes near the next pickup "
-    "that its provider's last requests let expect. A drone may have its own setting"
+    "that is expected from its provider's last requests. A drone may have its own setting"
 )
 
 

@@ -1,4 +1,4 @@
-"""A drone waits near the next pickup that the last requests of its provider let expect."""
+"""A drone waits near the next pickup that is expected from its provider's last requests."""
 
 from datetime import timedelta
 from typing import Any

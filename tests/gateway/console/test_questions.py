@@ -73,7 +73,7 @@ def test_a_customer_asks_for_a_shared_trip(two_stations: StagedPage) -> None:
     page.get_by_role("combobox", name="To", exact=True).select_option("b")
     page.get_by_label("Share the trip").check()
     page.get_by_label("Wait for others, minutes").fill("15")
-    page.get_by_label("Other stations where I can hand over").fill("900")
+    page.get_by_label("Farthest other station where I can hand over, metres").fill("900")
     with page.expect_request(lambda request: request.url.endswith("/v1/quotes")) as asked:
         page.get_by_role("button", name="Ask for offers").click()
 

@@ -160,7 +160,7 @@ def test_a_delivery_says_whether_its_trip_is_shared(
 
 
 @pytest.mark.parametrize(
-    ("pickup", "shown"), [("a", "A"), ("b", "B: hand the packages over there, not at A")]
+    ("pickup", "shown"), [("a", "A"), ("b", "B: the packages are handed over there, not at A")]
 )
 def test_a_delivery_says_where_its_packages_are_handed_over(
     stage: StagedPage, pickup: str, shown: str
@@ -277,11 +277,12 @@ def test_a_margin_that_follows_from_a_risk_is_a_line_of_text(stage: StagedPage) 
         }"""
     )
 
+    share = "0.1 % of landings"
     assert texts == [
         "",
         "",
-        "28 % more energy from A to B C: for a risk of 0.1 % below the reserve",
-        "28 % more energy: the most, so the risk is larger than 0.1 % below the reserve",
+        f"28 % more energy on the flight from A to B C: at most {share} are below the reserve",
+        f"28 % more energy: the largest margin, but more than {share} may be below the reserve",
     ]
 
 

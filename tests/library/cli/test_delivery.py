@@ -74,6 +74,20 @@ def test_a_request_sends_the_mass_of_each_package(gateway: Gateway) -> None:
     assert [package["mass_kg"] for package in sent["packages"]] == [0.8, 2.0]
 
 
+def test_a_request_may_allow_another_pickup_for_a_shared_trip_and_a_quote_may_not(
+    gateway: Gateway,
+) -> None:
+    near = ["a", "-p", "b=1", "--pickup-within-m", "900"]
+
+    assert runner.invoke(make_app(), ["request", *near, "--pooling"]).exit_code == 0
+    sent = gateway.calls[-1][2]
+    assert sent["qos"]["pickup_within_m"] == 900.0
+    alone = runner.invoke(make_app(), ["request", *near])
+    assert (alone.exit_code, alone.stderr) == (1, "--pickup-within-m needs --pooling\n")
+    # A delivery with an offer joins no trip of others, so the option would do nothing.
+    assert runner.invoke(make_app(), ["quote", *near, "--pooling"]).exit_code == 2
+
+
 @pytest.mark.parametrize(
     ("last_event", "exit_code"),
     [

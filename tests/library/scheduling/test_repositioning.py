@@ -70,13 +70,13 @@ def test_a_drone_waits_only_at_stations_with_pads() -> None:
     assert places({"b": 1.0}, {"h": 9}, start="d", network=make_row(pads={"b": 0})) == "c"
 
 
-def test_fewer_than_ten_requests_let_expect_nothing() -> None:
+def test_no_pickup_is_expected_after_fewer_than_ten_requests() -> None:
     assert expected_pickups(requests("a", count=9), at_ms=0) == {}
     assert expected_pickups([], at_ms=0) == {}
     assert expected_pickups(requests("a"), at_ms=0) == {"a": 1.0}
 
 
-def test_requests_that_are_decades_old_let_expect_nothing() -> None:
+def test_no_pickup_is_expected_from_requests_that_are_decades_old() -> None:
     assert expected_pickups(requests("a"), at_ms=100 * 365 * 24 * HOUR_MS) == {}
 
 

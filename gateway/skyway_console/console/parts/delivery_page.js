@@ -96,11 +96,11 @@ const askToCancel = (path, deliveryId) => confirm({
 
 const OVER = ["COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"];
 
-// Where the packages are handed over to the drone; it may be another station than the one asked for.
+// The station where the packages are handed over to the drone. It may be another one than was asked for.
 function pickupText({station_id: stationId}, {pickup: asked}) {
   if (!stationId) return null;
   const name = stationName(stationId);
-  return stationId === asked?.station_id ? name : `${name}: hand the packages over there, not at ${
+  return stationId === asked?.station_id ? name : `${name}: the packages are handed over there, not at ${
     stationName(asked.station_id)}`;
 }
 

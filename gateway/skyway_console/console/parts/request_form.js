@@ -46,7 +46,7 @@ function Wishes() {
         Share the trip with packages of others, at a lower price (not with a latest delivery)</label>
       ${mayShare && html`<label>Wait for others, minutes<input required type="number" min="0" max="60" step="any"
         value=${waitMinutes} onInput=${({target}) => change({waitMinutes: target.value})} /></label>
-      <label>Other stations where I can hand over, within metres<input required type="number" min="0" max="5000"
+      <label>Farthest other station where I can hand over, metres (only without an offer)<input required type="number" min="0" max="5000"
         step="any" value=${withinM} onInput=${({target}) => change({withinM: target.value})} /></label>`}
     </div>`;
 }

@@ -65,8 +65,8 @@ def _request(delivery: Delivery) -> DeliveryRequest:
     """The request with only the packages that wait, and the remaining price limit.
 
     A request with `pooling_wait_s` begins after this wait. A delivery that was booked before keeps
-    its pickup. If that is another station than it asked for, no drone loads there before the moment
-    of the first booking: its customer may be on the way.
+    its pickup. If this is not the pickup that it asked for, no drone loads before the moment that
+    the first booking has promised, because its customer may be on the way.
     """
     waiting = {package.package_id for package in delivery.waiting_packages}
     request = delivery.request

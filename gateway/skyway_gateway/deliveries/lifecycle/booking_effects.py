@@ -61,11 +61,10 @@ def after_booking(
 ) -> Progress:
     """The delivery with its new missions: their ETAs are promised to the customer.
 
-    A package stays at the station where its mission is loaded: its customer hands it over there.
-    Packages that no mission carries wait for the next attempt. `late_share` is the
-    lateness that nine of ten packages do not exceed, as a share of the planned time; None if it is
-    not known. Lateness
-    counts from their P90, unless the customer asked for P50 or no P90 is known.
+    The custodian of a package is now the station where its mission is loaded. Packages that no
+    mission carries wait for the next attempt. `late_share` is the lateness that nine of ten
+    packages do not exceed, as a share of the planned time; None if it is not known. Lateness counts
+    from the P90 of a package, unless the customer asked for P50 or no P90 is known.
     """
     # Each mission starts as BOOKED, however far it has come: its reports follow in order.
     booked = [_flown(mission) for mission in missions]
@@ -104,7 +103,7 @@ def after_booking(
 
 
 def _kept_at(mission: FlownMission) -> Custodian | None:
-    """The station that keeps the packages of a mission; None if the mission does not say."""
+    """The station where the packages of a mission are handed over; None in an old mission."""
     if mission.pickup_station_id is None:
         return None
     return Custodian(kind="STATION", id=mission.pickup_station_id)

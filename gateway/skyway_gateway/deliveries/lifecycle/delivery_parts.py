@@ -75,8 +75,8 @@ class Refusal(JsonModel):
         FleetMoment | None,
         Field(
             exclude_if=lambda value: value is None,
-            description="When the drone would have begun to load at a pickup that is not that of "
-            "the request: no other drone loads there before.",
+            description="When the drone would have begun to load, if its pickup was not that of "
+            "the request: no other drone loads before this moment.",
         ),
     ] = None
 

@@ -43,9 +43,9 @@ _NOT_WITH_THIS_LOAD: Final = (RefusalCode.OVERWEIGHT, RefusalCode.INSUFFICIENT_E
 #: Wall time between a refusal and the next planning. Our own choice.
 _LOOK_AGAIN_MS: Final = 2_000
 
-#: After so many refusals in a row for lack of energy a standing drone gets no further plan. Each of
-#: these plans has more energy than the one before, and the wind had as many minutes to change.
-#: Otherwise a drone that always answers so would hold its pads for 40 plans. Our own choice.
+#: After so many refusals in a row, the last one for lack of energy, a standing drone gets no
+#: further plan. The wind had as many minutes to change. A drone that refuses every plan would
+#: otherwise hold its pads for 40 plans. Our own choice.
 _MOST_ENERGY_REFUSALS: Final = 10
 
 #: The arguments of `fleet_margin` for the same time, if the drone refused for lack of energy.
@@ -202,10 +202,11 @@ async def _handle_refusal(
 async def _wait_or_give_up(
     work: MissionUnitOfWork, mission_id: MissionId, drone_id: DroneId
 ) -> None:
-    """Plan again a minute later for a drone without enough energy; end the mission in the end.
+    """Plan again a minute later for a drone that refused for lack of energy, or abort its mission.
 
-    So the wind can change before the mission has used up all its plans. A plan that a command or a
-    closure needs does not wait.
+    In this minute the wind can change. Without it the mission would soon use up all its plans. A
+    plan that a command or a closure needs does not wait. The mission is aborted after too many
+    refusals in a row.
     """
     refused = await refused_in_a_row(work.tx, mission_id, most=_MOST_ENERGY_REFUSALS)
     record = work.missions.get(drone_id)
@@ -215,6 +216,6 @@ async def _wait_or_give_up(
         await retry_stuck(work.tx, mission_id, at_wall_ms=at_wall_ms)
         return
     code = RefusalCode.INSUFFICIENT_ENERGY
-    detail = f"the drone has refused {refused} plans in a row, each with more energy"
+    detail = f"the drone has refused {refused} plans in a row, the last one for lack of energy"
     await raise_alarm(work, record, level="URGENT", code="REVISIONS_REFUSED", detail=detail)
     await abort(work, record, at=work.clock.now(), code=code, detail=detail)

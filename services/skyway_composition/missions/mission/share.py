@@ -16,7 +16,7 @@ from skyway.json_model import JsonModel
 
 
 class NearPickup(JsonModel):
-    """That a guest hands its packages over at the host's pickup, not at that of its request."""
+    """A guest whose packages are handed over at the host's pickup, not at that of its request."""
 
     asked_station_id: Annotated[StationId, Field(description="The pickup of its request.")]
     within_m: Annotated[
@@ -54,7 +54,9 @@ class Share(JsonModel):
     traceparent: Annotated[str | None, Field(description="The trace of its request.")] = None
     near: Annotated[
         NearPickup | None,
-        Field(description="Why it is not picked up where it asked; null if it is."),
+        Field(
+            description="Set if its packages are handed over at another pickup than it asked for."
+        ),
     ] = None
 
     @property

@@ -90,7 +90,10 @@ def next_flights(
     masses_kg: Mapping[PackageId, float],
     carried: Iterable[PackageId],
 ) -> Iterator[FlightInAir]:
-    """The flights of these steps up to the recharge after them, with what is carried before."""
+    """The flights of these steps up to the recharge after them.
+
+    The packages in `carried` are on board before the first step.
+    """
     on_board, has_flown = {*carried}, False
     for step in steps:
         match step:

@@ -26,8 +26,8 @@ from tests.library.planner.oracles.judge import (
 
 _BLOCK = 50
 
-#: Labels after which a contestant gives up. With more labels it would find better plans for nine of
-#: the problems, all later than the grid's. For three it needs more to find the best plan.
+#: Labels after which a contestant gives up. For nine problems more labels would give a better plan,
+#: but the grid's plan is earlier still. Three problems need more labels for the best plan.
 _MOST_LABELS = 5_000
 _MORE_LABELS = dict.fromkeys((18, 143, 145), 20_000)
 

@@ -46,8 +46,8 @@ from skyway_composition.planning.world import World
 #: seconds and wall seconds; the longer of both counts.
 _SETTLED_S: Final = (60.0, 2.0)
 
-#: How fast customers carry packages to another station, along the straight line: they walk. Our own
-#: choice.
+#: How fast customers carry packages to another station, along the straight line, metres per second.
+#: This is a slow walk. Our own choice.
 _CARRYING_MPS: Final = 1.0
 
 #: A degree of latitude is at least so long, metres.
@@ -76,7 +76,8 @@ class _JoiningRequest:
 class _Pickups:
     """The stations where a request's packages may be handed over, and when they can be there.
 
-    `away_m` are the distances from its own pickup, which is among the stations.
+    `away_m` has each of these stations, with its distance from the request's own pickup. The own
+    pickup is one of them.
     """
 
     own: StationId
@@ -97,7 +98,7 @@ class _Pickups:
         return {each: self._there_ms(each) for each in self.away_m}
 
     def near(self, pickup: StationId) -> NearPickup | None:
-        """What is noted if the packages are handed over there; None at the request's own pickup."""
+        """What the guest's share notes about this pickup; None for the request's own pickup."""
         if pickup == self.own:
             return None
         away_m = self.away_m[pickup]
@@ -119,7 +120,7 @@ class _Pickups:
 def _around(network: Network, own: StationId, *, within_m: float) -> dict[StationId, float]:
     """The stations within so many metres of a station, and how far they are."""
     columns, row = network.columns, network.row_of.get(own)
-    if row is None:  # the station has left the network meanwhile
+    if row is None:  # a new version of the network has removed the station
         return {}
     north_deg = np.abs(columns.latitude_deg - columns.latitude_deg[row])
     rows = np.flatnonzero(north_deg <= within_m / _DEGREE_M)

@@ -56,7 +56,7 @@ class MergedOrder:
 def carrying(host: MissionRecord, guest: Guest) -> MissionRecord | None:
     """The host's mission with the packages of both, to be planned again; None if it cannot be.
 
-    Both have the same pickup: after a booking, no pickup moves.
+    It cannot be if their pickups differ, because a pickup does not change after the booking.
     """
     shares = host.shares or (share_of(host),)
     packages = (*host.request.packages, *guest.request.packages)

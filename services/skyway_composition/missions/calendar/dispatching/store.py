@@ -85,8 +85,8 @@ async def hosts_at(
 ) -> list[MissionRecord]:
     """QUEUED missions of these providers with a pickup at these stations that may be shared.
 
-    At most `limit`, by start; none that starts before the moment that `ready_ms` has for its
-    pickup.
+    At most `limit`, in the order of their starts. None starts before the moment that `ready_ms` has
+    for its pickup.
     """
     waiting = await connection.execute(
         _HOSTS_AT,

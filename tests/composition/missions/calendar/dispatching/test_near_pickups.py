@@ -98,7 +98,7 @@ async def test_a_guest_hands_its_packages_over_where_its_host_is_loaded(world: N
     ],
     ids=["too far", "too soon", "it is the destination"],
 )
-async def test_a_request_flies_from_its_own_pickup_when_no_other_one_will_do(
+async def test_a_request_keeps_its_own_pickup_when_no_other_pickup_fits(
     world: NearWorld, host: DeliveryRequest, guest: DeliveryRequest
 ) -> None:
     await book(world, "dlv1", host)
