@@ -11,12 +11,14 @@ import pytest
 from benchmarks.load.servers import postgresql_program
 from skyway.errors import SkywayError
 
-#: Starts both servers, prints their process ids, and waits.
+#: Starts both servers, prints their process ids, and waits. It ignores Ctrl-C, as a program does
+#: that a script has started in the background.
 _PROGRAM = """
-import asyncio, pathlib, sys
+import asyncio, pathlib, signal, sys
 from benchmarks.load.storage_pair import storage_pair
 from skyway.cli.data_folder import DataFolder
 
+signal.signal(signal.SIGINT, signal.SIG_IGN)
 folder = DataFolder(pathlib.Path(sys.argv[1]))
 folder.make()
 with storage_pair("production", folder) as servers:
