@@ -151,6 +151,15 @@ class Mission(DeliveryMission):
         Recharge | None,
         Field(description="How it is charged there; seconds count from the end of `plan`."),
     ] = None
+    energy_refusals: Annotated[
+        int,
+        Field(
+            ge=0,
+            exclude_if=lambda value: value == 0,
+            description="How many plans in a row its drone has refused for lack of energy; left "
+            "out if it has refused none.",
+        ),
+    ] = 0
 
 
 class OfferHold(WireModel):

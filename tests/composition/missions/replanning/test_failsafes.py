@@ -386,6 +386,22 @@ async def test_a_drone_that_refuses_ten_plans_in_a_row_for_lack_of_energy_is_giv
     assert await composition.broken() == []
 
 
+async def test_refusals_for_other_reasons_do_not_count_as_lack_of_energy(
+    composition: Any, drone: Any
+) -> None:
+    first = await failed_at(composition, drone, 4, "b", "INSUFFICIENT_ENERGY", soc=0.6)
+    await composition.receive(stands_at_b(drone, first, released_through=3, soc=0.6))
+
+    for code in [*["EXPIRED"] * 9, "INSUFFICIENT_ENERGY"]:
+        composition.clock.advance(timedelta(minutes=1))
+        await composition.replanner.step()
+        *_, revision = await composition.sent()
+        await composition.receive(drone.ack(revision, status="REJECTED", code=code))
+
+    assert await composition.state_of(first.mission_id) == "ACTIVE"
+    assert await alarms(composition) == []
+
+
 @pytest.mark.parametrize(("charging", "longer"), [(None, 1.0), (1.1, 1.0), (0.5, 2.0)])
 async def test_a_drone_that_reports_slow_charging_gets_longer_sessions_in_its_next_plan(
     composition: Any, drone: Any, charging: float | None, longer: float
