@@ -54,7 +54,10 @@ class Share(JsonModel):
     traceparent: Annotated[str | None, Field(description="The trace of its request.")] = None
     near: Annotated[
         NearPickup | None,
-        Field(description="Why it is not picked up where it asked; null if it is."),
+        Field(
+            exclude_if=lambda value: value is None,
+            description="Why it is not picked up where it asked; left out if it is.",
+        ),
     ] = None
 
     @property
