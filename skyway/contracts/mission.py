@@ -152,13 +152,7 @@ class Mission(DeliveryMission):
         Field(description="How it is charged there; seconds count from the end of `plan`."),
     ] = None
     energy_refusals: Annotated[
-        int,
-        Field(
-            ge=0,
-            exclude_if=lambda value: value == 0,
-            description="How many plans in a row its drone has refused for lack of energy; left "
-            "out if it has refused none.",
-        ),
+        int, Field(description="Plans in a row that its drone refused for lack of energy.")
     ] = 0
 
 
