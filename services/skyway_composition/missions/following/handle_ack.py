@@ -44,8 +44,9 @@ _NOT_WITH_THIS_LOAD: Final = (RefusalCode.OVERWEIGHT, RefusalCode.INSUFFICIENT_E
 _LOOK_AGAIN_MS: Final = 2_000
 
 #: After so many refusals in a row for lack of energy a standing drone gets no further plan. Each of
-#: these plans has more energy than the one before, and the wind had as many minutes to change.
-#: Otherwise a drone that always answers so would hold its pads for 40 plans. Our own choice.
+#: these plans has more energy than the one before, if there is such a plan. The wind had as many
+#: minutes to change. Otherwise a drone that always answers so would hold its pads for 40 plans. Our
+#: own choice.
 _MOST_ENERGY_REFUSALS: Final = 10
 
 #: The arguments of `fleet_margin` for the same time, if the drone refused for lack of energy.
@@ -227,6 +228,6 @@ async def _wait_or_give_up(work: MissionUnitOfWork, drone_id: DroneId) -> None:
         await retry_stuck(work.tx, record.mission_id, at_wall_ms=at_wall_ms)
         return
     code = RefusalCode.INSUFFICIENT_ENERGY
-    detail = f"the drone has refused {refused} plans in a row, each with more energy"
+    detail = f"the drone has refused {refused} plans in a row for lack of energy"
     await raise_alarm(work, record, level="URGENT", code="REVISIONS_REFUSED", detail=detail)
     await abort(work, record, at=work.clock.now(), code=code, detail=detail)
