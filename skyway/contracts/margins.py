@@ -14,7 +14,7 @@ class RiskMargin(WireModel):
     The three deviations are independent, so together they are the root of the sum of their
     squares. `flight_margin` covers `deviations` times this root, within 0.05 and 0.40. The values
     are those of the flight with the largest margin, which leads from `from` to `to`; both are null
-    if the plan has no flight.
+    if the plan has no flight, or if this flight carries only packages of others.
     """
 
     reserve_risk: Annotated[

@@ -152,6 +152,9 @@ class Mission(DeliveryMission):
         Recharge | None,
         Field(description="How it is charged there; seconds count from the end of `plan`."),
     ] = None
+    energy_refusals: Annotated[
+        int, Field(description="Plans in a row that its drone refused for lack of energy.")
+    ] = 0
 
 
 class OfferHold(WireModel):

@@ -177,8 +177,8 @@ def _places(
         for row in (pickup, *near.station[near.at(pickup)].tolist()):
             if columns.pads[row] > waiting.get(columns.station_ids[row], 0):
                 found[row] = None
-        if len(found) >= _MOST_PLACES:
-            break
+                if len(found) == _MOST_PLACES:
+                    return [*found]
     return [*found]
 
 

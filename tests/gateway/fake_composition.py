@@ -132,6 +132,8 @@ class FakeComposition:
     packages_per_trip: int = 100
     #: The pickup of first bookings, and how far it is from that of the request.
     near_pickup: tuple[str, float] | None = None
+    #: How long after a booking its missions start.
+    starts_after: timedelta = timedelta(seconds=60)
     #: The first trip of each booking, and those after it.
     booked: dict[tuple[str, int], Mission] = field(default_factory=dict)
     further: dict[tuple[str, int], tuple[Mission, ...]] = field(default_factory=dict)
@@ -235,7 +237,7 @@ class FakeComposition:
                 delivery_id=delivery_id,
                 attempt=requested.attempt,
                 drone_id=candidate.drone_id,
-                start_at=self.clock.now() + timedelta(seconds=60),
+                start_at=self.clock.now() + self.starts_after,
                 provider_id=candidate.provider_id,
                 trip=trip,
                 pickup=self.near_pickup if requested.attempt == 1 else None,

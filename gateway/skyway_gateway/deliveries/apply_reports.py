@@ -21,7 +21,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import in_trace_of, tracing
 from skyway_gateway.clients import CANCELLATIONS_PATH
-from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
+from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_again_at
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.package_changes import TOLERANCE_S, when_overdue
 from skyway_gateway.deliveries.lifecycle.progress import Progress
@@ -113,7 +113,7 @@ class ReportApplier:
         give_up = None
         if report.kind == "REFUSED" and progress.delivery.is_queued:
             # The waiting time starts again: the refused booking has used some of it.
-            give_up = give_up_at(stored.delivery.request, self.clock)
+            give_up = give_up_again_at(progress.delivery, self.clock)
             tx.after_commit(self.queued.set)
         if report.kind in _FREEING:
             pickup = stored.delivery.request.pickup.station_id

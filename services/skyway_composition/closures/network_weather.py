@@ -191,15 +191,18 @@ class NetworkWeather:
         """
         if not self.counts_from(start_ms):
             return None
-        if self._key(model, use_deviation) not in self._of_model:
-            await asyncio.to_thread(self.of_model, model, use_deviation)
-        return self.of_model(model, use_deviation).shifted(-start_ms / 1000)
+        key = self._key(model, use_deviation)
+        found = self._of_model.get(key)
+        if found is None:
+            found = await asyncio.to_thread(self.of_model, model, use_deviation)
+        else:
+            self._note_use(key, found)
+        return found.shifted(-start_ms / 1000)
 
     def of_model(self, model: DroneModel, use_deviation: float = UNKNOWN_USE) -> Weather:
         """The weather for drones of this model, by seconds of fleet time since 1970."""
         key = self._key(model, use_deviation)
-        # The weather that was used last is at the end of the dict, and is dropped last.
-        found = self._of_model.pop(key, None)
+        found = self._of_model.get(key)
         if found is None:
             if self.reserve_risk is None:
                 found = planned_weather(self._on_segments(), model)
@@ -209,8 +212,13 @@ class NetworkWeather:
             most = max(1, self.most_cached // max(1, found.time_factor.size))
             for oldest in list(self._of_model)[: max(0, len(self._of_model) + 1 - most)]:
                 self._of_model.pop(oldest, None)
-        self._of_model[key] = found
+        self._note_use(key, found)
         return found
+
+    def _note_use(self, key: object, weather: Weather) -> None:
+        """Put it at the end of the cache, which is dropped last."""
+        self._of_model.pop(key, None)
+        self._of_model[key] = weather
 
     def planned_deviation(self, use_deviation: float) -> float:
         """The deviation that plans use for a drone whose energy use has this one; never less."""

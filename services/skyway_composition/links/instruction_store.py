@@ -187,25 +187,6 @@ async def kind_of_revision(tx: Tx, mission_id: MissionId, revision: int) -> str 
     return found.scalar_one_or_none()
 
 
-async def refused_in_a_row(tx: Tx, mission_id: MissionId, *, most: int) -> int:
-    """How many of the newest plans of a mission its drone has refused one after the other.
-
-    At most `most` are counted.
-    """
-    found = await tx.execute(
-        select(instructions.c.status)
-        .where(
-            instructions.c.mission_id == mission_id,
-            instructions.c.kind.in_(tuple(_BODIES)),
-            instructions.c.status != "REISSUED",
-        )
-        .order_by(instructions.c.stream.desc(), instructions.c.seq.desc())
-        .limit(most)
-    )
-    statuses = found.scalars().all()
-    return next((n for n, each in enumerate(statuses) if each != "REJECTED"), len(statuses))
-
-
 async def plans_sent(
     connection: AsyncConnection, mission_ids: Collection[MissionId]
 ) -> list[SentPlan]:

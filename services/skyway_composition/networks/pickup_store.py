@@ -4,13 +4,14 @@ Only the provider's own missions count. So the ways of its drones show nothing a
 other providers.
 """
 
+import asyncio
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any, Final
 
-from sqlalchemy import and_, bindparam, select
+from sqlalchemy import Integer, and_, bindparam, select
 
 from skyway.contracts.mission import OPEN_MISSION_STATES
 from skyway.ids import DroneId, NetworkId, ProviderId, StationId
@@ -26,34 +27,43 @@ from skyway_composition.tables import mission_steps, missions
 #: So many of a provider's missions are read, those that were booked last. Our own choice.
 _MOST_MISSIONS: Final = 500
 
+#: They are found among so many last missions of the provider in all networks, so that a provider
+#: with many missions elsewhere does not slow a booking down. Our own choice.
+_MOST_LOOKED_AT: Final = 5_000
+
 #: How long the missions of a provider are cached, wall time, and for how many providers. Our own
 #: choices.
 _KEPT: Final = timedelta(seconds=5)
 
 _MOST_PROVIDERS: Final = 1_000
 
-_LAST: Final = (
+_anywhere: Final = (
     select(
+        missions.c.mission_id,
+        missions.c.network_id,
         missions.c.delivery_id,
         missions.c.drone_id,
         missions.c.state,
         missions.c.start_ms,
         missions.c.stays,
-        mission_steps.c.station_id,
     )
+    .where(missions.c.provider_id == bindparam("provider_id"))
+    # Mission ids are sorted by time.
+    .order_by(missions.c.mission_id.desc())
+    .limit(bindparam("most_looked_at", type_=Integer))
+    .subquery("anywhere")
+)
+_LAST: Final = (
+    select(_anywhere, mission_steps.c.station_id)
     .join(
         mission_steps,
         and_(
-            mission_steps.c.mission_id == missions.c.mission_id,
+            mission_steps.c.mission_id == _anywhere.c.mission_id,
             mission_steps.c.kind == "PICK_UP",
         ),
     )
-    .where(
-        missions.c.provider_id == bindparam("provider_id"),
-        missions.c.network_id == bindparam("network_id"),
-    )
-    # Mission ids are sorted by time.
-    .order_by(missions.c.mission_id.desc())
+    .where(_anywhere.c.network_id == bindparam("network_id"))
+    .order_by(_anywhere.c.mission_id.desc())
     .limit(_MOST_MISSIONS)
 )
 
@@ -72,9 +82,17 @@ class _Past:
 class PastPickups:
     """The last missions in one network, a few seconds old."""
 
-    def __init__(self, db: Database, clock: FleetClock, network_id: NetworkId) -> None:
+    def __init__(
+        self,
+        db: Database,
+        clock: FleetClock,
+        network_id: NetworkId,
+        *,
+        most_looked_at: int = _MOST_LOOKED_AT,
+    ) -> None:
         self._db = db
         self.network_id = network_id
+        self._most_looked_at = most_looked_at
         self._past = AnswerCache(self._read, clock=clock, kept=_KEPT, most=_MOST_PROVIDERS)
 
     async def with_places(
@@ -93,10 +111,15 @@ class PastPickups:
             past = await self._past.ask(provider_id)
         waiting = Counter(at for each, at in past.waits_at.items() if each != drone_id)
         pickups = expected_pickups(past.requests, at_ms=at_ms)
-        return choice.near(pickups, network, start=start, waiting=waiting)
+        # Comparing takes tens of milliseconds, and a booking does it for each of its drones.
+        return await asyncio.to_thread(choice.near, pickups, network, start=start, waiting=waiting)
 
     async def _read(self, provider_id: ProviderId) -> _Past:
-        values = {"provider_id": provider_id, "network_id": self.network_id}
+        values = {
+            "provider_id": provider_id,
+            "network_id": self.network_id,
+            "most_looked_at": self._most_looked_at,
+        }
         async with self._db.read() as connection:
             rows = (await connection.execute(_LAST, values)).all()
         return _Past(tuple(_requests(rows)), _waits_at(rows))

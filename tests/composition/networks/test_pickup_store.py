@@ -1,13 +1,19 @@
 """A drone waits near the next pickup that is expected from its provider's last requests."""
 
+import asyncio
 from datetime import timedelta
 from typing import Any
 
+import pytest
+from skyway_composition.networks.pickup_store import PastPickups
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.world import World
 
 from skyway.drone.models import DRONE_MODELS
-from skyway.ids import DroneModelId, StationId
+from skyway.ids import DroneId, DroneModelId, NetworkId, ProviderId, StationId
+from skyway.network.network import Network
+from skyway.runtime.clock import FleetClock
+from skyway.scheduling.standby import StandbyChoice
 from skyway.scheduling.trip import Trip
 from skyway.units import moment_to_ms
 
@@ -55,3 +61,47 @@ async def test_a_drone_waits_near_the_pickups_of_its_own_provider(
     booking = await composition.book(drone, request=make.request("d", pickup="c"))
     assert booking.missions[0].home_recharge.station_id == "b"
     assert await composition.broken() == []
+
+
+async def places_in(
+    network: Network, past: PastPickups, clock: FleetClock
+) -> tuple[StationId, ...]:
+    """The places that are worth the way for a drone of provider 1 that is empty at d."""
+    drone = ProviderId("prv_1"), DroneId("drn_1")
+    choice = StandbyChoice("NEXT_PICKUP", StationId("e"), drone)
+    at_ms = moment_to_ms(clock.now())
+    return (await past.with_places(choice, network, start=StationId("d"), at_ms=at_ms)).places
+
+
+async def test_only_the_last_missions_of_a_provider_in_all_networks_are_looked_at(
+    composition: Any, make: Any
+) -> None:
+    """A provider with a million missions in another network does not slow a booking down."""
+    await book_pickups_at_b(composition, make)
+    network = (await composition.parts.networks.current("row")).network
+    db, clock, network_id = composition.db, composition.clock, NetworkId("row")
+
+    enough = PastPickups(db, clock, network_id, most_looked_at=10)
+    too_few = PastPickups(db, clock, network_id, most_looked_at=9)
+
+    assert await places_in(network, enough, clock) != ()
+    assert await places_in(network, too_few, clock) == ()
+
+
+@pytest.mark.databases("sqlite")
+async def test_other_work_goes_on_while_places_are_compared(composition: Any, make: Any) -> None:
+    await book_pickups_at_b(composition, make)
+    network = (await composition.parts.networks.current("row")).network
+    past = PastPickups(composition.db, composition.clock, NetworkId("row"))
+    await places_in(network, past, composition.clock)
+    worked: list[str] = []
+
+    async def work() -> None:
+        worked.append("worked")
+
+    task = asyncio.create_task(work())
+    # The last missions are cached, so nothing else is awaited.
+    assert await places_in(network, past, composition.clock) != ()
+
+    assert worked == ["worked"]
+    await task

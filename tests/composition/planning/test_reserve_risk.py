@@ -1,12 +1,15 @@
 """`reserve_risk` of a network: the energy margin of each flight follows from it."""
 
+import asyncio
 import math
 from dataclasses import replace
 from datetime import timedelta
+from threading import get_ident
 from typing import Any
 
 import numpy as np
 import pytest
+from skyway_composition.closures.network_weather import NetworkWeather
 from skyway_composition.planning.closed_ahead import ClosedAhead
 from skyway_composition.planning.lower_bounds import LowerBounds
 from skyway_composition.planning.world import World
@@ -16,7 +19,10 @@ from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.quote import QuoteQuery
 from skyway.contracts.shortlist import Shortlist
 from skyway.drone.flight import flight_energy_j
+from skyway.drone.learned_values import UNKNOWN_USE
+from skyway.drone.model import DroneModel
 from skyway.planner.energy_risk import MODEL_DEVIATION, EnergyRisk
+from skyway.planner.weather import Weather
 from skyway.units import moment_to_ms
 from tests.composition.planning.test_plan_offers import offers_of
 
@@ -251,3 +257,30 @@ async def test_a_small_cache_of_weather_holds_few_deviations_and_those_used_last
     small.of_model(model, 0.14)
     assert small.of_model(model, 0.04) is first
     assert small.of_model(model, 0.08) is not second
+
+
+async def test_the_loop_computes_no_weather_that_another_plan_has_pushed_out(
+    composition: Any, make: Any
+) -> None:
+    await composition.publish(make.network(reserve_risk=0.05))
+    await forecast(composition)
+    skyway = await composition.parts.networks.current("row")
+    now_ms = moment_to_ms(composition.clock.now())
+    roomy = (await World.of(skyway, composition.parts.db, after_ms=now_ms)).conditions.weather
+    assert roomy is not None
+    model = make.candidate().model
+    size = roomy.of_model(model).time_factor.size
+    asked_in: list[int] = []
+
+    class Watched(NetworkWeather):
+        def of_model(self, model: DroneModel, use_deviation: float = UNKNOWN_USE) -> Weather:
+            asked_in.append(get_ident())
+            return super().of_model(model, use_deviation)
+
+    tight = Watched(roomy.stored, roomy.network, roomy.forecast, 0.05, most_cached=size)
+    await asyncio.gather(
+        *(tight.of_plan(model, now_ms, use_deviation=each) for each in (0.04, 0.08, 0.14))
+    )
+
+    assert len(asked_in) == 3
+    assert get_ident() not in asked_in

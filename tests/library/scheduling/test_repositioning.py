@@ -66,6 +66,27 @@ def test_a_drone_does_not_fly_far_for_a_rare_pickup() -> None:
     assert places({"a": 0.02, "h": 0.98}, {"g": 1}, start="h", network=make_row()) == ""
 
 
+def test_the_work_does_not_grow_with_the_neighbours_of_a_pickup() -> None:
+    """The nearest of 600 neighbours comes last, and is not compared any more."""
+    hub = Station(StationId("hub"), Position(0.0, 0.0), pads=0)
+    ends = [
+        Station(StationId(f"end{number:03}"), Position(0.1 - number / 10_000, 0.0), pads=1)
+        for number in range(600)
+    ]
+    segments = [Segment(hub.station_id, each.station_id, 12_000.0) for each in ends]
+    network = Network({each.station_id: each for each in (hub, *ends)}, tuple(segments))
+
+    found = places_to_wait(
+        network,
+        {hub.station_id: 1.0},
+        waiting={},
+        start=hub.station_id,
+        otherwise=StationId("end000"),
+    )
+
+    assert found[0] == "end499"
+
+
 def test_a_drone_waits_only_at_stations_with_pads() -> None:
     assert places({"b": 1.0}, {"h": 9}, start="d", network=make_row(pads={"b": 0})) == "c"
 

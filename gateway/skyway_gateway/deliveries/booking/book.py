@@ -49,7 +49,7 @@ from skyway_gateway.deliveries.lifecycle.booking_effects import (
     after_booking,
     after_giving_up,
     cancelled_meanwhile,
-    give_up_at,
+    give_up_again_at,
 )
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.progress import Progress
@@ -283,7 +283,7 @@ class Booker:
         """
         wait_s = self.chance.uniform(*_RETRY_S)
         next_try_at = self.clock.wall_now() + timedelta(seconds=wait_s)
-        give_up = None if was_asked else give_up_at(delivery.request, self.clock)
+        give_up = None if was_asked else give_up_again_at(delivery, self.clock)
         async with self.db.write() as tx:
             await try_later(
                 tx,

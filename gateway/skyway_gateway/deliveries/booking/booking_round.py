@@ -13,6 +13,7 @@ from skyway.delivery.offer import Price
 from skyway.delivery.qos import ProviderChoice
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId
+from skyway_gateway.deliveries.lifecycle.booking_effects import loaded_after
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.delivery_parts import Refusal
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery
@@ -65,8 +66,7 @@ def _request(delivery: Delivery) -> DeliveryRequest:
     """The request with only the packages that wait, and the remaining price limit.
 
     A request with `pooling_wait_s` begins after this wait. A delivery that was booked before keeps
-    its pickup. If this is not the pickup that it asked for, no drone loads before the moment that
-    the first booking has promised, because its customer may be on the way.
+    its pickup.
     """
     waiting = {package.package_id for package in delivery.waiting_packages}
     request = delivery.request
@@ -75,13 +75,11 @@ def _request(delivery: Delivery) -> DeliveryRequest:
     if qos.max_price is not None:
         max_price = max(0, qos.max_price - _booked_amount(delivery))
         qos = qos.model_copy(update={"max_price": max_price})
-    booked_at = [each.pickup_at for each in delivery.refusals if each.pickup_at is not None]
-    ready_at = [*booked_at[:1], *filter(None, [request.earliest_pickup_at])]
     update = {
         "pickup": delivery.pickup,
         "packages": packages,
         "qos": qos,
-        "earliest_pickup_at": max(ready_at, default=None),
+        "earliest_pickup_at": loaded_after(delivery),
     }
     left = request.model_copy(update=update)
     return left.begun_after_wait(delivery.created_at)

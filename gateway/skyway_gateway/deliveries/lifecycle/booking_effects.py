@@ -52,6 +52,23 @@ def give_up_at(request: DeliveryRequest, clock: FleetClock) -> datetime:
     return max(now, request.first_hand_over_at or now) + margin
 
 
+def give_up_again_at(delivery: Delivery, clock: FleetClock) -> datetime:
+    """The same for a delivery that waits again, for example because its drone has refused it."""
+    update = {"earliest_pickup_at": loaded_after(delivery)}
+    return give_up_at(delivery.request.model_copy(update=update), clock)
+
+
+def loaded_after(delivery: Delivery) -> datetime | None:
+    """The moment before which no drone loads; None without one.
+
+    A delivery that was booked from another station than it asked for keeps the moment of its first
+    booking: its customer may be on the way.
+    """
+    booked_at = [each.pickup_at for each in delivery.refusals if each.pickup_at is not None]
+    moments = [*booked_at[:1], *filter(None, [delivery.request.earliest_pickup_at])]
+    return max(moments, default=None)
+
+
 def after_booking(
     delivery: Delivery,
     missions: Sequence[Mission],

@@ -1,18 +1,18 @@
 """Handles a drone's answer to an instruction: it counts once and stops the repetition."""
 
 import logging
+from dataclasses import replace
 from typing import Final
 
 from skyway.contracts.drone_report import Ack
 from skyway.contracts.instruction import RefusalCode
-from skyway.ids import DroneId, MissionId
+from skyway.ids import DroneId
 from skyway.runtime.clock import fleet_margin
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import (
     SentInstruction,
     answered,
     is_answered,
-    refused_in_a_row,
     was_sent,
 )
 from skyway_composition.links.link import DroneLink
@@ -43,9 +43,9 @@ _NOT_WITH_THIS_LOAD: Final = (RefusalCode.OVERWEIGHT, RefusalCode.INSUFFICIENT_E
 #: Wall time between a refusal and the next planning. Our own choice.
 _LOOK_AGAIN_MS: Final = 2_000
 
-#: After so many refusals in a row, the last one for lack of energy, a standing drone gets no
-#: further plan. The wind had as many minutes to change. A drone that refuses every plan would
-#: otherwise hold its pads for 40 plans. Our own choice.
+#: After so many refusals in a row for lack of energy a standing drone gets no further plan. The
+#: wind had as many minutes to change. A drone that always answers so would otherwise hold its pads
+#: for 40 plans. Our own choice.
 _MOST_ENERGY_REFUSALS: Final = 10
 
 #: The arguments of `fleet_margin` for the same time, if the drone refused for lack of energy.
@@ -153,6 +153,7 @@ async def _handle_acceptance(
 ) -> None:
     record = work.missions.get(link.drone_id)
     if record is not None and record.mission_id == sent.mission_id:
+        record = _with_energy_refusals(record, 0)
         work.stage(accept(work, without_doubt(work, record)))
         # Planning for later troubles has waited for this answer.
         is_waited_for = record.needs_plan and await is_being_called_off(
@@ -192,30 +193,41 @@ async def _handle_refusal(
     elif record.mission.state == "BOOKED":
         await refuse(work, record, code=code, detail=ack.detail)
     else:
+        is_for_energy = code is RefusalCode.INSUFFICIENT_ENERGY
+        refused = record.mission.energy_refusals + 1 if is_for_energy else 0
         await wait_for_revision(
-            work, record, code=code, detail=ack.detail or "the drone refused the revision"
+            work,
+            _with_energy_refusals(record, refused),
+            code=code,
+            detail=ack.detail or "the drone refused the revision",
         )
-        if code is RefusalCode.INSUFFICIENT_ENERGY and record.trouble is None:
-            await _wait_or_give_up(work, record.mission_id, link.drone_id)
+        if is_for_energy and record.trouble is None:
+            await _wait_or_give_up(work, link.drone_id)
 
 
-async def _wait_or_give_up(
-    work: MissionUnitOfWork, mission_id: MissionId, drone_id: DroneId
-) -> None:
+def _with_energy_refusals(record: MissionRecord, number: int) -> MissionRecord:
+    """The record with this number of plans that the drone has refused in a row for its energy."""
+    mission = record.mission.model_copy(update={"energy_refusals": number})
+    return replace(record, mission=mission)
+
+
+async def _wait_or_give_up(work: MissionUnitOfWork, drone_id: DroneId) -> None:
     """Plan again a minute later for a drone that refused for lack of energy, or abort its mission.
 
     In this minute the wind can change. Without it the mission would soon use up all its plans. A
     plan that a command or a closure needs does not wait. The mission is aborted after too many
     refusals in a row.
     """
-    refused = await refused_in_a_row(work.tx, mission_id, most=_MOST_ENERGY_REFUSALS)
     record = work.missions.get(drone_id)
-    if refused < _MOST_ENERGY_REFUSALS or record is None or record.stuck is None:
+    if record is None or record.stuck is None:
+        return
+    refused = record.mission.energy_refusals
+    if refused < _MOST_ENERGY_REFUSALS:
         pause = fleet_margin(work.clock, **_LOOK_AGAIN_FOR_ENERGY) / work.clock.rate
         at_wall_ms = moment_to_ms(work.clock.wall_now() + pause)
-        await retry_stuck(work.tx, mission_id, at_wall_ms=at_wall_ms)
+        await retry_stuck(work.tx, record.mission_id, at_wall_ms=at_wall_ms)
         return
     code = RefusalCode.INSUFFICIENT_ENERGY
-    detail = f"the drone has refused {refused} plans in a row, the last one for lack of energy"
+    detail = f"the drone has refused {refused} plans in a row for lack of energy"
     await raise_alarm(work, record, level="URGENT", code="REVISIONS_REFUSED", detail=detail)
     await abort(work, record, at=work.clock.now(), code=code, detail=detail)

@@ -55,7 +55,8 @@ class Share(JsonModel):
     near: Annotated[
         NearPickup | None,
         Field(
-            description="Set if its packages are handed over at another pickup than it asked for."
+            exclude_if=lambda value: value is None,
+            description="Set if its packages are handed over at another pickup than it asked for.",
         ),
     ] = None
 

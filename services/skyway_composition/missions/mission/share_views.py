@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from skyway.contracts.flight_step import DeliverStep, FlightStep, PickUpStep, ReturnStep
+from skyway.contracts.margins import Margins
 from skyway.contracts.mission import Mission, PackageEta
 from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, Recharge, Step, Wait
 from skyway.ids import DeliveryId, PackageId
@@ -75,7 +76,7 @@ def mission_for(record: MissionRecord, delivery_id: DeliveryId) -> Mission:
 
 def mission_of(record: MissionRecord, share: Share) -> Mission:
     """The mission as one of its deliveries sees it: up to its own last hand-over."""
-    mission = record.mission
+    mission, plan = record.mission, _own_plan(record, share)
     doubt = mission.doubt
     return mission.model_copy(
         update={
@@ -86,7 +87,10 @@ def mission_of(record: MissionRecord, share: Share) -> Mission:
             "price": share.charged,
             "is_pooled": share.is_pooled,
             "packages": _own_etas(share, mission.packages),
-            "plan": _own_plan(record, share),
+            "plan": plan,
+            "margins": _own_margins(mission.margins, plan),
+            # A mission that was booked by an earlier version does not say.
+            "pickup_station_id": record.request.pickup.station_id,
             "pickup_away_m": 0.0 if share.near is None else share.near.away_m,
             "home_plan": None,
             "home_recharge": None,
@@ -94,6 +98,16 @@ def mission_of(record: MissionRecord, share: Share) -> Mission:
             "doubt": doubt and doubt.model_copy(update={"detail": f"in doubt: {doubt.code}"}),
         }
     )
+
+
+def _own_margins(margins: Margins, plan: Plan) -> Margins:
+    """The margins without the ends of a flight that is not in the plan of the share."""
+    flights = {(each.from_id, each.to_id) for each in plan.steps if isinstance(each, Fly)}
+    risk = margins.risk
+    if risk is None or (risk.from_id, risk.to_id) in flights:
+        return margins
+    hidden = risk.model_copy(update={"from_id": None, "to_id": None})
+    return margins.model_copy(update={"risk": hidden})
 
 
 def _own_etas(share: Share, etas: Sequence[PackageEta]) -> tuple[PackageEta, ...]:

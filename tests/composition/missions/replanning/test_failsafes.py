@@ -363,26 +363,26 @@ async def test_a_drone_that_refuses_for_lack_of_energy_gets_a_plan_with_more_a_m
     assert margins == pytest.approx([0.2, 0.25, 0.3])
 
 
+@pytest.mark.parametrize(("others", "last"), [(0, "ABORTED"), (9, "ACTIVE")])
 async def test_a_drone_that_refuses_ten_plans_in_a_row_for_lack_of_energy_is_given_up(
-    composition: Any, drone: Any
+    composition: Any, drone: Any, others: int, last: str
 ) -> None:
     first = await failed_at(composition, drone, 4, "b", "INSUFFICIENT_ENERGY", soc=0.6)
     await composition.receive(stands_at_b(drone, first, released_through=3, soc=0.6))
 
     states = []
-    for _ in range(10):
+    for number in range(10):
         composition.clock.advance(timedelta(minutes=1))
         await composition.replanner.step()
         *_, revision = await composition.sent()
-        await composition.receive(
-            drone.ack(revision, status="REJECTED", code="INSUFFICIENT_ENERGY")
-        )
+        code = "EXPIRED" if number < others else "INSUFFICIENT_ENERGY"
+        await composition.receive(drone.ack(revision, status="REJECTED", code=code))
         states.append(await composition.state_of(first.mission_id))
 
-    assert states == ["ACTIVE"] * 9 + ["ABORTED"]
-    (alarm,) = await alarms(composition)
-    assert (alarm["level"], alarm["code"]) == ("URGENT", "REVISIONS_REFUSED")
-    assert await composition.reservations() == []
+    assert states == ["ACTIVE"] * 9 + [last]
+    given_up = [("URGENT", "REVISIONS_REFUSED")] if last == "ABORTED" else []
+    assert [(each["level"], each["code"]) for each in await alarms(composition)] == given_up
+    assert (await composition.reservations() == []) == bool(given_up)
     assert await composition.broken() == []
 
 

@@ -66,6 +66,22 @@ async def test_a_delivery_that_loses_its_drone_is_booked_from_where_its_packages
     assert gateway.composition.asked[-1].request.earliest_pickup_at == booked_at
 
 
+async def test_a_delivery_that_loses_its_drone_waits_until_its_customer_can_be_there(
+    gateway: Gateway,
+) -> None:
+    gateway.composition.starts_after = timedelta(hours=10)
+    delivery_id = await _met_elsewhere(gateway)
+    booked = gateway.composition.booked
+    mission = booked[delivery_id, 1]
+    booked[delivery_id, 1] = mission.model_copy(update={"state": "REFUSED"})
+    await gateway.report(delivery_id, "REFUSED", seq=1)
+    gateway.registry.candidates_now = []
+    gateway.clock.advance(timedelta(hours=9))
+    await gateway.book_next()
+
+    assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
+
+
 async def test_a_package_that_is_cancelled_stays_at_the_pickup_of_its_mission(
     gateway: Gateway,
 ) -> None:

@@ -53,7 +53,8 @@ _CARRYING_MPS: Final = 1.0
 #: A degree of latitude is at least so long, metres.
 _DEGREE_M: Final = 110_000.0
 
-#: How many waiting missions a request is compared with: those that begin first. Our own choice.
+#: How many waiting missions a request is compared with: those at its own pickup before others, and
+#: those that begin first. Our own choice.
 _MOST_HOSTS: Final = 5
 
 

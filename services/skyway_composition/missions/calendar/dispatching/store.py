@@ -85,8 +85,9 @@ async def hosts_at(
 ) -> list[MissionRecord]:
     """QUEUED missions of these providers with a pickup at these stations that may be shared.
 
-    At most `limit`, in the order of their starts. None starts before the moment that `ready_ms` has
-    for its pickup.
+    At most `limit`, in the order of their starts; those at the request's own pickup, for which
+    `ready_ms` has the moment 0, come first. None starts before the moment that `ready_ms` has for
+    its pickup.
     """
     waiting = await connection.execute(
         _HOSTS_AT,
@@ -96,10 +97,12 @@ async def hosts_at(
             "provider_ids": sorted(provider_ids),
         },
     )
-    in_time = [row.mission_id for row in waiting if row.start_ms >= ready_ms[row.pooling_at]]
+    in_time = [row for row in waiting if row.start_ms >= ready_ms[row.pooling_at]]
     if not in_time:
         return []
-    found = await connection.execute(_HOSTS, {"mission_ids": in_time[:limit]})
+    in_time.sort(key=lambda row: ready_ms[row.pooling_at] > 0)
+    ids = [row.mission_id for row in in_time[:limit]]
+    found = await connection.execute(_HOSTS, {"mission_ids": ids})
     return [read_record(row) for row in found]
 
 

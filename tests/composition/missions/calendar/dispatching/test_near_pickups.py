@@ -1,13 +1,16 @@
 """A customer hands packages over at another station, so that they share the trip from there."""
 
+import json
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from typing import Any, Final
 
 import pytest
 from skyway_composition.missions.booking.shared_trip import SharedTrip
+from skyway_composition.missions.calendar.dispatching.store import hosts_at
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.share import shares_json
 from skyway_composition.missions.mission.share_views import mission_for
 
 from skyway.contracts.mission import Mission
@@ -79,11 +82,19 @@ async def test_a_guest_hands_its_packages_over_where_its_host_is_loaded(world: N
     host, guest = (mission_for(record, DeliveryId(each)) for each in ("dlv1", "dlv2"))
     assert (host.pickup_station_id, host.pickup_away_m) == ("a", 0.0)
     assert (guest.pickup_station_id, guest.pickup_away_m) == ("a", _AWAY_M)
+    # A replica of the version before knows no `near`.
+    stored = json.loads(shares_json(record.shares) or "")
+    assert ["near" in each for each in stored] == [False, True]
     # The customer has a second for each metre of the way there.
     assert moment_to_ms(guest.start_at) - asked_ms >= 1000 * _AWAY_M
     async with world.db.read() as connection:
         held = await held_packages(connection, DeliveryId("dlv2"))
     assert {each.custodian.custodian_id for each in held.values()} == {"a"}
+
+    # The host may have been booked by the version before, which stored no pickup.
+    mission = record.mission.model_copy(update={"pickup_station_id": None})
+    guest = mission_for(replace(record, mission=mission), DeliveryId("dlv2"))
+    assert guest.pickup_station_id == "a"
 
     await world.end()
     assert sorted(await world.handed_over()) == [("dlv1", "p1"), ("dlv2", "p1"), ("dlv2", "p2")]
@@ -118,6 +129,19 @@ async def test_a_request_prefers_the_host_at_its_own_pickup_when_it_delivers_soo
 
     _, mission = await mission_of(world, "dlv3")
     assert mission.pickup_station_id == "d"
+
+
+async def test_hosts_at_the_own_pickup_are_compared_before_those_at_other_stations(
+    world: NearWorld,
+) -> None:
+    await book(world, "dlv1", asks("b"))
+    await book(world, "dlv2", asks("b", pickup="d", wait_s=1800.0))
+
+    async with world.db.read() as connection:
+        ready_ms = {StationId("a"): 1, StationId("d"): 0}
+        (host,) = await hosts_at(connection, NETWORK_ID, ready_ms, provider_ids=[PROVIDER], limit=1)
+
+    assert host.mission.delivery_id == "dlv2"
 
 
 _FAST: Final = {

@@ -15,16 +15,17 @@ from skyway_composition.missions.calendar.dispatching.merger import MOST_SHARES
 from skyway_composition.missions.calendar.dispatching.store import refusals_of
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.share_views import missions_seen, own_fields
+from skyway_composition.missions.mission.share_views import mission_of, missions_seen, own_fields
 from skyway_composition.missions.tracking import track_of
 from skyway_composition.retention.forget_store import delete_deliveries, needed_among
 from skyway_composition.tables import custody, deliveries, guests, missions, outbox
 from skyway_composition.verify.rules import RULES
 from sqlalchemy import delete, select
 
+from skyway.contracts.margins import RiskMargin
 from skyway.contracts.mission import Mission
 from skyway.delivery.request import DeliveryRequest
-from skyway.ids import DeliveryId
+from skyway.ids import DeliveryId, StationId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
@@ -132,6 +133,30 @@ async def test_a_customer_reads_no_reason_that_names_packages_of_others(world: B
         fields = own_fields(record, guest, kind, why)
         assert fields is not None
         assert ("secret" in fields["detail"]) == is_shown
+
+
+@_on_sqlite
+async def test_a_customer_reads_no_station_of_others_in_the_margin_of_the_trip(
+    world: BusyWorld,
+) -> None:
+    record = await book_both(world)
+    risk = RiskMargin(
+        reserve_risk=0.001,
+        deviations=3.09,
+        wind_deviation=0.1,
+        use_deviation=0.08,
+        model_deviation=0.03,
+        flight_margin=0.3,
+        from_id=StationId("b"),
+        to_id=StationId("c"),
+    )
+    margins = record.mission.margins.model_copy(update={"risk": risk})
+    record = replace(record, mission=record.mission.model_copy(update={"margins": margins}))
+
+    # The host's last package goes to b, the last one of its guest to c.
+    shown = [mission_of(record, share).margins.risk for share in record.shares]
+    assert [each and (each.from_id, each.to_id) for each in shown] == [(None, None), ("b", "c")]
+    assert [each and each.flight_margin for each in shown] == [0.3, 0.3]
 
 
 @_on_sqlite
