@@ -186,8 +186,7 @@ class NetworkWeather:
     ) -> Weather | None:
         """The weather for a plan from this moment; None if the air is still from then on.
 
-        With a `reserve_risk` it is never None: after the end of a forecast flights have the margin
-        that they have without a forecast.
+        With a `reserve_risk` never None: after a forecast, flights have the margin without one.
         """
         if not self.counts_from(start_ms):
             return None
