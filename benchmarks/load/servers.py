@@ -30,6 +30,9 @@ _POSTGRESQL = (
 #: Wall seconds within which a server must end when it is asked to.
 _ENDS_WITHIN_S = 60.0
 
+#: Wall seconds after which it is asked again: Mosquitto loses a signal that comes while it starts.
+_ASKED_AGAIN_AFTER_S = 1.0
+
 
 @dataclass(slots=True)
 class Server:
@@ -70,10 +73,16 @@ class Server:
             self._process.wait(timeout=_ENDS_WITHIN_S)
 
     def stop(self) -> None:
-        """End it in order."""
-        if self._process is not None and self._process.poll() is None:
+        """End it in order; it is asked again until it has ended."""
+        if self._process is None:
+            return
+        last_s = time.monotonic() + _ENDS_WITHIN_S
+        while self._process.poll() is None:
+            if time.monotonic() > last_s:
+                raise SkywayError(f"{self.name} has not ended within {_ENDS_WITHIN_S:.0f} s")
             self._process.send_signal(self.stop_signal)
-            self._process.wait(timeout=_ENDS_WITHIN_S)
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(timeout=_ASKED_AGAIN_AFTER_S)
 
 
 def run_as(

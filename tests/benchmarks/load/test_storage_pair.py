@@ -1,4 +1,4 @@
-"""What remains of a benchmark's servers when the benchmark is ended."""
+"""The servers of a benchmark end with it."""
 
 import os
 import shutil
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.load.servers import postgresql_program
+from benchmarks.load.servers import Server, postgresql_program
 from skyway.errors import SkywayError
 
 #: Starts both servers, prints their process ids, and waits. It ignores Ctrl-C, as a program does
@@ -24,6 +24,16 @@ folder.make()
 with storage_pair("production", folder) as servers:
     print(*(each.pid for each in servers.values()), flush=True)
     asyncio.run(asyncio.Event().wait())
+"""
+
+#: Does nothing about the first signal.
+_LOSES_ONE = """
+import signal
+
+signal.signal(signal.SIGTERM, lambda *_: signal.signal(signal.SIGTERM, signal.SIG_DFL))
+print("ready", flush=True)
+while True:
+    signal.pause()
 """
 
 
@@ -48,3 +58,14 @@ def test_a_benchmark_that_is_terminated_ends_its_servers(tmp_path: Path) -> None
 
     assert len(servers) == 2
     assert [pid for pid in servers if Path(f"/proc/{pid}").exists()] == []
+
+
+def test_a_server_that_loses_the_first_signal_is_asked_again(tmp_path: Path) -> None:
+    server = Server("server", [sys.executable, "-c", _LOSES_ONE], tmp_path / "log")
+    server.start()
+    while not (tmp_path / "log").read_text():
+        assert server.pids != []
+
+    server.stop()
+
+    assert server.pids == []
