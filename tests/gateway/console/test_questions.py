@@ -141,6 +141,25 @@ def test_the_corners_of_an_area_are_chosen_by_keyboard(two_stations: StagedPage)
     expect(page.get_by_role("button", name="Close to flights")).to_be_enabled()
 
 
+def test_a_click_at_the_moment_when_the_panel_appears_is_a_corner(two_stations: StagedPage) -> None:
+    page = two_stations.open("/console#/map").page
+    page.wait_for_function("() => document.querySelector('.map')?.fleetMap?.map")
+
+    page.evaluate(
+        """() => {
+          const {map} = document.querySelector(".map").fleetMap;
+          new MutationObserver((_, observer) => {
+            if (!document.querySelector("[aria-label='Close an area']")) return;
+            observer.disconnect();
+            map.fire("click", {point: {x: 9, y: 9}, lngLat: map.unproject([9, 9])});
+          }).observe(document.body, {childList: true, subtree: true});
+          location.hash = "#/map/zone";
+        }"""
+    )
+
+    expect(page.get_by_role("region", name="Close an area")).to_contain_text("1 corner.")
+
+
 def test_an_empty_system_says_what_comes_next(stage: StagedPage) -> None:
     """First a network, then drones, then customers; a hint that is closed stays away."""
     stage.answers |= {"/v1/system": {"small_world": "AVAILABLE", "services": []}}

@@ -1,7 +1,7 @@
 // Closing an area: its corners are clicked on the map.
 
 import {signal} from "@preact/signals";
-import {useEffect} from "preact/hooks";
+import {useLayoutEffect} from "preact/hooks";
 
 import {html} from "../html.js";
 import {shownNetwork} from "../networks.js";
@@ -15,7 +15,8 @@ const closed = (ring) => ({type: "Polygon", coordinates: [[...ring, ring[0]]]});
 
 // `centre` answers the middle of the map, which the arrow keys move.
 export function ZonePanel({centre, onClose}) {
-  useEffect(() => {
+  // Before the panel is seen: a click while it is there is a corner.
+  useLayoutEffect(() => {
     draftRing.value = [];
     return () => (draftRing.value = null);
   }, []);
