@@ -235,15 +235,21 @@ async def test_after_its_end_a_forecast_closes_nothing_and_is_not_computed(
     assert over.for_model(model) is over
 
 
-async def test_a_small_cache_of_weather_holds_few_deviations_and_those_used_last(
-    composition: Any, make: Any
-) -> None:
+async def weather_at_risk(composition: Any, make: Any) -> NetworkWeather:
+    """The weather of a network with a forecast and a `reserve_risk`."""
     await composition.publish(make.network(reserve_risk=0.05))
     await forecast(composition)
     skyway = await composition.parts.networks.current("row")
     now_ms = moment_to_ms(composition.clock.now())
-    roomy = (await World.of(skyway, composition.parts.db, after_ms=now_ms)).conditions.weather
-    assert roomy is not None
+    weather = (await World.of(skyway, composition.parts.db, after_ms=now_ms)).conditions.weather
+    assert weather is not None
+    return weather
+
+
+async def test_a_small_cache_of_weather_holds_few_deviations_and_those_used_last(
+    composition: Any, make: Any
+) -> None:
+    roomy = await weather_at_risk(composition, make)
     model = make.candidate().model
     size = roomy.of_model(model).time_factor.size
     small = replace(roomy, most_cached=2 * size, _of_model={})
@@ -262,12 +268,7 @@ async def test_a_small_cache_of_weather_holds_few_deviations_and_those_used_last
 async def test_the_loop_computes_no_weather_that_another_plan_has_pushed_out(
     composition: Any, make: Any
 ) -> None:
-    await composition.publish(make.network(reserve_risk=0.05))
-    await forecast(composition)
-    skyway = await composition.parts.networks.current("row")
-    now_ms = moment_to_ms(composition.clock.now())
-    roomy = (await World.of(skyway, composition.parts.db, after_ms=now_ms)).conditions.weather
-    assert roomy is not None
+    roomy = await weather_at_risk(composition, make)
     model = make.candidate().model
     size = roomy.of_model(model).time_factor.size
     asked_in: list[int] = []
@@ -278,6 +279,7 @@ async def test_the_loop_computes_no_weather_that_another_plan_has_pushed_out(
             return super().of_model(model, use_deviation)
 
     tight = Watched(roomy.stored, roomy.network, roomy.forecast, 0.05, most_cached=size)
+    now_ms = moment_to_ms(composition.clock.now())
     await asyncio.gather(
         *(tight.of_plan(model, now_ms, use_deviation=each) for each in (0.04, 0.08, 0.14))
     )
