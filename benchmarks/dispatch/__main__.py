@@ -58,7 +58,7 @@ def read_arguments(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def policies_of(place: Place, minute_s: float) -> list[DispatchPolicy]:
-    """The policies that a case compares; only hubs have requests with one pick-up."""
+    """The policies that a case compares; only hubs have requests with one pickup."""
     own = searches(searched_for(minute_s))
     found = [FIRST_COME, *(each for each in own if place == "three hubs" or not each.pooling)]
     found += [_in_order(name, order, minute_s) for name, order in present_peers().items()]

@@ -111,7 +111,7 @@ def _fault_of_sharing(problem: FleetProblem, pool: tuple[int, ...], plan: Plan) 
     """Why these requests may not have this trip, None if they may."""
     shared = [problem.requests[each] for each in pool]
     if _loaded_at(plan) not in pickups_of(shared):
-        return "it is not loaded at a common pick-up of its requests"
+        return "it is not loaded at a common pickup of its requests"
     if len(pool) == 1:
         return None
     if len(pool) > problem.most_pooled:

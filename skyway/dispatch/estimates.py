@@ -30,7 +30,7 @@ OUT_OF_REACH: Final = 1e12
 
 @dataclass(frozen=True, slots=True)
 class TripEstimate:
-    """One trip of one model, from the moment at the pick-up to the last hand-over.
+    """One trip of one model, from the moment at the pickup to the last hand-over.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class Estimates:
         return pickups_of([self._problem.requests[each] for each in pool])
 
     def source(self, pool: Pool) -> StationId:
-        """The pick-up from which the first model serves these requests soonest."""
+        """The pickup from which the first model serves these requests soonest."""
         pickups = self.pickups(pool)
         if len(pickups) == 1:
             return pickups[0]
@@ -101,7 +101,7 @@ class Estimates:
         return self.trip_from(self.source(pool), kind, pool)
 
     def trip_from(self, source: StationId, kind: int, pool: Pool) -> TripEstimate:
-        """The estimate of the trip that serves these requests from this pick-up."""
+        """The estimate of the trip that serves these requests from this pickup."""
         key = (source, kind, pool)
         found = self._found.get(key)
         if found is None:
@@ -109,7 +109,7 @@ class Estimates:
         return found
 
     def soonest(self, kind: int, pool: Pool) -> list[tuple[float, float]]:
-        """For each member: seconds and need from the pick-up to its last hand-over, if it is first.
+        """For each member: seconds and need from the pickup to its last hand-over, if it is first.
 
         No order of the destinations serves the member sooner.
         """
@@ -145,7 +145,7 @@ class Estimates:
         return min(self.least_s_from(each, kind, pool, start=start) for each in self.pickups(pool))
 
     def least_s_from(self, source: StationId, kind: int, pool: Pool, *, start: Slot) -> float:
-        """The least seconds of a trip that is loaded at this pick-up."""
+        """The least seconds of a trip that is loaded at this pickup."""
         trip = self.trip_from(source, kind, pool)
         approach = self._approaches[kind][self.place_of[start.station_id], self.place_of[source]]
         seconds, need, _ = approach

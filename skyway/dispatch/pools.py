@@ -34,7 +34,7 @@ def _common_pickups(requests: Sequence[FleetRequest]) -> tuple[StationId, ...]:
 def shared_pools(problem: FleetProblem) -> list[Pool]:
     """Sets of two and more requests that may share a trip, small sets first.
 
-    All requests of a set allow pooling and have a common pick-up, and the strongest drone model of
+    All requests of a set allow pooling and have a common pickup, and the strongest drone model of
     the fleet can lift them together. The planner checks their windows later.
     """
     limit_kg = max(each.model.max_payload_kg for each in problem.drones)

@@ -78,7 +78,7 @@ class FleetRequest(JsonModel):
 
     A delivery after `deadline_s` is possible, and has a price. `promised_s` is the moment that the
     customer was promised: the plan may deliver later than the promise by the problem's tolerance,
-    or as late as the arrival order plus the tolerance. Windows of the pick-up and of packages are
+    or as late as the arrival order plus the tolerance. Windows of the pickup and of packages are
     never missed.
     """
 
@@ -250,7 +250,7 @@ class FleetProblem(JsonModel):
                 detail = "is the source, a destination, or given twice"
                 yield FieldFault(name, f"{station_id!r} {detail}")
         if request.pickups and not request.pooling:
-            yield FieldFault(f"{field}.pickups", "other pick-ups need pooling")
+            yield FieldFault(f"{field}.pickups", "other pickups need pooling")
         loading = TimedAct(request.pickup_not_before_s, request.pickup_latest_s, self.loading_s)
         for fault in window_faults(request.packages, loading=loading, dropoff_s=self.dropoff_s):
             yield FieldFault(f"{field}.{fault.field}", fault.detail)

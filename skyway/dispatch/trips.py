@@ -145,7 +145,7 @@ class TripPlanner:
         *,
         latest_s: Mapping[int, float] = MappingProxyType({}),
     ) -> PlannedTrip | None:
-        """The trip that keeps `latest_s` and ends first, from any pick-up of all requests.
+        """The trip that keeps `latest_s` and ends first, from any pickup of all requests.
 
         If two end together, that with less energy. None if none is found.
         """
@@ -191,7 +191,7 @@ class TripPlanner:
     def _columns(
         self, source: StationId, pool: Pool, drone: int, slot: Slot, until_s: Mapping[int, float]
     ) -> Trips:
-        """One trip from this pick-up as the planner's columns."""
+        """One trip from this pickup as the planner's columns."""
         row_of = self.problem.network.row_of
         requests = [self.problem.requests[each] for each in pool]
         packages = [one for each in requests for one in each.packages]

@@ -119,7 +119,7 @@ def _nodes(
     ]
     for number, pool, at in loaded:
         trip = estimates.trip_from(at, kind, pool)
-        # From the same pick-up: the request's own source may be farther from its destination.
+        # From the same pickup: the request's own source may be farther from its destination.
         alone = [estimates.trip_from(at, kind, (each,)).least[:, :2].min(axis=0) for each in pool]
         for place, costs in zip(trip.ends.tolist(), trip.least, strict=True):
             if costs.max() >= OUT_OF_REACH:

@@ -90,7 +90,7 @@ class ExactSearch:
             self._skyway = hierarchy.skyway
         self._closed = closed_handle(situation)
         self._books = [book_handle(book) for book in situation.books]
-        #: Whether the search begins before the pick-up, and so needs a tree of the source.
+        #: Whether the search begins before the pickup, and so needs a tree of the source.
         self._approaches = self._start != self._source or situation.windows.may_pass
         trees_needed = len(self._destinations) + self._approaches
         ranks = 0 if hierarchy is None else len(hierarchy.rank)

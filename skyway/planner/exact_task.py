@@ -211,7 +211,7 @@ def _compares_masks(situation: Situation) -> bool:
 
 
 class WindowRows(NamedTuple):
-    """The windows by destination, then the pick-up; see `Task`."""
+    """The windows by destination, then the pickup; see `Task`."""
 
     start_offsets: Longs
     start_from_s: Floats

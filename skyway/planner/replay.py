@@ -128,9 +128,9 @@ class Replay:
 
     def _check_pick_up(self, step: PickUp) -> None:
         if self._has_picked_up or step.station_id != self._problem.source:
-            self._note("pick-up", "packages are picked up once, at the source")
+            self._note("pickup", "packages are picked up once, at the source")
         if sorted(step.package_ids) != sorted(self._undelivered):
-            self._note("pick-up", "not exactly all packages are picked up")
+            self._note("pickup", "not exactly all packages are picked up")
         self._check_duration(step, self._problem.loading_s)
         problem = self._problem
         self._check_window(step, problem.pickup_not_before_s, problem.pickup_latest_s)

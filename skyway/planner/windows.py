@@ -1,4 +1,4 @@
-"""When packages may change hands: the windows of the pick-up and of each destination.
+"""When packages may change hands: the windows of the pickup and of each destination.
 
 A window holds the whole act: loading or a hand-over begins at or after `not_before_s` and ends at
 or before `latest_s`. Packages for one station are handed over together, so their windows are
@@ -25,7 +25,7 @@ _ALWAYS: Interval = (-math.inf, math.inf)
 class Windows:
     """When loading and hand-overs may begin.
 
-    `may_pass` says whether the problem has windows, or the place of a pick-up or hand-over has
+    `may_pass` says whether the problem has windows, or the place of a pickup or hand-over has
     opening hours. By station: `limits` are the first and the last moment at which loading (at the
     source) or the hand-over may begin by the windows, and `open_starts` the moments by the opening
     hours, in order and apart; seconds. Stations without such limits are not in them.

@@ -65,12 +65,12 @@ class DroneTotals(JsonModel):
     waiting_s: Annotated[float, Field(description="All other time of missions, seconds.")]
     approach_s: Annotated[
         float,
-        Field(description="Time before a mission's first pick-up, without recharging, seconds."),
+        Field(description="Time before a mission's first pickup, without recharging, seconds."),
     ]
     service_s: Annotated[
         float,
         Field(
-            description="Time from a mission's first pick-up to its last hand-over, without "
+            description="Time from a mission's first pickup to its last hand-over, without "
             "recharging, seconds. All time of missions that is in no other use counts here."
         ),
     ]

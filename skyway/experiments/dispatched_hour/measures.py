@@ -26,7 +26,7 @@ SEARCHES: Final[Mapping[str, DispatchPolicy]] = {
     f"P4 {each.name}": each for each in searches(searched_in_rounds(2, most_steps=8_000))
 }
 
-#: Requests have equal pick-ups only where there are few hubs.
+#: Requests have equal pickups only where there are few hubs.
 PLACES: Final[Sequence[Place]] = ("city", "corridor", "three hubs")
 SHARED: Final[Sequence[Place]] = ("three hubs",)
 

@@ -183,7 +183,7 @@ _INTRODUCTION = (
     "missions follow one another (chained). **P4**: each minute the dispatcher plans all requests "
     "that have not started, with 2 rounds of at most 8,000 steps. Trips that begin before the "
     "next minute are flown as planned, and a drone that waits charges where it stands. With "
-    "**pooling**, requests with the same pick-up may share a trip; only hubs have such requests. "
+    "**pooling**, requests with the same pickup may share a trip; only hubs have such requests. "
     "**Trips wait**: in the hour in which requests come, a trip waits until three requests "
     "share it, or until its oldest request is 10 min old, and energy has a price. "
     "**Mean** is the minutes from the request to its last delivery. A request is **on time** if it "

@@ -159,7 +159,7 @@ def fill_floors(after: Floats, first_start_s: Floats, floor_s: Floats) -> None:
 
 @kernel
 def note_last_arrival(search: Search, state: int, place: int, mask: int) -> None:
-    """Note the moment after which a drone here is too late for some pick-up or hand-over."""
+    """Note the moment after which a drone here is too late for some pickup or hand-over."""
     task, memory = search.task, search.memory
     count = int64(task.destinations.size)
     latest_s = np.inf

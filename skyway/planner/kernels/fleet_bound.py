@@ -17,9 +17,9 @@ class Nodes(NamedTuple):
     """Trips with their last place: a trip that may end at two places gives two nodes.
 
     - By node: `pool`, `source` (its number among all sources), `end` place, `least` ``(nodes, 3)``
-      seconds, need and joules from the pick-up to the end.
+      seconds, need and joules from the pickup to the end.
     - By node and member: `member`, -1 for none, and `served` ``(nodes, members, 2)``, seconds and
-      need from the pick-up until the member is served at the earliest.
+      need from the pickup until the member is served at the earliest.
     - By request: `weight`, `known_s`, `due_s`, and `price`, which each visit earns.
     - `rates`: the price of a second, of a second of lateness, of a joule.
     - `hand_over_s` between two trips.
@@ -61,7 +61,7 @@ class Future(NamedTuple):
 
 @kernel
 def trip_cost(nodes: Nodes, node: int, flown_s: float, charged_s: float) -> float:
-    """The cost of a trip from these moments at the pick-up, less the prices of its requests."""
+    """The cost of a trip from these moments at the pickup, less the prices of its requests."""
     cost = nodes.rates[2] * nodes.least[node, 2]
     for number in range(nodes.member.shape[1]):
         request = nodes.member[node, number]

@@ -16,10 +16,10 @@ class FleetEstimates(NamedTuple):
 
     - By drone: `kind`, `start` place, `free_s`, and `credit_s`, the need that its charge covers.
     - `approach` ``(kinds, places, places, 3)``: seconds, need and joules of the empty flight.
-    - By kind and pool: `flight` ``(kinds, pools, 3)`` seconds, need and joules from the pick-up to
+    - By kind and pool: `flight` ``(kinds, pools, 3)`` seconds, need and joules from the pickup to
       the end of the last hand-over; `end` place; `early_s` ``(kinds, pools, members)``, how long
       before the end of the trip each member is served, in the order of least need;
-      `soonest` ``(kinds, pools, members, 2)``, seconds and need from the pick-up to the moment
+      `soonest` ``(kinds, pools, members, 2)``, seconds and need from the pickup to the moment
       before which no order serves the member.
     - By pool: `source` place, and `members` ``(pools, members)``, requests in rising order, -1 for
       none. `key` is made of the members (`key_of`), rising, and `pool_of_key` its pool.

@@ -27,7 +27,7 @@ def estimate_trip(
     Parameters
     ----------
     apart_m
-        ``(k + 1, k)``, from destination to destination; the last row is from the pick-up.
+        ``(k + 1, k)``, from destination to destination; the last row is from the pickup.
     s_per_m, j_per_m
         ``(2**k,)``, by the set of served destinations, with the packages that are still on board.
     stops

@@ -45,7 +45,7 @@ class _End(NamedTuple):
     """The end of an arc, and the hand-over there.
 
     `reached` is the destination at this place that waits for its packages, or -1. `following` is
-    the mask after a delivery or after the pick-up, or -1 without a hand-over. With windows there
+    the mask after a delivery or after the pickup, or -1 without a hand-over. With windows there
     are no hand-overs here: `hand_overs` makes them.
     """
 

@@ -35,7 +35,7 @@ from skyway.planner.kernels.states import state_of
 
 @kernel
 def act_at(task: Task, memory: Memory, place: int, mask: int) -> int:
-    """What is left to do here: a destination's number, the pick-up's, or -1 for nothing."""
+    """What is left to do here: a destination's number, the pickup's, or -1 for nothing."""
     row = memory.row[place]
     count = int64(task.destinations.size)
     if mask == int64(1) << count:
@@ -48,7 +48,7 @@ def act_at(task: Task, memory: Memory, place: int, mask: int) -> int:
 
 @kernel
 def pick_up_or_hand_over(search: Search, label: int, place: int, mask: int) -> bool:
-    """Enter the labels after the pick-up or hand-over here, if any is due; False when full."""
+    """Enter the labels after the pickup or hand-over here, if any is due; False when full."""
     task, memory = search.task, search.memory
     act = act_at(task, memory, place, mask)
     if act < 0 or not _is_on_ground(search, label, place):

@@ -85,7 +85,7 @@ class Task(NamedTuple):
 
     With `may_pass` the problem has windows. Destination j may be handed over from moments between
     `start_from_s` and `start_until_s`, rows ``start_offsets[j]`` to ``start_offsets[j + 1]``; the
-    last destination is followed by the pick-up. `last_start_s` ``(k + 1,)`` are the last of these
+    last destination is followed by the pickup. `last_start_s` ``(k + 1,)`` are the last of these
     moments. By mask, ``(2**k + 1,)``: `floor_s` is the least end of the last delivery that the
     windows allow, and `least_s_per_m` the least time for a metre from then on.
     """

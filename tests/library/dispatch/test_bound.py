@@ -26,7 +26,7 @@ def groups(items: Sequence[int]) -> Iterator[list[tuple[int, ...]]]:
 
 
 def all_schedules(problem: FleetProblem) -> Iterator[Schedule]:
-    """Every order of every allowed grouping of the requests from every pick-up, on two drones."""
+    """Every order of every allowed grouping of the requests from every pickup, on two drones."""
     requests = problem.requests
     for pools in groups(range(len(requests))):
         members = [[requests[each] for each in pool] for pool in pools]
@@ -49,7 +49,7 @@ def is_allowed(problem: FleetProblem, loaded: FleetProblem, pool: tuple[int, ...
 
 
 def loaded_at(problem: FleetProblem, pickups: Mapping[tuple[int, ...], StationId]) -> FleetProblem:
-    """The problem in which each group of requests has this pick-up only."""
+    """The problem in which each group of requests has this pickup only."""
     source_of = {number: pickup for pool, pickup in pickups.items() for number in pool}
     requests = [
         each.model_copy(update={"source": source_of[number], "pickups": ()})

@@ -60,7 +60,7 @@ def test_requests_of_different_stations_share_a_trip_from_a_station_where_all_ha
     }
     assert loaded[hub] > 1
     assert violations(problem, plan) == ()
-    assert "not loaded at a common pick-up of its requests" in violations(far, plan)[0]
+    assert "not loaded at a common pickup of its requests" in violations(far, plan)[0]
 
 
 @pytest.mark.parametrize("urgent", ["b", "c"])

@@ -59,8 +59,8 @@ def test_a_composed_plan_is_accepted(problem, plan):
 @pytest.mark.parametrize(
     ("step", "changes", "rule"),
     [
-        (0, {"station_id": "b"}, "pick-up"),
-        (0, {"package_ids": ("p1",)}, "pick-up"),
+        (0, {"station_id": "b"}, "pickup"),
+        (0, {"package_ids": ("p1",)}, "pickup"),
         (1, {"end_s": 799.0}, "duration"),
         (1, {"end_s": 0.8}, "duration"),  # milliseconds for seconds
         (1, {"energy_j": 80.0}, "energy"),  # kilojoules for joules

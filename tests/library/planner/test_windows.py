@@ -1,4 +1,4 @@
-"""Windows of the pick-up and of hand-overs, on networks with round numbers."""
+"""Windows of the pickup and of hand-overs, on networks with round numbers."""
 
 from collections.abc import Mapping
 from dataclasses import replace

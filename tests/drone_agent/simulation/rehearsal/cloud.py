@@ -268,7 +268,7 @@ class FakeCloud:
     # What people wish for
 
     def await_loading(self) -> None:
-        """Make the pick-up wait for a loader's confirmation."""
+        """Make the pickup wait for a loader's confirmation."""
         self._is_loading = True
 
     def hold(self) -> None:

@@ -84,7 +84,7 @@ class Facts:
         return state
 
     def act_at(self, state: int, station: int) -> int:
-        """The destination handed over here, the number behind them for the pick-up, or -1."""
+        """The destination handed over here, the number behind them for the pickup, or -1."""
         after = self.after_landing_at(state, station)
         if after == state:
             return -1

@@ -114,7 +114,7 @@ def sweep(
             break
         now_s = tick * tick_s
         for turn in range(states):
-            # The state before the pick-up comes first: loading may take no time.
+            # The state before the pickup comes first: loading may take no time.
             state = (turn + states - 1) % states
             for here in range(stations):
                 curve = curves[here]

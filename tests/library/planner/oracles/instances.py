@@ -57,7 +57,7 @@ def make_busy_problem(seed: int, **fields: Any) -> Problem:
 
 
 def make_windowed_problem(seed: int, **fields: Any) -> Problem:
-    """A problem with windows of hand-overs and of the pick-up; some cannot be met."""
+    """A problem with windows of hand-overs and of the pickup; some cannot be met."""
     rng = Random(f"windows {seed}")
     made = as_json(seed)
     dropoff_s, loading_s = made["dropoff_s"], made["loading_s"]
