@@ -23,7 +23,7 @@ CALENDARS: Final[Mapping[str, Calendar]] = {
     "P3 calendars": CHAINED,
 }
 SEARCHES: Final[Mapping[str, DispatchPolicy]] = {
-    f"P4 {each.name}": each for each in searches(searched_in_rounds(2, most_steps=8_000))
+    f"P4 {each.name}": each for each in searches(searched_in_rounds(5, most_steps=20_000))
 }
 
 #: Requests have equal pickups only where there are few hubs.

@@ -1,8 +1,9 @@
 """A rolling hour: each minute the policy plans all requests that have not started.
 
-While requests still come, trips may wait for more requests that may share them.
-A drone that waits stands where its last trip ended, and charges while the pad there is free. Trips
-get the pad first, then the drone that has stood there longest. All flights go as planned.
+While requests still come, trips may wait for more requests that may share them. The drone of such a
+trip may fly ahead to the pickup, without packages. A drone that waits stands where its last flight
+ended, and charges while the pad there is free. Trips get the pad first, then the drone that has
+stood there longest. All flights go as planned.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,15 +12,17 @@ from statistics import mean
 from typing import Final
 
 from skyway.dispatch.pads import HeldPad
+from skyway.dispatch.planned_trip import PlannedTrip
 from skyway.dispatch.pools import waits_for_more
-from skyway.dispatch.problem import CurrentTrip, FleetDrone, FleetProblem
-from skyway.dispatch.schedule import Schedule
+from skyway.dispatch.problem import CurrentTrip, FleetDrone, FleetProblem, FleetRequest
+from skyway.dispatch.schedule import Schedule, Scheduler
 from skyway.drone.charging import soc_after_recharge
 from skyway.experiments.dispatched_hour.cases import PREPARE_S, FleetCase, drone
 from skyway.experiments.dispatched_hour.policies import DispatchPolicy
 from skyway.experiments.fleet_hour.calendars import HAND_OVER_MS, MODEL, PAD_GAP_MS
 from skyway.experiments.fleet_hour.cases import HOUR_MS, HourRequest
-from skyway.ids import StationId
+from skyway.ids import PackageId, StationId
+from skyway.planner.problem_parts import PackageToDeliver, PadReservation
 
 _TICK_MS: Final = 60_000
 _PREPARE_MS: Final = round(PREPARE_S * 1000)
@@ -42,7 +45,8 @@ class _Drone:
 class RollingHour:
     """The state of one hour; `delivered_ms` and `promised_ms` are by the number of the request.
 
-    The promise is when the first plan of the request delivers it.
+    The promise is when the first plan of the request delivers it. `flights_ahead` counts the
+    flights to pickups without packages.
     """
 
     case: FleetCase
@@ -51,6 +55,7 @@ class RollingHour:
     delivered_ms: dict[int, int] = field(default_factory=dict)
     promised_ms: dict[int, int] = field(default_factory=dict)
     energy_j: float = 0.0
+    flights_ahead: int = 0
     _drones: list[_Drone] = field(init=False)
     _pads: list[HeldPad] = field(default_factory=list)
     _planned: dict[int, tuple[str, int]] = field(default_factory=dict)
@@ -103,16 +108,7 @@ class RollingHour:
                 "lateness": 0.0,
                 "energy_s_per_kwh": self.policy.energy_s_per_kwh if now_ms < HOUR_MS else 0.0,
             },
-            pad_reservations=[
-                {
-                    "station_id": each.station_id,
-                    "pad": each.pad,
-                    "start_s": (each.start_ms - now_ms) / 1000,
-                    "end_s": (each.end_ms - now_ms) / 1000,
-                }
-                for each in self._pads
-                if each.end_ms > now_ms
-            ],
+            pad_reservations=self._reservations(now_ms),
         )
         planned = [
             each.model_copy(
@@ -128,6 +124,18 @@ class RollingHour:
             # What is promised counts from the first plan on, not from the arrival order.
             changed |= {"baseline": "current plan", "promise_tolerance_s": 0.0}
         return problem.model_copy(update=changed)
+
+    def _reservations(self, now_ms: int) -> tuple[PadReservation, ...]:
+        return tuple(
+            PadReservation(
+                station_id=each.station_id,
+                pad=each.pad,
+                start_s=(each.start_ms - now_ms) / 1000,
+                end_s=(each.end_ms - now_ms) / 1000,
+            )
+            for each in self._pads
+            if each.end_ms > now_ms
+        )
 
     def _promised_s(self, number: int, now_ms: int) -> float | None:
         """The latest delivery that keeps the promise; None without promises."""
@@ -160,13 +168,13 @@ class RollingHour:
         self._planned = {}
         until_ms = now_ms + _PREPARE_MS + _TICK_MS
         most_wait_s = self.policy.most_wait_s if now_ms < HOUR_MS else 0.0
-        waiting: set[int] = set()
+        waiting: dict[int, PlannedTrip] = {}
         for number, trip in sorted(schedule.trips, key=lambda each: each.trip.slot.at_ms):
             start_ms = now_ms + trip.slot.at_ms
             for each, moment_ms in zip(trip.pool, trip.delivered_ms, strict=True):
                 self.promised_ms.setdefault(requests[each].number, now_ms + moment_ms)
             if waits_for_more(problem, trip.pool, most_wait_s=most_wait_s):
-                waiting.add(number)
+                waiting.setdefault(number, trip)
             if number in waiting:
                 start_ms = max(start_ms, until_ms)
             if start_ms >= until_ms:
@@ -175,15 +183,58 @@ class RollingHour:
                 continue
             for each, moment_ms in zip(trip.pool, trip.delivered_ms, strict=True):
                 self.delivered_ms[requests[each].number] = now_ms + moment_ms
-            self.energy_j += trip.energy_j
-            self._pads += [
-                each._replace(start_ms=each.start_ms + now_ms, end_ms=each.end_ms + now_ms)
-                for each in trip.pads
-            ]
-            end_ms = now_ms + trip.end.at_ms
-            self._drones[number] = _Drone(
-                trip.end.station_id, end_ms + HAND_OVER_MS, trip.end.soc, end_ms
-            )
+            self._fly(number, trip, now_ms)
+        for number, trip in waiting.items():
+            self._fly_ahead(problem, number, trip, now_ms)
+
+    def _fly(self, number: int, trip: PlannedTrip, now_ms: int) -> None:
+        """Let a drone fly this trip as planned."""
+        self.energy_j += trip.energy_j
+        self._pads += [
+            each._replace(start_ms=each.start_ms + now_ms, end_ms=each.end_ms + now_ms)
+            for each in trip.pads
+        ]
+        end_ms = now_ms + trip.end.at_ms
+        self._drones[number] = _Drone(
+            trip.end.station_id, end_ms + HAND_OVER_MS, trip.end.soc, end_ms
+        )
+
+    def _fly_ahead(
+        self, problem: FleetProblem, number: int, waiting: PlannedTrip, now_ms: int
+    ) -> None:
+        """Fly a drone to the pickup where its trip waits, if it would come too late a minute on."""
+        ahead_s = self.policy.ahead_s
+        pickup = problem.requests[waiting.pool[0]].source
+        if ahead_s is None or waiting.slot.station_id == pickup:
+            return
+        if self._drones[number].free_ms > now_ms + _PREPARE_MS:
+            return
+        oldest_s = min(problem.requests[each].known_s for each in waiting.pool)
+        latest_ms = 1000 * (oldest_s + self.policy.most_wait_s - ahead_s)
+        flight = self._empty_flight(problem, number, pickup, now_ms)
+        if flight is not None and flight.end.at_ms + _TICK_MS > latest_ms:
+            self._fly(number, flight, now_ms)
+            self.flights_ahead += 1
+
+    def _empty_flight(
+        self, problem: FleetProblem, number: int, end: StationId, now_ms: int
+    ) -> PlannedTrip | None:
+        """The flight of a drone without packages; None if no plan exists."""
+        start = self._drone(number, now_ms)
+        nothing = PackageToDeliver(package_id=PackageId("nothing"), mass_kg=0.0, destination=end)
+        request = FleetRequest(
+            request_id="empty flight", source=start.station_id, packages=(nothing,)
+        )
+        alone = problem.model_copy(
+            update={
+                "drones": (start,),
+                "requests": (request,),
+                "loading_s": 0.0,
+                "dropoff_s": 0.0,
+                "pad_reservations": self._reservations(now_ms),
+            }
+        )
+        return next((each.trip for each in Scheduler(alone).arrival_order().trips), None)
 
     def _charge(self, until_ms: int) -> None:
         """Charge the drones that stand and wait, up to this moment."""

@@ -22,3 +22,19 @@ def test_no_delivery_is_later_than_its_promise_allows(tolerance_s: float) -> Non
     late_s = [(hour.delivered_ms[n] - at_ms) / 1000 for n, at_ms in hour.promised_ms.items()]
     assert max(late_s) <= tolerance_s
     assert min(late_s) < 0
+
+
+def test_a_drone_flies_to_the_pickup_while_its_trip_waits_for_more_requests() -> None:
+    *_, waits = searches(searched_in_rounds(2, most_steps=2_000))
+    assert waits.ahead_s is not None
+    case = fleet_case("three hubs", Load(4, 12), seed=1)
+    ahead, stays = (
+        RollingHour(case, policy, 1) for policy in (waits, replace(waits, ahead_s=None))
+    )
+
+    ahead.run()
+    stays.run()
+
+    assert ahead.flights_ahead > stays.flights_ahead == 0
+    assert ahead.served_share == stays.served_share == 1.0
+    assert ahead.mean_min < stays.mean_min
