@@ -6,10 +6,12 @@ under ids of their own.
 """
 
 from collections.abc import Iterable
+from datetime import datetime
 from typing import Annotated
 
 from pydantic import Field, TypeAdapter
 
+from skyway.bounds import Moment
 from skyway.delivery.offer import Price
 from skyway.ids import DeliveryId, MissionId, PackageId, StationId
 from skyway.json_model import JsonModel
@@ -52,6 +54,13 @@ class Share(JsonModel):
         int, Field(ge=0, description="The number of its last report; the host's is in its row.")
     ] = 0
     traceparent: Annotated[str | None, Field(description="The trace of its request.")] = None
+    ready_at: Annotated[
+        Moment | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="The moment before which no drone sets out for it.",
+        ),
+    ] = None
     near: Annotated[
         NearPickup | None,
         Field(
@@ -82,6 +91,13 @@ SHARES: TypeAdapter[tuple[Share, ...]] = TypeAdapter(tuple[Share, ...])
 def shares_json(shares: tuple[Share, ...]) -> str | None:
     """The shares of a mission as they are stored; None if the mission is not shared."""
     return SHARES.dump_json(shares).decode() if shares else None
+
+
+def latest_ready_at(shares: Iterable[Share], package_ids: Iterable[PackageId]) -> datetime | None:
+    """The latest `ready_at` of the shares with some of these packages; None without one."""
+    flying = {*package_ids}
+    ready = (each.ready_at for each in shares if flying & each.packages.keys())
+    return max((each for each in ready if each is not None), default=None)
 
 
 def flight_id(mission_id: MissionId, number: int) -> PackageId:

@@ -9,7 +9,7 @@ from skyway.delivery.request import MAX_PACKAGES, MAX_TRIP_DESTINATIONS, Deliver
 from skyway.ids import DroneId, MissionId, PackageId
 from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Orders
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.share import Share, flight_id
+from skyway_composition.missions.mission.share import Share, flight_id, latest_ready_at
 
 #: The most deliveries that share a trip, as in the search of `skyway.dispatch`.
 MOST_SHARES: Final = 3
@@ -71,6 +71,10 @@ def carrying(host: MissionRecord, guest: Guest) -> MissionRecord | None:
     if host.request.qos.priority != guest.request.qos.priority:
         return None
     ready = [host.request.earliest_pickup_at, guest.request.earliest_pickup_at]
+    own = latest_ready_at(shares, [each.package_id for each in host.request.packages])
+    # Shares of an earlier version have no `ready_at`. Then the guest has none either, so that the
+    # mission begins no sooner when its packages are cancelled.
+    share = guest.share.model_copy(update={"ready_at": ready[1] if own == ready[0] else None})
     earliest_at = max((each for each in ready if each is not None), default=None)
     update = {"packages": packages, "earliest_pickup_at": earliest_at}
     etas = host.mission.packages + guest.etas
@@ -78,7 +82,7 @@ def carrying(host: MissionRecord, guest: Guest) -> MissionRecord | None:
         host,
         request=host.request.model_copy(update=update),
         mission=host.mission.model_copy(update={"packages": etas}),
-        shares=(*shares, guest.share),
+        shares=(*shares, share),
     )
 
 
@@ -94,6 +98,7 @@ def share_of(record: MissionRecord) -> Share:
         pooled_price=mission.price.pooled(record.candidate.tariff),
         packages={each.package_id: each.package_id for each in record.request.packages},
         traceparent=record.traceparent,
+        ready_at=record.request.earliest_pickup_at,
     )
 
 
