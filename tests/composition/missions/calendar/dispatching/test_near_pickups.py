@@ -120,6 +120,32 @@ async def test_a_request_keeps_its_own_pickup_when_no_other_pickup_fits(
     assert (mission.pickup_station_id, mission.pickup_away_m) == ("d", 0.0)
 
 
+@pytest.mark.parametrize(
+    ("wait_s", "may_be_later_s"), [(960.0, 0.0), (600.0, 900.0)], ids=["tolerance", "allowed"]
+)
+async def test_a_host_waits_for_packages_from_another_station_if_its_promise_allows_that(
+    world: NearWorld, wait_s: float, may_be_later_s: float
+) -> None:
+    await book(world, "dlv1", asks("b", wait_s=wait_s, may_be_later_s=may_be_later_s))
+    alone, _ = await mission_of(world, "dlv1")
+    asked_ms = world.now_ms
+    await book(world, "dlv2", asks("b", pickup="d", within_m=1_200.0))
+    await world.check()
+
+    record, _ = await mission_of(world, "dlv2")
+    assert [each.delivery_id for each in record.shares] == ["dlv1", "dlv2"]
+    assert alone.start.at_ms < asked_ms + 1000 * _AWAY_M <= record.start.at_ms
+    later = record.mission.packages[0].eta_at - alone.mission.packages[0].eta_at
+    assert later.total_seconds() <= max(60.0, may_be_later_s)
+
+    await world.cancel("dlv2", None)
+    await world.keep_calendars()
+    again, _ = await mission_of(world, "dlv1")
+    assert again.start.at_ms <= alone.start.at_ms
+    await world.end()
+    assert await world.handed_over() == [("dlv1", "p1")]
+
+
 async def test_a_request_prefers_the_host_at_its_own_pickup_when_it_delivers_sooner(
     world: NearWorld,
 ) -> None:

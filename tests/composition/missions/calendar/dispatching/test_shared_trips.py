@@ -214,8 +214,7 @@ async def test_a_guest_that_cancels_leaves_the_promise_of_its_host(world: BusyWo
 async def test_a_guest_that_cancels_lets_its_host_begin_as_early_as_alone(
     world: BusyWorld,
 ) -> None:
-    may_be_later = {"qos": {"pooling": True, "pooling_wait_s": 1200.0, "may_be_later_s": 1800.0}}
-    await book(world, "dlv1", asks("b", **may_be_later))
+    await book(world, "dlv1", asks("b", may_be_later_s=1800.0))
     (alone,) = await world.planned()
     later_at = alone.mission.start_at + timedelta(minutes=10)
     await book(world, "dlv2", asks("b", earliest_pickup_at=later_at, wait_s=0.0))
