@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from datetime import datetime
 from typing import Final
 
 from skyway.contracts.flight_step import PackageOnBoard
@@ -17,7 +16,7 @@ from skyway_composition.missions.mission.custody_store import (
     held_on_mission,
 )
 from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
-from skyway_composition.missions.mission.share import latest_ready_at
+from skyway_composition.missions.mission.share import ready_at
 from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.call_off import (
@@ -237,8 +236,9 @@ async def _left_out_of(
     etas = tuple(each for each in record.mission.packages if each.package_id not in package_ids)
     request = record.request.model_copy(update={"packages": left})
     if record.mission.state == "QUEUED":
-        ready_at = _ready_without(record, package_ids)
-        request = request.model_copy(update={"earliest_pickup_at": ready_at})
+        flying = [each.package_id for each in left]
+        at = ready_at(record.shares, flying, planned_at=request.earliest_pickup_at)
+        request = request.model_copy(update={"earliest_pickup_at": at})
     record = replace(
         record,
         request=request,
@@ -246,12 +246,3 @@ async def _left_out_of(
     )
     await store.save_request(work.tx, record)
     return record
-
-
-def _ready_without(record: MissionRecord, package_ids: Collection[PackageId]) -> datetime | None:
-    """The moment before which a mission may not begin when these packages have left it."""
-    earliest_at = record.request.earliest_pickup_at
-    flying = [each.package_id for each in record.request.packages]
-    if latest_ready_at(record.shares, flying) != earliest_at:
-        return earliest_at  # a share of an earlier version does not say
-    return latest_ready_at(record.shares, [each for each in flying if each not in package_ids])

@@ -5,7 +5,7 @@ choose the ids of their packages, and two customers may choose the same. So a gu
 under ids of their own.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from datetime import datetime
 from typing import Annotated
 
@@ -25,6 +25,15 @@ class NearPickup(JsonModel):
         float, Field(gt=0, description="How far its customer accepts other stations, metres.")
     ]
     away_m: Annotated[float, Field(ge=0, description="How far the host's pickup is, metres.")]
+
+
+class Delay(JsonModel):
+    """A guest whose packages are ready later than those of its host."""
+
+    host_at: Annotated[
+        Moment | None, Field(description="Before this moment the host may not begin alone.")
+    ]
+    ready_at: Annotated[Moment, Field(description="Before this moment no drone sets out for it.")]
 
 
 class Share(JsonModel):
@@ -54,11 +63,11 @@ class Share(JsonModel):
         int, Field(ge=0, description="The number of its last report; the host's is in its row.")
     ] = 0
     traceparent: Annotated[str | None, Field(description="The trace of its request.")] = None
-    ready_at: Annotated[
-        Moment | None,
+    delay: Annotated[
+        Delay | None,
         Field(
             exclude_if=lambda value: value is None,
-            description="The moment before which no drone sets out for it.",
+            description="Set if its packages are ready later than those of its host.",
         ),
     ] = None
     near: Annotated[
@@ -93,11 +102,18 @@ def shares_json(shares: tuple[Share, ...]) -> str | None:
     return SHARES.dump_json(shares).decode() if shares else None
 
 
-def latest_ready_at(shares: Iterable[Share], package_ids: Iterable[PackageId]) -> datetime | None:
-    """The latest `ready_at` of the shares with some of these packages; None without one."""
+def ready_at(
+    shares: Iterable[Share], package_ids: Collection[PackageId], *, planned_at: datetime | None
+) -> datetime | None:
+    """The moment before which a mission with these packages may not begin; None without one.
+
+    `planned_at` is the present moment.
+    """
+    delays = [(each.delay, each.packages) for each in shares if each.delay is not None]
+    host_at = delays[0][0].host_at if delays else planned_at
     flying = {*package_ids}
-    ready = (each.ready_at for each in shares if flying & each.packages.keys())
-    return max((each for each in ready if each is not None), default=None)
+    late = (delay.ready_at for delay, packages in delays if flying & packages.keys())
+    return max((at for at in (host_at, *late) if at is not None), default=None)
 
 
 def flight_id(mission_id: MissionId, number: int) -> PackageId:

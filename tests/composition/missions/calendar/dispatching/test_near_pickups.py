@@ -82,9 +82,10 @@ async def test_a_guest_hands_its_packages_over_where_its_host_is_loaded(world: N
     host, guest = (mission_for(record, DeliveryId(each)) for each in ("dlv1", "dlv2"))
     assert (host.pickup_station_id, host.pickup_away_m) == ("a", 0.0)
     assert (guest.pickup_station_id, guest.pickup_away_m) == ("a", _AWAY_M)
-    # A replica of the version before knows no `near`.
+    # A replica of an earlier version knows no `near` and no `delay`.
     stored = json.loads(shares_json(record.shares) or "")
     assert ["near" in each for each in stored] == [False, True]
+    assert ["delay" in each for each in stored] == [False, False]
     # The customer has a second for each metre of the way there.
     assert moment_to_ms(guest.start_at) - asked_ms >= 1000 * _AWAY_M
     async with world.db.read() as connection:
