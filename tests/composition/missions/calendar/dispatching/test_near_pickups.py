@@ -3,6 +3,7 @@
 import json
 from collections.abc import AsyncIterator
 from dataclasses import replace
+from datetime import timedelta
 from typing import Any, Final
 
 import pytest
@@ -53,7 +54,13 @@ async def book(
     """Book one of the drones, or this one."""
     waiting = request.begun_after_wait(world.clock.now())
     drones = None if drone is None else world.drones[drone - 1 : drone]
-    booked = await world.book(delivery_id, waiting, loading="AUTOMATIC", drones=drones)
+    booked = await world.book(
+        delivery_id,
+        waiting,
+        loading="AUTOMATIC",
+        drones=drones,
+        ready_at=request.earliest_pickup_at,
+    )
     assert booked == "BOOKED"
     await world.keep_calendars()
 
@@ -145,6 +152,26 @@ async def test_a_host_waits_for_packages_from_another_station_if_its_promise_all
     assert again.start.at_ms <= alone.start.at_ms
     await world.end()
     assert await world.handed_over() == [("dlv1", "p1")]
+
+
+async def test_a_guest_that_cancels_lets_its_host_begin_as_early_as_alone(
+    world: NearWorld,
+) -> None:
+    await book(world, "dlv1", asks("b", may_be_later_s=1800.0))
+    alone, _ = await mission_of(world, "dlv1")
+    later_at = alone.mission.start_at + timedelta(minutes=10)
+    await book(world, "dlv2", asks("b", earliest_pickup_at=later_at, wait_s=0.0))
+    together, _ = await mission_of(world, "dlv2")
+    assert [each.delivery_id for each in together.shares] == ["dlv1", "dlv2"]
+    assert together.mission.start_at >= later_at
+
+    await world.cancel("dlv2", None)
+    await world.keep_calendars()
+    await world.check()
+
+    again, _ = await mission_of(world, "dlv1")
+    assert again.mission.start_at <= alone.mission.start_at
+    assert again.mission.packages[0].eta_at <= alone.mission.packages[0].eta_at
 
 
 async def test_a_request_prefers_the_host_at_its_own_pickup_when_it_delivers_sooner(

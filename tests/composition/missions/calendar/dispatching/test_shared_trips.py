@@ -211,27 +211,6 @@ async def test_a_guest_that_cancels_leaves_the_promise_of_its_host(world: BusyWo
 
 
 @_on_sqlite
-async def test_a_guest_that_cancels_lets_its_host_begin_as_early_as_alone(
-    world: BusyWorld,
-) -> None:
-    await book(world, "dlv1", asks("b", may_be_later_s=1800.0))
-    (alone,) = await world.planned()
-    later_at = alone.mission.start_at + timedelta(minutes=10)
-    await book(world, "dlv2", asks("b", earliest_pickup_at=later_at, wait_s=0.0))
-    assert (await shared_mission(world)).mission.start_at >= later_at
-
-    await world.cancel("dlv2", None)
-    await world.keep_calendars()
-    await world.check()
-
-    (record,) = await world.planned()
-    assert record.mission.start_at <= alone.mission.start_at
-    assert record.mission.packages[0].eta_at <= alone.mission.packages[0].eta_at
-    await world.end()
-    assert await world.handed_over() == [("dlv1", "p1")]
-
-
-@_on_sqlite
 async def test_a_package_that_is_cancelled_in_flight_comes_back_alone(world: BusyWorld) -> None:
     await book_both(world)
     while not (await kinds_of(world, "dlv2"))["LOADED"]:
