@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Final, Self
 
 from skyway.dispatch.estimates import Estimates
+from skyway.dispatch.pools import SharedPools
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.rows import Board
 from skyway.dispatch.schedule import Sequences
@@ -41,7 +42,12 @@ class RoutingTask:
     @classmethod
     def of(cls, problem: FleetProblem, estimates: Estimates) -> Self:
         """The task of this problem."""
-        board = Board(problem, estimates, kinds=[0] * len(problem.drones), shared=())
+        board = Board(
+            problem,
+            estimates,
+            kinds=[0] * len(problem.drones),
+            shared=SharedPools([], is_complete=True),
+        )
         begins_s = [
             round(HORIZON_S + each.free_s - estimates.credit_s(0, each.soc))
             for each in problem.drones

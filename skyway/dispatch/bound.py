@@ -24,6 +24,10 @@ from skyway.scheduling.stays import Slot
 #: With more nodes, only the first trip of each drone is computed with its own times.
 _MOST_NODES_FOR_TWO: Final = 400
 
+#: With more trips, each set of requests from each pickup, only the weaker bound is given. Their
+#: estimates take a second or two for each model. Our own choice.
+_MOST_TRIPS: Final = 50_000
+
 #: After so many steps without a better bound the step is halved. The search ends at the shortest
 #: step. Our own choice.
 _MOST_FAILURES: Final = 15
@@ -46,7 +50,7 @@ def lower_bound_s(
     estimates: Estimates,
     *,
     kinds: Sequence[int],
-    pools: Sequence[Pool],
+    pools: Sequence[Pool] | None,
     upper: Costs,
     is_over: Callable[[int], bool],
 ) -> float:
@@ -57,7 +61,7 @@ def lower_bound_s(
     kinds
         The number of each drone's model, as `estimates` counts them.
     pools
-        All sets of requests that may share a trip, single requests too.
+        All sets of requests that may share a trip, single requests too; None if they are too many.
     upper
         The costs of a good plan; they guide the steps.
     is_over
@@ -71,7 +75,12 @@ def lower_bound_s(
         _HORIZONS * max(upper.delivered_s.values()),
         min(each.charged_s for each in starts) + LONGEST_S,
     )
-    if has_short_trips(estimates, kinds, pools) or not _has_slow_loads(problem):
+    if (
+        pools is None
+        or sum(len(estimates.pickups(each)) for each in pools) > _MOST_TRIPS
+        or has_short_trips(estimates, kinds, pools)
+        or not _has_slow_loads(problem)
+    ):
         return alone_s
     pickups = dict.fromkeys(at for each in problem.requests for at in (each.source, *each.pickups))
     sources = np.array([estimates.place_of[each] for each in pickups], np.int64)

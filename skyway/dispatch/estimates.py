@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from skyway.dispatch.planned_trip import Pool
-from skyway.dispatch.pools import pickups_of
+from skyway.dispatch.pools import Sharing, pickups_of
 from skyway.dispatch.problem import FleetProblem, FleetRequest
 from skyway.drone.charging import fastest_s_per_soc, model_on_pad
 from skyway.drone.flight import flight_power_w, speed_mps
@@ -55,8 +55,11 @@ class TripEstimate:
 class Estimates:
     """Distances between the places of a problem, and estimates of trips of each model."""
 
-    def __init__(self, problem: FleetProblem, models: Sequence[DroneModel]) -> None:
+    def __init__(
+        self, problem: FleetProblem, models: Sequence[DroneModel], *, sharing: Sharing
+    ) -> None:
         self._problem = problem
+        self._sharing = sharing
         self.models = models
         self.places = _places(problem)
         self.place_of: Mapping[StationId, int] = {
@@ -69,6 +72,7 @@ class Estimates:
             fastest_s_per_soc(model_on_pad(each, strongest_w)) / each.battery_j for each in models
         ]
         self._approaches = [self._approach(kind) for kind in range(len(models))]
+        self._source_of: dict[Pool, StationId] = {}
         self._found: dict[tuple[StationId, int, Pool], TripEstimate] = {}
 
     def approach(self, kind: int) -> Floats:
@@ -90,11 +94,13 @@ class Estimates:
         return pickups_of([self._problem.requests[each] for each in pool])
 
     def source(self, pool: Pool) -> StationId:
-        """The pickup from which the first model serves these requests soonest."""
-        pickups = self.pickups(pool)
-        if len(pickups) == 1:
-            return pickups[0]
-        return min(pickups, key=lambda each: float(self.trip_from(each, 0, pool).best[SECONDS]))
+        """The pickup of the search from which the first model serves these requests soonest."""
+        if pool not in self._source_of:
+            pickups = self._sharing.pickups(pool)
+            self._source_of[pool] = min(
+                pickups, key=lambda each: float(self.trip_from(each, 0, pool).best[SECONDS])
+            )
+        return self._source_of[pool]
 
     def trip(self, kind: int, pool: Pool) -> TripEstimate:
         """The estimate of the trip that serves these requests from `source`."""

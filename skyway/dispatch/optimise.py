@@ -14,7 +14,6 @@ from skyway.dispatch.bound import lower_bound_s
 from skyway.dispatch.check import violations
 from skyway.dispatch.objective import Limits
 from skyway.dispatch.plan import FleetPlan
-from skyway.dispatch.pools import shared_pools
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.rows import Board
 from skyway.dispatch.schedule import Scheduler, Sequences
@@ -129,7 +128,7 @@ def begun(problem: FleetProblem, *, seed: int = 0) -> OrderSearch:
         problem,
         scheduler.estimates,
         kinds=scheduler.planner.model_of,
-        shared=shared_pools(problem),
+        shared=scheduler.planner.sharing.pools(),
     )
     board.limit(limits)
     scheduler.planner.latest_s = limits.latest_s
@@ -180,7 +179,7 @@ def proven_s(search: OrderSearch) -> float:
         scheduler.problem,
         scheduler.estimates,
         kinds=scheduler.planner.model_of,
-        pools=search.board.pools,
+        pools=search.board.pools if search.board.has_all_pools else None,
         upper=search.best.costs,
         is_over=lambda steps: steps >= _BOUND_STEPS,
     )

@@ -8,6 +8,7 @@ import numpy as np
 from skyway.dispatch.estimates import Estimates
 from skyway.dispatch.objective import J_PER_KWH, Limits
 from skyway.dispatch.planned_trip import Pool
+from skyway.dispatch.pools import SharedPools
 from skyway.dispatch.problem import FleetProblem, FleetRequest
 from skyway.dispatch.schedule import Sequences
 from skyway.planner.kernels.fleet_costs import KEY_BITS
@@ -31,9 +32,11 @@ class Board:
         estimates: Estimates,
         *,
         kinds: Sequence[int],
-        shared: Sequence[Pool],
+        shared: SharedPools,
     ) -> None:
-        self.pools: list[Pool] = [*((each,) for each in range(len(problem.requests))), *shared]
+        alone = ((each,) for each in range(len(problem.requests)))
+        self.pools: list[Pool] = [*alone, *shared.pools]
+        self.has_all_pools = shared.is_complete
         self.number_of = {pool: number for number, pool in enumerate(self.pools)}
         self.fleet = _fleet(problem, estimates, kinds, self.pools)
         self._estimates = estimates

@@ -12,6 +12,7 @@ from skyway.dispatch.estimates import Estimates
 from skyway.dispatch.objective import Costs, Pricing
 from skyway.dispatch.pads import HeldPad
 from skyway.dispatch.planned_trip import DroneTrip, NotPlanned, PlannedTrip, Pool
+from skyway.dispatch.pools import planned_trips
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.trips import TripPlanner
 from skyway.planner.pad_book import booked_until_ms
@@ -102,7 +103,7 @@ class Scheduler:
     def __init__(self, problem: FleetProblem) -> None:
         self.problem = problem
         self.planner = TripPlanner(problem)
-        self.estimates = Estimates(problem, self.planner.models)
+        self.estimates = Estimates(problem, self.planner.models, sharing=self.planner.sharing)
         self.pricing = Pricing(problem)
 
     def arrival_order(self) -> Schedule:
@@ -147,19 +148,23 @@ class Scheduler:
         return self.priced(calendar.trips, self._added(calendar, missing))
 
     def current(self) -> Schedule | None:
-        """The schedule of the current plan with all other requests added; None without a plan."""
+        """The schedule of the current plan with all other requests added; None without a plan.
+
+        Requests that may not share a trip follow one another.
+        """
         numbers = {each.drone_id: number for number, each in enumerate(self.problem.drones)}
-        trips: dict[tuple[int, float], list[int]] = {}
-        for number, request in enumerate(self.problem.requests):
-            planned = request.planned
-            if planned is not None and planned.drone_id in numbers:
-                key = numbers[planned.drone_id], planned.start_s
-                trips.setdefault(key, []).append(number)
+        planned = planned_trips(self.problem)
+        trips = {
+            (numbers[drone_id], start_s): pool
+            for (drone_id, start_s), pool in planned.items()
+            if drone_id in numbers
+        }
         if not trips:
             return None
         found: list[list[Pool]] = [[] for _ in numbers]
-        for drone, start_s in sorted(trips):
-            found[drone].append(tuple(trips[drone, start_s]))
+        for (drone, _), pool in sorted(trips.items()):
+            is_allowed = self.planner.sharing.allows(pool)
+            found[drone] += [pool] if is_allowed else [(each,) for each in pool]
         return self.planned(tuple(map(tuple, found)))
 
     def priced(self, trips: Iterable[DroneTrip], unserved: dict[int, NotPlanned]) -> Schedule:

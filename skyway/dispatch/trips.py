@@ -13,7 +13,7 @@ import numpy as np
 
 from skyway.dispatch.pads import FleetPads, HeldPad, Reserved
 from skyway.dispatch.planned_trip import NotPlanned, PlannedTrip, Pool
-from skyway.dispatch.pools import pickups_of
+from skyway.dispatch.pools import Sharing
 from skyway.dispatch.problem import FleetProblem
 from skyway.drone.model import DroneModel
 from skyway.ids import StationId
@@ -63,6 +63,7 @@ class TripPlanner:
 
     def __init__(self, problem: FleetProblem) -> None:
         self.problem = problem
+        self.sharing = Sharing(problem)
         #: The distinct models, and the number of each drone's model.
         self.models = [*dict.fromkeys(each.model for each in problem.drones)]
         self.model_of = [self.models.index(each.model) for each in problem.drones]
@@ -145,11 +146,11 @@ class TripPlanner:
         *,
         latest_s: Mapping[int, float] = MappingProxyType({}),
     ) -> PlannedTrip | None:
-        """The trip that keeps `latest_s` and ends first, from any pickup of all requests.
+        """The trip that keeps `latest_s` and ends first, from any pickup of the search.
 
         If two end together, that with less energy. None if none is found.
         """
-        pickups = pickups_of([self.problem.requests[each] for each in pool])
+        pickups = self.sharing.pickups(pool)
         trips = (self._planned_from(each, pool, drone, slot, ledger, latest_s) for each in pickups)
         return min(
             (each for each in trips if each is not None),

@@ -6,12 +6,12 @@ other providers.
 
 import asyncio
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any, Final
 
-from sqlalchemy import Integer, and_, bindparam, select
+from sqlalchemy import Integer, Select, and_, bindparam, select
 
 from skyway.contracts.mission import OPEN_MISSION_STATES
 from skyway.ids import DroneId, NetworkId, ProviderId, StationId
@@ -37,17 +37,22 @@ _KEPT: Final = timedelta(seconds=5)
 
 _MOST_PROVIDERS: Final = 1_000
 
+#: So many of the last missions, and all newer ones, are read at each choice of a place. Our own
+#: choice: a replica may save a mission a little later than another replica saves a newer one.
+_MOST_READ_AGAIN: Final = 20
+
+_OF_PROVIDER: Final = select(
+    missions.c.mission_id,
+    missions.c.network_id,
+    missions.c.delivery_id,
+    missions.c.drone_id,
+    missions.c.state,
+    missions.c.start_ms,
+    missions.c.stays,
+).where(missions.c.provider_id == bindparam("provider_id"))
+
 _anywhere: Final = (
-    select(
-        missions.c.mission_id,
-        missions.c.network_id,
-        missions.c.delivery_id,
-        missions.c.drone_id,
-        missions.c.state,
-        missions.c.start_ms,
-        missions.c.stays,
-    )
-    .where(missions.c.provider_id == bindparam("provider_id"))
+    _OF_PROVIDER
     # Mission ids are sorted by time.
     .order_by(missions.c.mission_id.desc())
     .limit(bindparam("most_looked_at", type_=Integer))
@@ -67,20 +72,35 @@ _LAST: Final = (
     .limit(_MOST_MISSIONS)
 )
 
+_NEWEST: Final = (
+    _OF_PROVIDER.where(
+        missions.c.mission_id >= bindparam("since"),
+        missions.c.network_id == bindparam("network_id"),
+    )
+    .order_by(missions.c.mission_id.desc())
+    .limit(_MOST_MISSIONS)
+)
+
 #: After a mission in one of these states its drone waits where the mission has planned.
 _WAITS_AFTER: Final = frozenset({*OPEN_MISSION_STATES, "COMPLETED"})
 
 
 @dataclass(frozen=True, slots=True)
 class _Past:
-    """A provider's last requests, and where each of its drones waits, or will after a mission."""
+    """A provider's last requests, and its last missions, the newest first."""
 
     requests: tuple[PastRequest, ...]
-    waits_at: Mapping[DroneId, StationId]
+    missions: Sequence[Any]  # rows
+
+    @property
+    def since(self) -> str:
+        """The oldest mission that is read again; empty if all are."""
+        again = self.missions[:_MOST_READ_AGAIN]
+        return again[-1].mission_id if len(again) == _MOST_READ_AGAIN else ""
 
 
 class PastPickups:
-    """The last missions in one network, a few seconds old."""
+    """The last missions in one network: requests a few seconds old, and where drones wait now."""
 
     def __init__(
         self,
@@ -109,20 +129,27 @@ class PastPickups:
         past = self._past.cached(provider_id)
         if past is None:
             past = await self._past.ask(provider_id)
-        waiting = Counter(at for each, at in past.waits_at.items() if each != drone_id)
+        waits_at = _waits_at([*await self._newest(provider_id, past.since), *past.missions])
+        waiting = Counter(at for each, at in waits_at.items() if each != drone_id)
         pickups = expected_pickups(past.requests, at_ms=at_ms)
         # Comparing takes tens of milliseconds, and a booking does it for each of its drones.
         return await asyncio.to_thread(choice.near, pickups, network, start=start, waiting=waiting)
 
     async def _read(self, provider_id: ProviderId) -> _Past:
-        values = {
-            "provider_id": provider_id,
-            "network_id": self.network_id,
-            "most_looked_at": self._most_looked_at,
-        }
+        rows = await self._rows(_LAST, provider_id, most_looked_at=self._most_looked_at)
+        return _Past(tuple(_requests(rows)), rows)
+
+    async def _newest(self, provider_id: ProviderId, since: str) -> Sequence[Any]:
+        """The missions from `since` on, as they are now: other drones may wait since then."""
+        return await self._rows(_NEWEST, provider_id, since=since)
+
+    async def _rows(
+        self, query: Select[Any], provider_id: ProviderId, **values: Any
+    ) -> Sequence[Any]:
+        of = {"provider_id": provider_id, "network_id": self.network_id}
         async with self._db.read() as connection:
-            rows = (await connection.execute(_LAST, values)).all()
-        return _Past(tuple(_requests(rows)), _waits_at(rows))
+            rows: Sequence[Any] = (await connection.execute(query, of | values)).all()
+        return rows
 
 
 def _requests(rows: Sequence[Any]) -> Iterator[PastRequest]:
@@ -135,9 +162,10 @@ def _requests(rows: Sequence[Any]) -> Iterator[PastRequest]:
 
 
 def _waits_at(rows: Sequence[Any]) -> dict[DroneId, StationId]:
-    """Where each drone waits after the last of these missions."""
+    """Where each drone waits after its last mission; of two rows of a mission the first counts."""
+    by_id = {each.mission_id: each for each in reversed(rows)}
     last: dict[DroneId, Any] = {}  # rows
-    for row in sorted(rows, key=lambda each: each.start_ms):
+    for row in sorted(by_id.values(), key=lambda each: each.start_ms):
         if row.state in _WAITS_AFTER:
             last[DroneId(row.drone_id)] = row
     return {each: read_stays(row.stays)[-1].station_id for each, row in last.items() if row.stays}

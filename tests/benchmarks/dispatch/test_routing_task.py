@@ -4,13 +4,14 @@ from itertools import pairwise
 
 from benchmarks.dispatch.routing_task import HORIZON_S, RUNS, RoutingTask, alone
 from skyway.dispatch.estimates import Estimates
+from skyway.dispatch.pools import Sharing
 from skyway.dispatch.schedule import Sequences
 from tests.library.dispatch.fleets import MODEL, small_fleet
 
 
 def make_task() -> RoutingTask:
     problem = small_fleet(3, drones=2, requests=4)
-    return RoutingTask.of(problem, Estimates(problem, [MODEL]))
+    return RoutingTask.of(problem, Estimates(problem, [MODEL], sharing=Sharing(problem)))
 
 
 def test_the_cheapest_answer_with_the_earliest_ends_is_chosen():

@@ -73,6 +73,27 @@ async def places_in(
     return (await past.with_places(choice, network, start=StationId("d"), at_ms=at_ms)).places
 
 
+async def test_a_place_is_full_as_soon_as_a_drone_is_booked_to_wait_there(
+    composition: Any, make: Any
+) -> None:
+    """Each of two replicas has cached the last missions before the booking."""
+    await composition.publish(make.network(pads={"b": 1}))
+    await book_pickups_at_b(composition, make)
+    skyway = await composition.parts.networks.current("row")
+    other_replica = PastPickups(composition.db, composition.clock, NetworkId("row"))
+    caches = skyway.past_pickups, other_replica
+    for each in caches:
+        assert "b" in await places_in(skyway.network, each, composition.clock)
+
+    at = {"station_id": "c", "home_station_id": "e"}
+    drone = make.candidate(20, model=FAR_FLYER, standby="NEXT_PICKUP", **at)
+    booking = await composition.book(drone, request=make.request("d", pickup="c"))
+    assert booking.missions[0].home_recharge.station_id == "b"
+
+    for each in caches:
+        assert "b" not in await places_in(skyway.network, each, composition.clock)
+
+
 async def test_only_the_last_missions_of_a_provider_in_all_networks_are_looked_at(
     composition: Any, make: Any
 ) -> None:

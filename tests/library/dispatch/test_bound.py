@@ -5,7 +5,7 @@ from itertools import permutations, product
 
 import pytest
 
-from skyway.dispatch.optimise import optimise
+from skyway.dispatch.optimise import optimise, proven_s, searched
 from skyway.dispatch.pools import pickups_of
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.schedule import Schedule, Scheduler
@@ -76,3 +76,12 @@ def test_the_bound_is_below_the_best_of_all_plans_and_the_search_is_near(
     assert best_s * 0.9999 <= plan.costs.total_s <= best_s * 1.05
     assert plan.lower_bound_s is not None
     assert 0 < plan.lower_bound_s <= best_s + 0.1
+
+
+def test_a_weaker_bound_is_given_if_not_all_shared_trips_are_known() -> None:
+    search = searched(without_promises(small_fleet(2, drones=2, requests=6)), rounds=2)
+    known_s = proven_s(search)
+
+    search.board.has_all_pools = False
+
+    assert 0 < proven_s(search) < known_s

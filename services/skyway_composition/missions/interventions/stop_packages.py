@@ -16,6 +16,7 @@ from skyway_composition.missions.mission.custody_store import (
     held_on_mission,
 )
 from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
+from skyway_composition.missions.mission.share import ready_at
 from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.call_off import (
@@ -227,12 +228,20 @@ async def _plan_without(
 async def _left_out_of(
     work: MissionUnitOfWork, record: MissionRecord, package_ids: Collection[PackageId]
 ) -> MissionRecord:
-    """The record without these packages; the caller saves its mission."""
+    """The record without these packages; the caller saves its mission.
+
+    If it waits, it may begin as soon as the remaining deliveries allow.
+    """
     left = tuple(each for each in record.request.packages if each.package_id not in package_ids)
     etas = tuple(each for each in record.mission.packages if each.package_id not in package_ids)
+    request = record.request.model_copy(update={"packages": left})
+    if record.mission.state == "QUEUED":
+        flying = [each.package_id for each in left]
+        at = ready_at(record.shares, flying, planned_at=request.earliest_pickup_at)
+        request = request.model_copy(update={"earliest_pickup_at": at})
     record = replace(
         record,
-        request=record.request.model_copy(update={"packages": left}),
+        request=request,
         mission=record.mission.model_copy(update={"packages": etas}),
     )
     await store.save_request(work.tx, record)

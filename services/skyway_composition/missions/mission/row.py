@@ -142,5 +142,5 @@ def read_record(row: Any) -> MissionRecord:  # a row of missions, whose columns 
         ),
         traceparent=row.traceparent,
         promised=() if row.promised is None else PROMISED.validate_json(row.promised),
-        shares=() if row.shares is None else SHARES.validate_json(row.shares),
+        shares=() if row.shares is None else SHARES.validate_json(row.shares, extra="ignore"),
     )

@@ -5,11 +5,13 @@ choose the ids of their packages, and two customers may choose the same. So a gu
 under ids of their own.
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from datetime import datetime
 from typing import Annotated
 
 from pydantic import Field, TypeAdapter
 
+from skyway.bounds import Moment
 from skyway.delivery.offer import Price
 from skyway.ids import DeliveryId, MissionId, PackageId, StationId
 from skyway.json_model import JsonModel
@@ -23,6 +25,15 @@ class NearPickup(JsonModel):
         float, Field(gt=0, description="How far its customer accepts other stations, metres.")
     ]
     away_m: Annotated[float, Field(ge=0, description="How far the host's pickup is, metres.")]
+
+
+class Delay(JsonModel):
+    """A guest whose packages are ready later than those of its host."""
+
+    host_at: Annotated[
+        Moment | None, Field(description="Before this moment the host may not begin alone.")
+    ]
+    ready_at: Annotated[Moment, Field(description="Before this moment no drone sets out for it.")]
 
 
 class Share(JsonModel):
@@ -52,6 +63,13 @@ class Share(JsonModel):
         int, Field(ge=0, description="The number of its last report; the host's is in its row.")
     ] = 0
     traceparent: Annotated[str | None, Field(description="The trace of its request.")] = None
+    delay: Annotated[
+        Delay | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="Set if its packages are ready later than those of its host.",
+        ),
+    ] = None
     near: Annotated[
         NearPickup | None,
         Field(
@@ -82,6 +100,20 @@ SHARES: TypeAdapter[tuple[Share, ...]] = TypeAdapter(tuple[Share, ...])
 def shares_json(shares: tuple[Share, ...]) -> str | None:
     """The shares of a mission as they are stored; None if the mission is not shared."""
     return SHARES.dump_json(shares).decode() if shares else None
+
+
+def ready_at(
+    shares: Iterable[Share], package_ids: Collection[PackageId], *, planned_at: datetime | None
+) -> datetime | None:
+    """The moment before which a mission with these packages may not begin; None without one.
+
+    `planned_at` is the present moment.
+    """
+    delays = [(each.delay, each.packages) for each in shares if each.delay is not None]
+    host_at = delays[0][0].host_at if delays else planned_at
+    flying = {*package_ids}
+    late = (delay.ready_at for delay, packages in delays if flying & packages.keys())
+    return max((at for at in (host_at, *late) if at is not None), default=None)
 
 
 def flight_id(mission_id: MissionId, number: int) -> PackageId:

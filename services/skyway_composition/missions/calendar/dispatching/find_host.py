@@ -31,7 +31,7 @@ from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
 from skyway_composition.missions.calendar.dispatching.find_order import free_to_take_off
 from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Moments, fleet_of
 from skyway_composition.missions.calendar.dispatching.join_host import JoinedTrip
-from skyway_composition.missions.calendar.dispatching.judgement import judge
+from skyway_composition.missions.calendar.dispatching.judgement import judge, latest_ms
 from skyway_composition.missions.calendar.dispatching.merger import Guest, carrying
 from skyway_composition.missions.calendar.dispatching.plan_orders import plan_orders
 from skyway_composition.missions.mission.record import MissionRecord
@@ -46,15 +46,13 @@ from skyway_composition.planning.world import World
 #: seconds and wall seconds; the longer of both counts.
 _SETTLED_S: Final = (60.0, 2.0)
 
-#: How fast customers carry packages to another station, along the straight line, metres per second.
-#: This is a slow walk. Our own choice.
+#: How fast customers walk to another station, along the straight line, m/s. Our own choice.
 _CARRYING_MPS: Final = 1.0
 
 #: A degree of latitude is at least so long, metres.
 _DEGREE_M: Final = 110_000.0
 
-#: How many waiting missions a request is compared with: those at its own pickup before others, and
-#: those that begin first. Our own choice.
+#: How many waiting missions a request is compared with. Our own choice.
 _MOST_HOSTS: Final = 5
 
 
@@ -77,8 +75,7 @@ class _JoiningRequest:
 class _Pickups:
     """The stations where a request's packages may be handed over, and when they can be there.
 
-    `away_m` has each of these stations, with its distance from the request's own pickup. The own
-    pickup is one of them.
+    `away_m` has each of these stations, the own pickup too, with its distance from that pickup.
     """
 
     own: StationId
@@ -97,6 +94,13 @@ class _Pickups:
     def ready_ms(self) -> Mapping[StationId, int]:
         """When the packages can be at each station; 0 at the request's own pickup."""
         return {each: self._there_ms(each) for each in self.away_m}
+
+    def may_wait(self, host: MissionRecord, *, tolerance_s: float) -> bool:
+        """Whether all promises of the host allow it to start when the packages are there."""
+        later_ms = self._there_ms(host.request.pickup.station_id) - host.start.at_ms
+        latest = latest_ms(host, tolerance_s=tolerance_s)
+        etas_ms = {each.package_id: moment_to_ms(each.eta_at) for each in host.mission.packages}
+        return all(at_ms + later_ms <= latest[each] for each, at_ms in etas_ms.items())
 
     def near(self, pickup: StationId) -> NearPickup | None:
         """What the guest's share notes about this pickup; None for the request's own pickup."""
@@ -184,6 +188,8 @@ class HostFinder:
         times: Moments,
     ) -> JoinedTrip | None:
         """The shared trip with this mission; None if it has no plan or breaks a promise."""
+        if not pickups.may_wait(host, tolerance_s=self.tolerance_s):
+            return None
         fleet = free_to_take_off(await self._fleet_of(host, times), world, times)
         if host not in fleet.waiting or not fleet.is_planned_in(world.present):
             return None

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from typing import Final
 
 from skyway.contracts.mission import PackageEta
@@ -9,7 +10,7 @@ from skyway.delivery.request import MAX_PACKAGES, MAX_TRIP_DESTINATIONS, Deliver
 from skyway.ids import DroneId, MissionId, PackageId
 from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Orders
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.share import Share, flight_id
+from skyway_composition.missions.mission.share import Delay, Share, flight_id, ready_at
 
 #: The most deliveries that share a trip, as in the search of `skyway.dispatch`.
 MOST_SHARES: Final = 3
@@ -70,16 +71,26 @@ def carrying(host: MissionRecord, guest: Guest) -> MissionRecord | None:
         return None
     if host.request.qos.priority != guest.request.qos.priority:
         return None
-    ready = [host.request.earliest_pickup_at, guest.request.earliest_pickup_at]
-    earliest_at = max((each for each in ready if each is not None), default=None)
+    delay = _delay(host, guest.request.earliest_pickup_at)
+    earliest_at = host.request.earliest_pickup_at
+    if delay is not None:
+        earliest_at = max(delay.ready_at, earliest_at or delay.ready_at)
     update = {"packages": packages, "earliest_pickup_at": earliest_at}
     etas = host.mission.packages + guest.etas
     return replace(
         host,
         request=host.request.model_copy(update=update),
         mission=host.mission.model_copy(update={"packages": etas}),
-        shares=(*shares, guest.share),
+        shares=(*shares, guest.share.model_copy(update={"delay": delay})),
     )
+
+
+def _delay(host: MissionRecord, guest_at: datetime | None) -> Delay | None:
+    """How much later than its host a guest is ready; None if it is not later."""
+    host_at = ready_at(host.shares, (), planned_at=host.request.earliest_pickup_at)
+    if guest_at is None or (host_at is not None and guest_at <= host_at):
+        return None
+    return Delay(host_at=host_at, ready_at=guest_at)
 
 
 def share_of(record: MissionRecord) -> Share:

@@ -1,7 +1,7 @@
 """All SQL of the dispatcher: what waits in the calendars of a fleet, and what was saved."""
 
 from collections.abc import Collection, Mapping
-from typing import Final
+from typing import Any, Final
 
 from sqlalchemy import and_, bindparam, delete, or_, select, union_all, update
 from sqlalchemy.ext.asyncio import AsyncConnection
@@ -36,7 +36,6 @@ _SEVERAL_TRIPS: Final = (
     .where(in_list(missions.c.delivery_id, "delivery_ids"), missions.c.trip > 1)
 )
 
-_FIRST: Final = (missions.c.start_ms, missions.c.mission_id)
 _HOSTS_AT: Final = (
     select(missions.c.mission_id, missions.c.pooling_at, missions.c.start_ms)
     .where(
@@ -45,13 +44,9 @@ _HOSTS_AT: Final = (
         in_list(missions.c.pooling_at, "station_ids"),
         in_list(missions.c.provider_id, "provider_ids"),
     )
-    .order_by(*_FIRST)
+    .order_by(missions.c.start_ms, missions.c.mission_id)
 )
-_HOSTS: Final = (
-    select(missions)
-    .where(in_list(missions.c.mission_id, "mission_ids"), is_queued)
-    .order_by(*_FIRST)
-)
+_HOSTS: Final = select(missions).where(in_list(missions.c.mission_id, "mission_ids"), is_queued)
 
 
 async def waiting_fleets(connection: AsyncConnection) -> list[tuple[NetworkId, ProviderId]]:
@@ -85,9 +80,9 @@ async def hosts_at(
 ) -> list[MissionRecord]:
     """QUEUED missions of these providers with a pickup at these stations that may be shared.
 
-    At most `limit`, in the order of their starts; those at the request's own pickup, for which
-    `ready_ms` has the moment 0, come first. None starts before the moment that `ready_ms` has for
-    its pickup.
+    At most `limit`, those at the request's own pickup first, for which `ready_ms` has the moment 0.
+    Then those that start at the moment of their pickup or later, in the order of their starts. Then
+    those that start sooner and would have to wait, the shortest wait first.
     """
     waiting = await connection.execute(
         _HOSTS_AT,
@@ -97,13 +92,17 @@ async def hosts_at(
             "provider_ids": sorted(provider_ids),
         },
     )
-    in_time = [row for row in waiting if row.start_ms >= ready_ms[row.pooling_at]]
-    if not in_time:
+
+    def turn(row: Any) -> tuple[bool, int]:  # a row
+        at_ms = ready_ms[row.pooling_at]
+        return at_ms > 0, max(0, at_ms - row.start_ms)
+
+    ids = [row.mission_id for row in sorted(waiting, key=turn)[:limit]]
+    if not ids:
         return []
-    in_time.sort(key=lambda row: ready_ms[row.pooling_at] > 0)
-    ids = [row.mission_id for row in in_time[:limit]]
-    found = await connection.execute(_HOSTS, {"mission_ids": ids})
-    return [read_record(row) for row in found]
+    records = map(read_record, await connection.execute(_HOSTS, {"mission_ids": ids}))
+    found = {each.mission_id: each for each in records}
+    return [found[each] for each in ids if each in found]
 
 
 async def open_missions_on(connection: AsyncConnection, drone_id: DroneId) -> list[MissionRecord]:

@@ -15,10 +15,16 @@ def asks(
     mass_kg: float = 0.4,
     pickup: str = "a",
     within_m: float = 0.0,
+    may_be_later_s: float = 0.0,
     **members: Any,
 ) -> DeliveryRequest:
     """A request from a that may be pooled; all customers name their packages p1, p2, ..."""
-    pooling = {"pooling": True, "pooling_wait_s": wait_s, "pickup_within_m": within_m}
+    pooling = {
+        "pooling": True,
+        "pooling_wait_s": wait_s,
+        "pickup_within_m": within_m,
+        "may_be_later_s": may_be_later_s,
+    }
     return DeliveryRequest.model_validate(
         {
             "pickup": {"station_id": pickup},

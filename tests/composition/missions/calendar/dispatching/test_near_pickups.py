@@ -3,6 +3,7 @@
 import json
 from collections.abc import AsyncIterator
 from dataclasses import replace
+from datetime import timedelta
 from typing import Any, Final
 
 import pytest
@@ -53,7 +54,13 @@ async def book(
     """Book one of the drones, or this one."""
     waiting = request.begun_after_wait(world.clock.now())
     drones = None if drone is None else world.drones[drone - 1 : drone]
-    booked = await world.book(delivery_id, waiting, loading="AUTOMATIC", drones=drones)
+    booked = await world.book(
+        delivery_id,
+        waiting,
+        loading="AUTOMATIC",
+        drones=drones,
+        ready_at=request.earliest_pickup_at,
+    )
     assert booked == "BOOKED"
     await world.keep_calendars()
 
@@ -82,9 +89,10 @@ async def test_a_guest_hands_its_packages_over_where_its_host_is_loaded(world: N
     host, guest = (mission_for(record, DeliveryId(each)) for each in ("dlv1", "dlv2"))
     assert (host.pickup_station_id, host.pickup_away_m) == ("a", 0.0)
     assert (guest.pickup_station_id, guest.pickup_away_m) == ("a", _AWAY_M)
-    # A replica of the version before knows no `near`.
+    # A replica of an earlier version knows no `near` and no `delay`.
     stored = json.loads(shares_json(record.shares) or "")
     assert ["near" in each for each in stored] == [False, True]
+    assert ["delay" in each for each in stored] == [False, False]
     # The customer has a second for each metre of the way there.
     assert moment_to_ms(guest.start_at) - asked_ms >= 1000 * _AWAY_M
     async with world.db.read() as connection:
@@ -118,6 +126,52 @@ async def test_a_request_keeps_its_own_pickup_when_no_other_pickup_fits(
     record, mission = await mission_of(world, "dlv2")
     assert record.shares == ()
     assert (mission.pickup_station_id, mission.pickup_away_m) == ("d", 0.0)
+
+
+@pytest.mark.parametrize(
+    ("wait_s", "may_be_later_s"), [(960.0, 0.0), (600.0, 900.0)], ids=["tolerance", "allowed"]
+)
+async def test_a_host_waits_for_packages_from_another_station_if_its_promise_allows_that(
+    world: NearWorld, wait_s: float, may_be_later_s: float
+) -> None:
+    await book(world, "dlv1", asks("b", wait_s=wait_s, may_be_later_s=may_be_later_s))
+    alone, _ = await mission_of(world, "dlv1")
+    asked_ms = world.now_ms
+    await book(world, "dlv2", asks("b", pickup="d", within_m=1_200.0))
+    await world.check()
+
+    record, _ = await mission_of(world, "dlv2")
+    assert [each.delivery_id for each in record.shares] == ["dlv1", "dlv2"]
+    assert alone.start.at_ms < asked_ms + 1000 * _AWAY_M <= record.start.at_ms
+    later = record.mission.packages[0].eta_at - alone.mission.packages[0].eta_at
+    assert later.total_seconds() <= max(60.0, may_be_later_s)
+
+    await world.cancel("dlv2", None)
+    await world.keep_calendars()
+    again, _ = await mission_of(world, "dlv1")
+    assert again.start.at_ms <= alone.start.at_ms
+    await world.end()
+    assert await world.handed_over() == [("dlv1", "p1")]
+
+
+async def test_a_guest_that_cancels_lets_its_host_begin_as_early_as_alone(
+    world: NearWorld,
+) -> None:
+    await book(world, "dlv1", asks("b", may_be_later_s=1800.0))
+    alone, _ = await mission_of(world, "dlv1")
+    later_at = alone.mission.start_at + timedelta(minutes=10)
+    await book(world, "dlv2", asks("b", earliest_pickup_at=later_at, wait_s=0.0))
+    together, _ = await mission_of(world, "dlv2")
+    assert [each.delivery_id for each in together.shares] == ["dlv1", "dlv2"]
+    assert together.mission.start_at >= later_at
+
+    await world.cancel("dlv2", None)
+    await world.keep_calendars()
+    await world.check()
+
+    again, _ = await mission_of(world, "dlv1")
+    assert again.mission.start_at <= alone.mission.start_at
+    assert again.mission.packages[0].eta_at <= alone.mission.packages[0].eta_at
 
 
 async def test_a_request_prefers_the_host_at_its_own_pickup_when_it_delivers_sooner(
