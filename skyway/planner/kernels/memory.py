@@ -98,8 +98,9 @@ class Memory(NamedTuple):
       `radius` up to which distances are final and the `reach` up to which it may grow, metres.
     - With a hierarchy, by rank: `rank_distance` ``(ranks, trees)`` metres, `rank_known`, `climb`.
     - By arc: `arc_place` at the other end, `arc_segment` its row, `arc_length` in metres: for arcs
-      that arrive the least length by the weather, see `kernels.weather`. With weather `arc_column`
-      is the segment's row among the factors, -1 without.
+      that arrive the least length by the weather, see `kernels.weather`. For arcs that leave
+      `arc_detours`, see `places`; -1 before it is known. With weather `arc_column` is the
+      segment's row among the factors, -1 without.
     - `window_s` ``(windows, 2)``: the free windows of a place, one after another.
     - `state` ``(states, 4)``: its columns are above; `state_bound` ``(states, 3)``: seconds, see
       `bounds`; with windows the last column is the last useful moment there. `state_table` finds
@@ -144,6 +145,7 @@ class Memory(NamedTuple):
     arc_place: Longs
     arc_segment: Longs
     arc_length: Floats
+    arc_detours: Longs
     arc_column: Longs
     window_s: Floats
     state: Longs
