@@ -76,7 +76,7 @@ def enlarged(memory: Memory, *, trees: int | None = None) -> Memory:
         "arc_place": ARCS, "arc_segment": ARCS, "arc_length": ARCS, "arc_column": ARCS,
         "arc_detours": ARCS,
         "window_s": WINDOWS,
-        "state": STATES, "state_bound": STATES,
+        "state": STATES, "state_bound": STATES, "state_ahead": STATES, "state_best": STATES,
         "label": LABELS, "not_before_s": LABELS, "link": LABELS, "period": LABELS,
         "queue_key": QUEUE, "queue_label": QUEUE,
     }  # fmt: skip
@@ -147,6 +147,8 @@ def _sized(trees: int, ranks: int, room: Room, *, has_weather: bool, layers: int
         window_s=np.empty((room.windows, 2)),
         state=np.empty((states, 4), np.int64),
         state_bound=np.empty((states, 3)),
+        state_ahead=np.empty((states, MOST_TREES - 1), np.int64),
+        state_best=np.empty((states, 2)),
         state_table=np.zeros(2 * states, np.int64),
         label=np.empty((labels, 9)),
         not_before_s=np.empty(labels),
