@@ -88,7 +88,7 @@ def _compiled(function: _Function, options: dict[str, Any]) -> _Function:
 
 
 def fetch_soon(array: Any, index: int) -> None:
-    """Let the processor load this element into its cache, because it is read soon.
+    """Let the processor load this element or row into its cache, because it is read soon.
 
     It changes no result, and does nothing where kernels are not compiled.
     """
@@ -101,8 +101,10 @@ def _fetch(_typing: Any, array: Any, index: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         of_array = signature.args[0]
         view = context.make_array(of_array)(context, builder, arguments[0])
+        zero = context.get_constant(types.intp, 0)
+        place = [arguments[1], *[zero] * (of_array.ndim - 1)]
         element = cgutils.get_item_pointer(
-            context, builder, of_array, view, [arguments[1]], wraparound=False
+            context, builder, of_array, view, place, wraparound=False
         )
         number, address = ir.IntType(32), cgutils.voidptr_t
         of_fetch = ir.FunctionType(ir.VoidType(), [address, number, number, number])

@@ -35,7 +35,7 @@ from skyway.planner.kernels.memory import (
     Memory,
     int64,
 )
-from skyway.planner.kernels.places import arcs_of
+from skyway.planner.kernels.places import arcs_of, detours_after, is_detour
 from skyway.planner.kernels.records import Search, Task
 from skyway.planner.kernels.states import state_of
 from skyway.planner.kernels.weather import Departures, air_of, has_weather, period_at
@@ -72,8 +72,11 @@ def expand(search: Search, label: int, period: int) -> bool:
     from_period = period
     if has_weather(search.skyway) and not is_new:
         from_period = period_at(search.skyway, memory.label[label, TIME])
-    for arc in range(first, first + memory.arc_count[place, OUTWARD]):
-        if not _fly(search, label, mask, arc, period, from_period):
+    detours = detours_after(search, label)
+    for number in range(memory.arc_count[place, OUTWARD]):
+        if is_detour(detours, number):
+            continue
+        if not _fly(search, label, mask, first + number, period, from_period):
             return False
     return True
 

@@ -8,7 +8,7 @@ and in the air: a drone on the ground can do all that a drone in the air can, an
 import numpy as np
 
 from skyway.planner.kernels.charging import Charge, after_staying
-from skyway.planner.kernels.compiler import kernel
+from skyway.planner.kernels.compiler import fetch_soon, kernel
 from skyway.planner.kernels.dominance import SAME_S, dominates
 from skyway.planner.kernels.memory import (
     ALIVE,
@@ -24,14 +24,15 @@ from skyway.planner.kernels.memory import (
     LAST_POSITION,
     LATEST,
     LEVEL,
+    MOST,
     MOST_BEFORE,
     NEXT,
     NONE,
     PARENT,
     POSITION,
+    SOONEST,
     STATE,
     STATE_MASK,
-    STATE_PLACE,
     TIME,
     USED,
     Floats,
@@ -40,7 +41,7 @@ from skyway.planner.kernels.memory import (
 )
 from skyway.planner.kernels.queue import push
 from skyway.planner.kernels.records import Task
-from skyway.planner.kernels.states import slot_of_state, still_s
+from skyway.planner.kernels.states import still_s
 
 # Why there is no label.
 DOMINATED = -1
@@ -128,6 +129,9 @@ def enlist(task: Task, memory: Memory, label: int, state: int, column: int) -> i
     memory.link[label, STATE] = state
     memory.link[label, ALIVE] = 1
     _insert(memory, label, state, column, before)
+    best = memory.state_best[state]
+    best[SOONEST] = min(best[SOONEST], row[TIME])
+    best[MOST] = max(best[MOST], row[LAST_LEVEL] - row[USED])
     return label
 
 
@@ -192,17 +196,22 @@ def is_behind(task: Task, memory: Memory, label: int) -> bool:
     state, row = memory.link[label, STATE], memory.label[label]
     is_flown = memory.link[label, KIND] == FLOWN
     on_ground = not is_flown or (task.stop_s == 0.0 and task.stop_j == 0.0)
-    place, mask = memory.state[state, STATE_PLACE], memory.state[state, STATE_MASK]
     count = int64(task.destinations.size)
-    all_delivered = (int64(1) << count) - 1
-    if mask > all_delivered:
+    if memory.state[state, STATE_MASK] == int64(1) << count:
         return False
+    # The processor loads all of them together, and does not wait for one after another.
     for number in range(count):
-        ahead = mask | int64(1) << number
-        if ahead in (mask, all_delivered):
-            continue
-        other = memory.state_table[slot_of_state(memory, place, ahead)] - 1
+        if memory.state_ahead[state, number] >= 0:
+            fetch_soon(memory.state_best, memory.state_ahead[state, number])
+            fetch_soon(memory.state, memory.state_ahead[state, number])
+    latest_s = row[TIME] + SAME_S
+    needed_j = row[LAST_LEVEL] - row[USED] - task.rounding_j
+    for number in range(count):
+        other = memory.state_ahead[state, number]
         if other < 0:
+            continue
+        best = memory.state_best[other]
+        if best[SOONEST] > latest_s or best[MOST] < needed_j:
             continue
         if _is_dominated(task, memory, other, FIRST_ON_GROUND, row):
             return True

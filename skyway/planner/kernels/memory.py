@@ -79,6 +79,10 @@ STATE_MASK: Final = 1
 FIRST_ON_GROUND: Final = int64(2)
 FIRST_IN_AIR: Final = int64(3)
 
+# Columns of `Memory.state_best`.
+SOONEST: Final = 0
+MOST: Final = 1
+
 # Columns of `Memory.period`.
 FLOWN_IN: Final = 0
 LEAVES_IN: Final = 1
@@ -98,12 +102,15 @@ class Memory(NamedTuple):
       `radius` up to which distances are final and the `reach` up to which it may grow, metres.
     - With a hierarchy, by rank: `rank_distance` ``(ranks, trees)`` metres, `rank_known`, `climb`.
     - By arc: `arc_place` at the other end, `arc_segment` its row, `arc_length` in metres: for arcs
-      that arrive the least length by the weather, see `kernels.weather`. With weather `arc_column`
-      is the segment's row among the factors, -1 without.
+      that arrive the least length by the weather, see `kernels.weather`. For arcs that leave
+      `arc_detours`, see `places`; -1 before it is known. With weather `arc_column` is the
+      segment's row among the factors, -1 without.
     - `window_s` ``(windows, 2)``: the free windows of a place, one after another.
     - `state` ``(states, 4)``: its columns are above; `state_bound` ``(states, 3)``: seconds, see
-      `bounds`; with windows the last column is the last useful moment there. `state_table` finds
-      the state of a place and mask, plus 1.
+      `bounds`; with windows the last column is the last useful moment there. `state_ahead`
+      ``(states, 12)``: by destination the state at the same place that has delivered this one too,
+      or -1. `state_best` ``(states, 2)``: the earliest time and the most charge of any label there
+      so far. `state_table` finds the state of a place and mask, plus 1.
     - `label` ``(labels, 9)``: the earliest time, the charge level at which the last pad was left
       for that time with its position on the charge curve (seconds), the highest level the pad could
       give with its position, the joules used since, the latest moment to which the drone can delay
@@ -144,10 +151,13 @@ class Memory(NamedTuple):
     arc_place: Longs
     arc_segment: Longs
     arc_length: Floats
+    arc_detours: Longs
     arc_column: Longs
     window_s: Floats
     state: Longs
     state_bound: Floats
+    state_ahead: Longs
+    state_best: Floats
     state_table: Longs
     label: Floats
     not_before_s: Floats

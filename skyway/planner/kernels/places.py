@@ -4,12 +4,30 @@ import numpy as np
 
 from skyway.planner.kernels.closures import is_closed_for_good
 from skyway.planner.kernels.compiler import entrance, kernel
-from skyway.planner.kernels.memory import ARCS, FULL, INWARD, NONE, PLACES, Memory, int64
-from skyway.planner.kernels.records import Closed, Skyway
+from skyway.planner.kernels.memory import (
+    ARCS,
+    DETAIL,
+    FLOWN,
+    FULL,
+    INWARD,
+    KIND,
+    NONE,
+    OUTWARD,
+    PARENT,
+    PLACES,
+    STATE,
+    STATE_PLACE,
+    Memory,
+    int64,
+)
+from skyway.planner.kernels.records import Closed, Search, Skyway
 from skyway.planner.kernels.weather import column_of, has_weather, least_time_factor
 
 # Knuth's multiplicative hashing: 2**32 divided by the golden ratio.
 _GOLDEN = 2654435769
+
+# Detours of a station with more segments are not left out beyond this number.
+_MOST_BITS = 62
 
 
 @kernel
@@ -94,8 +112,59 @@ def arcs_of(skyway: Skyway, closed: Closed, memory: Memory, place: int, directio
         memory.arc_place[end] = other
         memory.arc_segment[end] = segments[index]
         memory.arc_length[end] = length_m
+        memory.arc_detours[end] = NONE
         end += 1
     memory.arc_first[place, direction] = first
     memory.arc_count[place, direction] = end - first
     memory.counts[ARCS] = end
     return first
+
+
+@kernel
+def detours_after(search: Search, label: int) -> int:
+    """The segments that leave the label's station and are detours, bit by bit in their order.
+
+    The drone has just flown over this station. A segment is a detour if it leads back, or to a
+    station that a segment reaches on a shorter way: then another label dominates the one that it
+    leads to. Where the moment of a flight matters, no segment is a detour.
+    """
+    task, memory = search.task, search.memory
+    if (
+        memory.link[label, KIND] != FLOWN
+        or not task.prunes
+        or task.may_pass
+        or search.closed.keys.size > 0
+        or has_weather(search.skyway)
+    ):
+        return int64(0)
+    arc = memory.link[label, DETAIL]
+    if memory.arc_detours[arc] < 0:
+        before = memory.link[memory.link[label, PARENT], STATE]
+        memory.arc_detours[arc] = _detours_of(memory, arc, memory.state[before, STATE_PLACE])
+    return memory.arc_detours[arc]
+
+
+@kernel
+def is_detour(detours: int, number: int) -> bool:
+    """Whether the segment with this number is one of the detours."""
+    return number < _MOST_BITS and (detours >> number) & 1 != 0
+
+
+@kernel
+def _detours_of(memory: Memory, arc: int, place: int) -> int:
+    """The detours after this arc, which leaves this place."""
+    reached = memory.arc_place[arc]
+    first, first_onward = memory.arc_first[place, OUTWARD], memory.arc_first[reached, OUTWARD]
+    end = first + memory.arc_count[place, OUTWARD]
+    detours = int64(0)
+    for number in range(min(memory.arc_count[reached, OUTWARD], _MOST_BITS)):
+        onward = first_onward + number
+        target = memory.arc_place[onward]
+        length_m = memory.arc_length[arc] + memory.arc_length[onward]
+        is_useless = target == place
+        for direct in range(first, end):
+            if memory.arc_place[direct] == target and memory.arc_length[direct] <= length_m:
+                is_useless = True
+        if is_useless:
+            detours |= int64(1) << number
+    return detours

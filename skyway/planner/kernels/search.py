@@ -3,7 +3,7 @@
 import numpy as np
 
 from skyway.planner.kernels.charging import Charge, position_of
-from skyway.planner.kernels.compiler import entrance, kernel
+from skyway.planner.kernels.compiler import entrance, fetch_soon, kernel
 from skyway.planner.kernels.flights import expand
 from skyway.planner.kernels.labels import (
     FULL_MEMORY,
@@ -115,6 +115,7 @@ def run_search(search: Search, most_labels: int) -> int:
         if memory.counts[LABELS] >= most_labels:
             return PAUSED
         label = pop(memory)
+        _fetch_next(memory)
         if memory.layer.size > 0 and _is_crowded(task, memory, label):
             continue
         is_alive = memory.link[label, ALIVE] != 0
@@ -142,6 +143,14 @@ def run_search(search: Search, most_labels: int) -> int:
         if is_alive and in_weather:
             _enqueue_for_next_period(search, label, period)
     return PROVEN if memory.counts[BEST] >= 0 else EXHAUSTED
+
+
+@kernel
+def _fetch_next(memory: Memory) -> None:
+    """Fetch the label that the search probably takes next: labels lie all over a large memory."""
+    if memory.counts[QUEUE] > 0:
+        fetch_soon(memory.link, memory.queue_label[0])
+        fetch_soon(memory.label, memory.queue_label[0])
 
 
 @kernel

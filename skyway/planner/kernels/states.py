@@ -1,5 +1,7 @@
 """States: a place and a mask, with bounds of the remaining time."""
 
+import numpy as np
+
 from skyway.planner.kernels.bounds import note_bounds, note_last_arrival
 from skyway.planner.kernels.charging import full_sessions_s
 from skyway.planner.kernels.compiler import entrance, kernel
@@ -7,8 +9,10 @@ from skyway.planner.kernels.memory import (
     FIRST_IN_AIR,
     FIRST_ON_GROUND,
     FULL,
+    MOST,
     NONE,
     SEARCHED,
+    SOONEST,
     STATE_MASK,
     STATE_PLACE,
     STATES,
@@ -42,11 +46,29 @@ def state_of(search: Search, place: int, mask: int) -> int:
     memory.state[state, STATE_MASK] = mask
     memory.state[state, FIRST_ON_GROUND] = NONE
     memory.state[state, FIRST_IN_AIR] = NONE
+    memory.state_best[state, SOONEST] = np.inf
+    memory.state_best[state, MOST] = -np.inf
+    if search.task.compares_masks:
+        _note_ahead(search.task, memory, state, place, mask)
     memory.counts[STATES] = state + 1
     if memory.is_searched[place] == 0:
         memory.is_searched[place] = 1
         memory.counts[SEARCHED] += 1
     return state
+
+
+@kernel
+def _note_ahead(task: Task, memory: Memory, state: int, place: int, mask: int) -> None:
+    """Note which states are one delivery ahead of a new state, and that it is ahead of others."""
+    count = int64(task.destinations.size)
+    if mask == int64(1) << count:
+        return
+    for number in range(count):
+        other = memory.state_table[slot_of_state(memory, place, mask ^ int64(1) << number)] - 1
+        is_delivered = (mask >> number) & 1 != 0
+        memory.state_ahead[state, number] = NONE if is_delivered else other
+        if is_delivered and other >= 0:
+            memory.state_ahead[other, number] = state
 
 
 @kernel
