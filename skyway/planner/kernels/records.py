@@ -42,8 +42,9 @@ class Skyway(NamedTuple):
 class Closed(NamedTuple):
     """Closed times by segment row, and by station row counted on from the last segment.
 
-    `keys` are sorted; the closures of ``keys[i]`` are those from ``offsets[i]`` to
-    ``offsets[i + 1]``, seconds, in any order, and may overlap.
+    With `is_two_way` no segment is closed for good in one direction alone. `keys` are sorted; the
+    closures of ``keys[i]`` are those from ``offsets[i]`` to ``offsets[i + 1]``, seconds, in any
+    order, and may overlap.
     """
 
     keys: Longs
@@ -51,6 +52,7 @@ class Closed(NamedTuple):
     start_s: Floats
     end_s: Floats
     first_station_key: int
+    is_two_way: bool
 
 
 class Book(NamedTuple):

@@ -161,7 +161,7 @@ def plant_all(
 @kernel
 def _is_two_way(skyway: Skyway, closed: Closed) -> bool:
     """Whether each way back is as long as the way there, for this request."""
-    return skyway.is_two_way and closed.keys.size == 0 and not has_weather(skyway)
+    return skyway.is_two_way and closed.is_two_way and not has_weather(skyway)
 
 
 @entrance
