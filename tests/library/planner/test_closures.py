@@ -9,6 +9,7 @@ from skyway.network.network import Zone
 from skyway.planner.airspace import Airspace
 from skyway.planner.closures import Closures, Use
 from skyway.planner.exact_task import closed_of
+from skyway.planner.pad_book import NO_RESERVATIONS
 from skyway.planner.situation import Situation
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
@@ -83,8 +84,9 @@ def test_closures_keep_a_network_two_way_if_they_close_both_directions_for_good(
 ):
     problem = make_problem("a-b:5", "b")
     closures = Closures({(A, B): [(0.0, math.inf)], (B, A): back, A: [(0.0, math.inf)]})
+    situation = Situation(problem, closures, (NO_RESERVATIONS, NO_RESERVATIONS))
 
-    assert closed_of(Situation(problem, closures, ())).is_two_way is is_two_way
+    assert closed_of(situation).is_two_way is is_two_way
 
 
 def test_a_zone_closes_the_segments_that_meet_it_while_it_is_active(make_network, make_problem):
