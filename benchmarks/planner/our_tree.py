@@ -23,7 +23,7 @@ class OurTree:
         nothing_s, no_keys = np.empty(0), np.empty(0, np.int64)
         segments = network.columns.from_row.size
         self._closed = handle_of(
-            Closed(no_keys, np.zeros(1, np.int64), nothing_s, nothing_s, segments)
+            Closed(no_keys, np.zeros(1, np.int64), nothing_s, nothing_s, segments, True)
         )
 
     def prepare(self, _task: PathTask) -> Skyway:

@@ -160,6 +160,21 @@ class Network:
         """The segments that reach each station."""
         return self._adjacency(self._columns.to_row, self._columns.from_row)
 
+    @cached_property
+    def is_two_way(self) -> bool:
+        """Whether each way back is known to be as long as the way there.
+
+        Each segment is longer than 0 and has an opposite segment of the same length. Both must
+        have the same place in the lists of segments that leave and reach a station, as they have
+        after a document with a line for both is read.
+        """
+        leaving, reaching = self.outgoing, self.incoming
+        return (
+            np.array_equal(leaving.station, reaching.station)
+            and np.array_equal(leaving.length_m, reaching.length_m)
+            and bool((leaving.length_m > 0).all())
+        )
+
     def segments_from(self, station_id: StationId) -> tuple[Segment, ...]:
         """The segments that leave this station, in the order of the document."""
         leaving = self._leaving.get(station_id)

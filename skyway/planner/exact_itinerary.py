@@ -69,6 +69,7 @@ class _Flight:
     def __init__(self, situation: Situation) -> None:
         self.log = FlightLog(situation)
         self._situation = situation
+        self._columns = situation.network.columns
         self._model = situation.model
         self._weather = situation.problem.weather
         self._undelivered = set(situation.destinations)
@@ -96,7 +97,7 @@ class _Flight:
             self._hand_over()
 
     def _crossing(self, act: Act) -> _Crossing:
-        columns, row = self._situation.network.columns, act.segment
+        columns, row = self._columns, act.segment
         air = STILL_AIR if self._weather is None else self._weather.air(row, act.period)
         flight_s = columns.length_m.item(row) * air.time_factor / self._speed_mps
         flight_j = self._power_w * flight_s * air.energy_factor

@@ -31,12 +31,12 @@ _PUT_BACK = 8
 class Room:
     """The sizes of the arrays before the first enlargement.
 
-    The trees of eight packages within 45 km meet 2,000 to 3,000 places. The pages of memory that a
-    search does not use cost nothing, but each enlargement copies all rows.
+    A search for eight packages within 45 km meets 2,000 to 4,000 places. The pages of memory that
+    a search does not use cost nothing, but each enlargement copies all rows.
     """
 
-    places: int = 1 << 12
-    arcs: int = 1 << 15
+    places: int = 1 << 13
+    arcs: int = 1 << 16
     windows: int = 1 << 12
     states: int = 1 << 11
     labels: int = 1 << 12

@@ -22,6 +22,7 @@ from skyway.planner.hierarchy import rows_in_weather, rows_of
 from skyway.planner.kernels import hierarchy as distances
 from skyway.planner.kernels import memory, places, search, trees
 from skyway.planner.kernels.handles import handle_of
+from skyway.planner.kernels.memory import Floats
 from skyway.planner.kernels.records import Search
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
@@ -103,20 +104,19 @@ class ExactSearch:
         )
         self._notes = handle_of(self._memory)
         self._plant_trees()
-        count = len(self._destinations)
         record = task_of(
             situation,
             method,
             required=required_before(situation, order),
-            apart_m=trees.distances(
-                self._skyway, self._notes, self._destinations, self._source, count
-            ),
+            apart_m=self._apart_m(),
             least_energy_factor=least_energy_factor,
             until_s=until_s,
             weight=weight,
         )
         #: Whether there is an order of the destinations with a path through all of them.
-        self.has_order = count == 0 or bool(np.isfinite(record.flight_after[0]).any())
+        self.has_order = not self._destinations.size or bool(
+            np.isfinite(record.flight_after[0]).any()
+        )
         self._task = handle_of(record)
         while not search.begin(*self._search()):
             self._enlarge()
@@ -199,6 +199,17 @@ class ExactSearch:
         while not trees.plant_all(
             self._skyway, self._closed, self._notes, roots, self._start, self._source
         ):
+            self._enlarge()
+
+    def _apart_m(self) -> Floats:
+        """As in `bounds_of`."""
+        count = len(self._destinations)
+        while True:
+            apart_m = trees.distances(
+                self._skyway, self._closed, self._notes, self._destinations, self._source, count
+            )
+            if not self._memory.counts[memory.FULL]:
+                return apart_m
             self._enlarge()
 
     def _enlarge(self) -> None:

@@ -12,7 +12,7 @@ from skyway.drone.model import DroneModel
 from skyway.ids import StationId
 from skyway.network.network import Network
 from skyway.planner.charge_curves import curves_of
-from skyway.planner.closures import Interval
+from skyway.planner.closures import Closures, Interval
 from skyway.planner.exact_bounds import Bound, Legs, bounds_of, legs_of
 from skyway.planner.kernels.bounds import fill_floors
 from skyway.planner.kernels.handles import handle_of
@@ -69,7 +69,9 @@ def closed_handle(situation: Situation) -> Closed:
 @lru_cache(maxsize=10)  # by the number of the network's segments
 def _nothing_closed(first_station_key: int) -> Closed:
     nothing, never = np.empty(0, np.int64), np.empty(0)
-    return handle_of(Closed(nothing, np.zeros(1, np.int64), never, never, first_station_key))
+    return handle_of(
+        Closed(nothing, np.zeros(1, np.int64), never, never, first_station_key, is_two_way=True)
+    )
 
 
 def closed_of(situation: Situation) -> Closed:
@@ -91,6 +93,16 @@ def closed_of(situation: Situation) -> Closed:
         np.ascontiguousarray(times_s[:, 0]),
         np.ascontiguousarray(times_s[:, 1]),
         first_station_key,
+        _is_two_way(situation.closures),
+    )
+
+
+def _is_two_way(closures: Closures) -> bool:
+    """Whether all segments that are closed for good are closed for good in both directions."""
+    return all(
+        closures.is_closed_for_good(what[::-1])
+        for what in closures.intervals()
+        if isinstance(what, tuple) and closures.is_closed_for_good(what)
     )
 
 

@@ -18,6 +18,7 @@ class FlightLog:
 
     def __init__(self, situation: Situation) -> None:
         self._situation = situation
+        self._model = situation.model
         self.here: StationId = situation.problem.start_station_id
         self.now_s = 0.0
         self.soc = situation.problem.drone.soc
@@ -37,7 +38,7 @@ class FlightLog:
 
         `flight_s` and `flight_j` are the time and the energy of the flight without its landing.
         """
-        model = self._situation.model
+        model = self._model
         end_s, energy_j = self.now_s + flight_s, flight_j
         if lands:
             end_s += model.stop_s
@@ -66,8 +67,7 @@ class FlightLog:
 
     def stand(self) -> None:
         """Show that the drone has landed, if landing costs something and nothing else is done."""
-        model = self._situation.model
-        lands_for_free = model.stop_s == 0 and model.stop_j == 0
+        lands_for_free = self._model.stop_s == 0 and self._model.stop_j == 0
         if self.steps and self.steps[-1]["kind"] == "FLY" and not lands_for_free:
             self._stand_until(self.now_s)
 

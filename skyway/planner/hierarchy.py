@@ -35,6 +35,7 @@ def rows_of(network: Network) -> Skyway:
         outgoing.segment,
         outgoing.length_m,
         network.columns.pads,
+        network.is_two_way,
         rank=no_ranks,
         above_offsets=no_ranks,
         above=no_ranks,

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from skyway.errors import SkywayError
-from skyway.planner.exact_memory import AMPLE, MOST_TREES, enlarged, new_memory
+from skyway.planner.exact_memory import MOST_TREES, Room, enlarged, new_memory
 from skyway.planner.exact_task import book_handle, book_of
 from skyway.planner.kernels import held_pads
 from skyway.planner.kernels.handles import handle_of
@@ -18,6 +18,8 @@ from skyway.planner.trip_terms import TripTerms
 _MOST_TREE_BYTES = 1 << 28
 #: Bytes of a tree for each place: a distance and the three columns of its heap.
 _BYTES_PER_PLACE = 32
+#: The first sizes. There are few places, so that the trees of many destinations fit.
+_ROOM = Room(places=1 << 12)
 
 
 class PadIsTaken(SkywayError):
@@ -49,7 +51,7 @@ class PadLedger:
         self._used = 0
         self._set_held(_empty(1 << 6, booked.zero_ms))
         self.known = book_handle(booked)
-        self.memory = new_memory(MOST_TREES, room=AMPLE)._replace(
+        self.memory = new_memory(MOST_TREES, room=_ROOM)._replace(
             tree_of_row=np.full(len(terms.network.columns.station_ids), -1, np.int64)
         )
         self._drop_trees()

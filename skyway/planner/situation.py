@@ -34,6 +34,8 @@ class Situation:
     hierarchy: Hierarchy | None = None
     #: When packages may change hands.
     windows: Windows = field(default_factory=Windows)
+    #: The network, whole, without pads that do not fit the drone.
+    network: Network = field(init=False)
     pads: PadCalendar = field(init=False)
     #: Distinct destinations apart from the source, in the order in which packages name them.
     destinations: tuple[StationId, ...] = field(init=False)
@@ -41,6 +43,7 @@ class Situation:
     _finish_j: dict[StationId, float] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
+        self.network = self.problem.network.fitting(self.model.connector)
         self.pads = PadCalendar(self.network, self.books)
         named = dict.fromkeys(package.destination for package in self.problem.packages)
         self.destinations = tuple(
@@ -67,11 +70,6 @@ class Situation:
         if hierarchy is not None:
             hierarchy = hierarchy.fitting(problem.drone.model.connector)
         return cls(problem, closures, (given, booked), hierarchy, Windows.of(problem))
-
-    @property
-    def network(self) -> Network:
-        """The network, whole, without pads that do not fit the drone."""
-        return self.problem.network.fitting(self.model.connector)
 
     @property
     def model(self) -> DroneModel:

@@ -8,8 +8,9 @@ from skyway.planner.kernels.memory import Flags, Floats, Ints, Longs, Memory
 class Skyway(NamedTuple):
     """The network's rows: segments by both ends, and the number of pads.
 
-    `offsets` are ``(n_stations + 1,)`` int64, the rest ``(n_segments,)``; lengths in metres. The
-    fields after `pads` are the hierarchy (see `skyway.planner.hierarchy`), empty without one.
+    `offsets` are ``(n_stations + 1,)`` int64, the rest ``(n_segments,)``; lengths in metres. With
+    `is_two_way` each way back is as long as the way there. The fields after it are the hierarchy
+    (see `skyway.planner.hierarchy`), empty without one.
 
     The last fields are the weather (see `skyway.planner.weather`), empty without one: the rows of
     its segments, the edges of its periods, its factors, and the least time factor of each segment
@@ -25,6 +26,7 @@ class Skyway(NamedTuple):
     out_segment: Ints
     out_length: Floats
     pads: Ints
+    is_two_way: bool
     rank: Longs
     above_offsets: Longs
     above: Longs
@@ -40,8 +42,9 @@ class Skyway(NamedTuple):
 class Closed(NamedTuple):
     """Closed times by segment row, and by station row counted on from the last segment.
 
-    `keys` are sorted; the closures of ``keys[i]`` are those from ``offsets[i]`` to
-    ``offsets[i + 1]``, seconds, in any order, and may overlap.
+    With `is_two_way` no segment is closed for good in one direction alone. `keys` are sorted; the
+    closures of ``keys[i]`` are those from ``offsets[i]`` to ``offsets[i + 1]``, seconds, in any
+    order, and may overlap.
     """
 
     keys: Longs
@@ -49,6 +52,7 @@ class Closed(NamedTuple):
     start_s: Floats
     end_s: Floats
     first_station_key: int
+    is_two_way: bool
 
 
 class Book(NamedTuple):

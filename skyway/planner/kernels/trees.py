@@ -9,9 +9,10 @@ import numpy as np
 
 from skyway.planner.kernels.compiler import entrance, fetch_soon, kernel
 from skyway.planner.kernels.hierarchy import measure
-from skyway.planner.kernels.memory import INWARD, Floats, Ints, Longs, Memory, int64
+from skyway.planner.kernels.memory import INWARD, PLACES, Floats, Ints, Longs, Memory, int64
 from skyway.planner.kernels.places import arcs_of, place_of
 from skyway.planner.kernels.records import Closed, Skyway
+from skyway.planner.kernels.weather import has_weather
 
 # How far a tree may grow on demand, as a multiple of the radius that it needed first.
 REACH = 2.0
@@ -128,12 +129,14 @@ def _without_first(keys: Floats, heap: Longs, slots: Longs, size: int) -> int:
 def plant_all(
     skyway: Skyway, closed: Closed, memory: Memory, roots: Ints, start: int, source: int
 ) -> bool:
-    """Grow a tree from each root until it holds all other roots and the source.
+    """Grow a tree from each root, so far that `distances` can tell how far apart the roots are.
 
-    With more trees than destinations the last root is the source, and its tree is grown to the
-    start. False when the memory is full; another call continues. Afterwards `reach` holds how far
-    a tree may grow on demand: somewhat further than it had to.
+    A tree grows until it holds all other roots and the source. The source alone is enough where
+    each way back is as long as the way there, because then any two trees meet. With more trees
+    than destinations the last root is the source, and its tree is grown to the start. False when
+    the memory is full; another call continues.
     """
+    is_two_way = _is_two_way(skyway, closed)
     for tree in range(roots.size):
         place = place_of(memory, int64(roots[tree]))
         if place < 0:
@@ -141,7 +144,7 @@ def plant_all(
         if memory.radius[tree] < 0.0:
             plant(memory, tree, place)
         for other in range(roots.size + 1):
-            target = source if other == roots.size else int64(roots[other])
+            target = source if other == roots.size or is_two_way else int64(roots[other])
             if roots[tree] == source:
                 target = start
             until = place_of(memory, target)
@@ -155,14 +158,59 @@ def plant_all(
     return True
 
 
+@kernel
+def _is_two_way(skyway: Skyway, closed: Closed) -> bool:
+    """Whether each way back is as long as the way there, for this request."""
+    return skyway.is_two_way and closed.is_two_way and not has_weather(skyway)
+
+
 @entrance
-def distances(skyway: Skyway, memory: Memory, roots: Ints, source: int, count: int) -> Floats:
-    """Metres from each destination, and last from the source, to each destination."""
+def distances(
+    skyway: Skyway, closed: Closed, memory: Memory, roots: Ints, source: int, count: int
+) -> Floats:
+    """Metres from each destination, and last from the source, to each destination.
+
+    Also sets `reach`, how far a tree may grow on demand: somewhat further than these distances. The
+    result means nothing if the memory is full afterwards.
+    """
     apart_m = np.empty((count + 1, count), np.float64)
     for row in range(count + 1):
         place = place_of(memory, source if row == count else int64(roots[row]))
         if skyway.rank.size > 0:
             measure(skyway, memory, place)
         for number in range(count):
-            apart_m[row, number] = memory.distance[memory.tree_of[number], place]
+            tree = memory.tree_of[number]
+            length_m = memory.distance[tree, place]
+            if length_m > memory.radius[tree]:
+                length_m = _through_both(skyway, closed, memory, tree, memory.tree_of[row])
+            apart_m[row, number] = length_m
+            memory.reach[tree] = max(memory.reach[tree], REACH * length_m)
     return apart_m
+
+
+@kernel
+def _through_both(skyway: Skyway, closed: Closed, memory: Memory, tree: int, other: int) -> float:
+    """Metres between the roots of two trees that hold a common place; a two-way network's only.
+
+    Adds the segments in the order in which the first tree would add them if it grew to the other's
+    root, so that no rounding differs.
+    """
+    least_m, place = np.inf, int64(0)
+    for common in range(memory.counts[PLACES]):
+        length_m = memory.distance[tree, common] + memory.distance[other, common]
+        if length_m < least_m:
+            least_m, place = length_m, int64(common)
+    if least_m == np.inf:
+        return least_m
+    distance = memory.distance[other]
+    length_m = memory.distance[tree, place]
+    while distance[place] > 0.0:
+        first = arcs_of(skyway, closed, memory, place, INWARD)
+        if first < 0:
+            return np.inf
+        arc = first
+        while distance[memory.arc_place[arc]] + memory.arc_length[arc] != distance[place]:
+            arc += 1
+        length_m += memory.arc_length[arc]
+        place = memory.arc_place[arc]
+    return length_m

@@ -19,6 +19,22 @@ def test_segments_are_found_by_the_station_that_they_leave() -> None:
 
 
 @pytest.mark.parametrize(
+    ("lengths_m", "is_two_way"),
+    [((5.0, 5.0), True), ((5.0, 6.0), False), ((5.0,), False), ((0.0, 0.0), False), ((), True)],
+)
+def test_a_network_is_two_way_if_each_way_back_is_as_long_as_the_way_there(
+    lengths_m: tuple[float, ...], is_two_way: bool
+) -> None:
+    ends = [(A, B), (B, A)][: len(lengths_m)]
+
+    network = Network(
+        STATIONS, [Segment(*each, m) for each, m in zip(ends, lengths_m, strict=True)]
+    )
+
+    assert network.is_two_way is is_two_way
+
+
+@pytest.mark.parametrize(
     ("segments", "message"),
     [
         ((Segment(A, StationId("c"), 1.0),), "segments.0: no station is called 'c'"),

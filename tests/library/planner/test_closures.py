@@ -8,6 +8,9 @@ from skyway.ids import StationId, ZoneId
 from skyway.network.network import Zone
 from skyway.planner.airspace import Airspace
 from skyway.planner.closures import Closures, Use
+from skyway.planner.exact_task import closed_of
+from skyway.planner.pad_book import NO_RESERVATIONS
+from skyway.planner.situation import Situation
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 A, B, C, D = (StationId(name) for name in "abcd")
@@ -70,6 +73,20 @@ def test_a_landing_is_a_moment_and_may_not_lie_in_a_closure():
 )
 def test_only_a_closure_from_the_start_without_end_closes_for_good(intervals, is_for_good):
     assert closed(*intervals).is_closed_for_good(A_TO_B) is is_for_good
+
+
+@pytest.mark.parametrize(
+    ("back", "is_two_way"),
+    [([(0.0, math.inf)], True), ([(5.0, math.inf)], False), ([], False)],
+)
+def test_closures_keep_a_network_two_way_if_they_close_both_directions_for_good(
+    make_problem, back: list[tuple[float, float]], is_two_way: bool
+):
+    problem = make_problem("a-b:5", "b")
+    closures = Closures({(A, B): [(0.0, math.inf)], (B, A): back, A: [(0.0, math.inf)]})
+    situation = Situation(problem, closures, (NO_RESERVATIONS, NO_RESERVATIONS))
+
+    assert closed_of(situation).is_two_way is is_two_way
 
 
 def test_a_zone_closes_the_segments_that_meet_it_while_it_is_active(make_network, make_problem):

@@ -261,6 +261,14 @@ def test_a_ledger_has_the_windows_of_its_reservations(data: st.DataObject) -> No
     assert compose_many(trips, ledger).end_s[0] == compose_many(trips, anew).end_s[0]
 
 
+def test_a_ledger_has_room_for_the_trees_of_a_thousand_destinations(line: Problem) -> None:
+    ledger = ledger_of(line, begins_s=0.0)
+
+    while (trees := ledger.memory.radius.size) < 1_000:
+        ledger.enlarge_trees()
+        assert ledger.memory.radius.size > trees
+
+
 def test_trips_that_break_a_limit_are_refused_by_name(line: Problem) -> None:
     ledger, trips = ledger_of(line, begins_s=0.0), trips_of(line, begins_s=0.0, count=2)
 

@@ -39,7 +39,7 @@ def _closed(plain: SimpleNamespace, random: np.random.Generator) -> Closed:
     starts_s = random.integers(-5, 80, 4).astype(float)
     ends_s = starts_s + random.integers(1, 20, 4)
     keys = np.array([_SEGMENT, _LANDING])
-    closed: Closed = plain.records.Closed(keys, np.array([0, 2, 4]), starts_s, ends_s, 5)
+    closed: Closed = plain.records.Closed(keys, np.array([0, 2, 4]), starts_s, ends_s, 5, False)
     return closed
 
 
