@@ -56,7 +56,7 @@ class Haste:
                 better = self.better_plan(best, width=width)
                 if better is not best:
                     return better
-            if ending is Ending.PAUSED:
+            if ending is Ending.PAUSED or self.effort.is_over:
                 # A smaller factor would need even more labels.
                 break
         return best
