@@ -18,15 +18,18 @@ OF_REGISTRY = {
 }
 
 
-@pytest.mark.parametrize(("method", "path", "body"), CALLS, ids=lambda each: str(each)[:60])
 async def test_only_services_get_in_and_each_only_to_what_is_for_it(
-    composition: Any, method: str, path: str, body: Any
+    composition: Any, subtests: pytest.Subtests
 ) -> None:
-    async def status(secret: str, caller: str | None = None) -> int:
+    async def status(call: tuple[str, str, Any], secret: str, caller: str | None = None) -> int:
         bearer = {"Authorization": f"Bearer {secret}"}
-        answer = await composition(caller, method, path, body, **bearer)
+        answer = await composition(caller, *call, **bearer)
         return int(answer.status_code)
 
-    assert await status("nobody") == await status("secret of composition") == 401
-    assert await status("secret of registry", "operator:x") == 403
-    assert (await status("secret of registry") != 403) == (path in OF_REGISTRY)
+    for call in CALLS:
+        method, path, _ = call
+        with subtests.test(f"{method} {path}"):
+            assert await status(call, "nobody") == 401
+            assert await status(call, "secret of composition") == 401
+            assert await status(call, "secret of registry", "operator:x") == 403
+            assert (await status(call, "secret of registry") != 403) == (path in OF_REGISTRY)

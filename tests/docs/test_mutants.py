@@ -1,6 +1,7 @@
 """docs/reference/mutants.md is what its table says; each file, text and test of it is there."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ MUTANTS = mutants()
 each_mutant = pytest.mark.parametrize("mutant", MUTANTS, ids=range(1, len(MUTANTS) + 1))
 
 
+@cache
 def names_of_tests(path: Path) -> set[str]:
     """The names of the test functions of a file."""
     functions = (ast.FunctionDef, ast.AsyncFunctionDef)

@@ -22,6 +22,7 @@ from skyway.runtime.signing.fleet_keys import FleetKeys
 from skyway.runtime.verification.rule import BrokenRule
 from tests.end_to_end.corridor_network import corridor
 from tests.end_to_end.eventually import LONGEST_WAIT_S, eventually
+from tests.end_to_end.preloaded import PreloadedProcess, run_preloaded
 from tests.end_to_end.verified import broken_rules
 
 SKYWAY = (sys.executable, "-m", "skyway.cli")
@@ -52,7 +53,7 @@ class LocalSystem:
         log = (self.folder.path / "up.log").open("ab")
         command = (*SKYWAY, "up", "--data", self.folder.path, "--rate", self.rate)
         ports = () if self.up else ("--port", "0", "--mqtt-port", "0")
-        self.up = subprocess.Popen(
+        self.up = PreloadedProcess(
             [str(part) for part in (*command, *ports)],
             stdout=log,
             stderr=log,
@@ -127,13 +128,10 @@ class LocalSystem:
         return answer.json() if answer.content else None
 
     def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
+        return run_preloaded(
             [*SKYWAY, *arguments, "--data", str(self.folder.path)],
-            env=self.environment,
-            capture_output=True,
-            text=True,
-            timeout=LONGEST_WAIT_S,
-            check=False,
+            environment=self.environment,
+            timeout_s=LONGEST_WAIT_S,
         )
 
     def broken_rules(self) -> list[BrokenRule]:
@@ -181,7 +179,7 @@ class LocalSystem:
 
     def run_fleet(self, file: Path, *options: str) -> subprocess.Popen[bytes]:
         log = (self.folder.path / "fleet.log").open("ab")
-        process = subprocess.Popen(
+        process = PreloadedProcess(
             [*SKYWAY, "fleet", str(file), *options, "--data", str(self.folder.path)],
             stdout=log,
             stderr=log,

@@ -19,17 +19,18 @@ OF_COMPOSITION = {
 }
 
 
-@pytest.mark.parametrize(("method", "path", "body"), CALLS, ids=lambda each: str(each)[:60])
 async def test_only_services_get_in_and_each_only_to_what_is_for_it(
-    api: Any, method: str, path: str, body: Any
+    api: Any, subtests: pytest.Subtests
 ) -> None:
-    unknown = await api.client.request(
-        method, path, json=body, headers={"Authorization": "Bearer unknown"}
-    )
-    uninvited = await api(None, method, path, body, service="registry")
-    composition = await api(None, method, path, body, service="composition")
-    pretended = await api("operator:x", method, path, body, service="composition")
+    for method, path, body in CALLS:
+        with subtests.test(f"{method} {path}"):
+            unknown = await api.client.request(
+                method, path, json=body, headers={"Authorization": "Bearer unknown"}
+            )
+            uninvited = await api(None, method, path, body, service="registry")
+            composition = await api(None, method, path, body, service="composition")
+            pretended = await api("operator:x", method, path, body, service="composition")
 
-    assert unknown.status_code == uninvited.status_code == 401
-    assert pretended.status_code == 403
-    assert (composition.status_code != 403) == (path in OF_COMPOSITION)
+            assert unknown.status_code == uninvited.status_code == 401
+            assert pretended.status_code == 403
+            assert (composition.status_code != 403) == (path in OF_COMPOSITION)
