@@ -22,6 +22,7 @@ from skyway.planner.kernels.memory import (
     FIRST_ON_GROUND,
     FLOWN_IN,
     HANDED_OVER,
+    LABELS,
     LATEST,
     NEW,
     NONE,
@@ -37,8 +38,11 @@ from skyway.planner.kernels.memory import (
 )
 from skyway.planner.kernels.places import arcs_of, detours_after, is_detour
 from skyway.planner.kernels.records import Search, Task
-from skyway.planner.kernels.states import state_of
+from skyway.planner.kernels.states import fetch_states, state_of
 from skyway.planner.kernels.weather import Departures, air_of, has_weather, period_at
+
+# The labels of a larger search do not fit into the processor's own caches.
+_FAR_LABELS = 1 << 14
 
 
 class _End(NamedTuple):
@@ -73,6 +77,8 @@ def expand(search: Search, label: int, period: int) -> bool:
     if has_weather(search.skyway) and not is_new:
         from_period = period_at(search.skyway, memory.label[label, TIME])
     detours = detours_after(search, label)
+    if memory.counts[LABELS] >= _FAR_LABELS:
+        fetch_states(memory, mask, first, memory.arc_count[place, OUTWARD], detours)
     for number in range(memory.arc_count[place, OUTWARD]):
         if is_detour(detours, number):
             continue

@@ -4,7 +4,7 @@ import numpy as np
 
 from skyway.planner.kernels.bounds import note_bounds, note_last_arrival
 from skyway.planner.kernels.charging import full_sessions_s
-from skyway.planner.kernels.compiler import entrance, kernel
+from skyway.planner.kernels.compiler import entrance, fetch_soon, kernel
 from skyway.planner.kernels.memory import (
     FIRST_IN_AIR,
     FIRST_ON_GROUND,
@@ -19,7 +19,7 @@ from skyway.planner.kernels.memory import (
     Memory,
     int64,
 )
-from skyway.planner.kernels.places import slot_of
+from skyway.planner.kernels.places import is_detour, slot_of
 from skyway.planner.kernels.records import Search, Task
 
 # The bits of a mask of 12 destinations and the approach.
@@ -74,14 +74,44 @@ def _note_ahead(task: Task, memory: Memory, state: int, place: int, mask: int) -
 @kernel
 def slot_of_state(memory: Memory, place: int, mask: int) -> int:
     """The slot of this place and mask in the table of states; an empty one if it has no state."""
-    key = (int64(place) << _MASK_BITS) | mask
-    slot = slot_of(key, memory.state_table.size)
+    slot = _first_slot(memory, place, mask)
     while memory.state_table[slot] != 0:
         state = memory.state_table[slot] - 1
         if memory.state[state, STATE_PLACE] == place and memory.state[state, STATE_MASK] == mask:
             break
         slot = (slot + 1) & (memory.state_table.size - 1)
     return slot
+
+
+@kernel
+def _first_slot(memory: Memory, place: int, mask: int) -> int:
+    key = (int64(place) << _MASK_BITS) | mask
+    return slot_of(key, memory.state_table.size)
+
+
+@kernel
+def fetch_states(memory: Memory, mask: int, first: int, count: int, detours: int) -> None:
+    """Fetch the states with this mask at the ends of these arcs, and their latest labels.
+
+    Each round reads what the round before has fetched. So the processor waits three times, and not
+    three times for each arc.
+    """
+    for round_number in range(3):
+        for number in range(count):
+            if is_detour(detours, number):
+                continue
+            slot = _first_slot(memory, memory.arc_place[first + number], mask)
+            if round_number == 0:
+                fetch_soon(memory.state_table, slot)
+                continue
+            state = memory.state_table[slot] - 1
+            if state < 0:
+                continue
+            if round_number == 1:
+                fetch_soon(memory.state, state)
+                fetch_soon(memory.state_bound, state)
+            elif memory.state[state, FIRST_ON_GROUND] >= 0:
+                fetch_soon(memory.label, memory.state[state, FIRST_ON_GROUND])
 
 
 @entrance
