@@ -12,7 +12,6 @@ import httpx
 
 from tests.end_to_end.eventually import LONGEST_WAIT_S, eventually
 from tests.end_to_end.local_system import NO_CERTIFICATES, LocalSystem
-from tests.end_to_end.preloaded import PreloadedProcess
 
 
 @dataclass
@@ -44,7 +43,7 @@ class CellServer:
             **{f"SKYWAY_{name.upper()}_URL": url for name, url in urls.items()},
         }
         with (folder.path / f"{self.name}.log").open("ab") as log:
-            self.process = PreloadedProcess(
+            self.process = subprocess.Popen(
                 [sys.executable, "-m", "skyway_composition"],
                 env={**os.environ, **settings},
                 stdout=log,

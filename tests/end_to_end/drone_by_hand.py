@@ -4,8 +4,6 @@ import subprocess
 import sys
 from typing import Any
 
-from tests.end_to_end.preloaded import PreloadedProcess
-
 SKYWAY = (sys.executable, "-m", "skyway.cli")
 
 _TERMS = {"name": "Test Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
@@ -30,7 +28,7 @@ def run(system: Any, *options: str, token: str | None = None) -> subprocess.Pope
         # As in production: the drone shows the certificate that it got when it enrolled.
         variables["SKYWAY_MQTT_DRONE_URL"] = system.environment["SKYWAY_MQTT_TLS_URL"]
     with (system.folder.path / "drone.log").open("ab") as log:
-        process = PreloadedProcess(
+        process = subprocess.Popen(
             [*SKYWAY, "drone", *options, "--data", str(system.folder.path)],
             stdout=log,
             stderr=log,

@@ -22,7 +22,6 @@ from skyway.runtime.signing.fleet_keys import FleetKeys
 from skyway.runtime.verification.rule import BrokenRule
 from tests.end_to_end.corridor_network import corridor
 from tests.end_to_end.eventually import LONGEST_WAIT_S, eventually
-from tests.end_to_end.preloaded import PreloadedProcess, run_preloaded
 from tests.end_to_end.verified import broken_rules
 
 SKYWAY = (sys.executable, "-m", "skyway.cli")
@@ -53,7 +52,7 @@ class LocalSystem:
         log = (self.folder.path / "up.log").open("ab")
         command = (*SKYWAY, "up", "--data", self.folder.path, "--rate", self.rate)
         ports = () if self.up else ("--port", "0", "--mqtt-port", "0")
-        self.up = PreloadedProcess(
+        self.up = subprocess.Popen(
             [str(part) for part in (*command, *ports)],
             stdout=log,
             stderr=log,
@@ -128,10 +127,13 @@ class LocalSystem:
         return answer.json() if answer.content else None
 
     def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        return run_preloaded(
+        return subprocess.run(
             [*SKYWAY, *arguments, "--data", str(self.folder.path)],
-            environment=self.environment,
-            timeout_s=LONGEST_WAIT_S,
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=LONGEST_WAIT_S,
+            check=False,
         )
 
     def broken_rules(self) -> list[BrokenRule]:
@@ -179,7 +181,7 @@ class LocalSystem:
 
     def run_fleet(self, file: Path, *options: str) -> subprocess.Popen[bytes]:
         log = (self.folder.path / "fleet.log").open("ab")
-        process = PreloadedProcess(
+        process = subprocess.Popen(
             [*SKYWAY, "fleet", str(file), *options, "--data", str(self.folder.path)],
             stdout=log,
             stderr=log,

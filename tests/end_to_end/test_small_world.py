@@ -13,7 +13,6 @@ import pytest
 from skyway.cli.data_folder import DataFolder
 from tests.end_to_end.eventually import LONGEST_WAIT_S, eventually
 from tests.end_to_end.local_system import SKYWAY, LocalSystem
-from tests.end_to_end.preloaded import PreloadedProcess
 from tests.end_to_end.test_demo import processes_using
 
 pytestmark = pytest.mark.end_to_end
@@ -29,18 +28,13 @@ def world(tmp_path: Path) -> Iterator[LocalSystem]:
     local.stop()
 
 
-def start(
-    world: LocalSystem,
-    *options: str,
-    until: str,
-    process: type[subprocess.Popen[bytes]] = subprocess.Popen,
-) -> Path:
+def start(world: LocalSystem, *options: str, until: str) -> Path:
     """Start `skyway up` with these options, and wait until it says `until`; its output."""
     log = world.folder.path / "up.log"
     ports = ("--port", "0", "--mqtt-port", "0", "--rate", "600")
     command = [*SKYWAY, "up", *options, "--data", str(world.folder.path), *ports]
     with log.open("wb") as output:
-        world.up = process(command, stdout=output, stderr=output, env=world.environment)
+        world.up = subprocess.Popen(command, stdout=output, stderr=output, env=world.environment)
     eventually(lambda: until in log.read_text(), "a start", instead=log.read_text)
     return log
 
@@ -83,7 +77,7 @@ def test_an_operator_starts_the_small_world_and_it_goes_on_after_a_restart(
     assert "has stopped" in interrupt(world)
     assert processes_using(world.folder.path) == []
 
-    start(world, "--demo", until="The small world", process=PreloadedProcess)
+    start(world, "--demo", until="The small world")
     assert world.operate("GET", "/v1/system")["small_world"] == "REQUESTED"
     before = deliveries(world)
     eventually(lambda: deliveries(world, "COMPLETED") - before, "a delivery of the second start")

@@ -4,7 +4,6 @@ import asyncio
 import json
 import os
 import signal
-import subprocess
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
@@ -23,7 +22,6 @@ from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import System, running_system
 from skyway.runtime.signing.fleet_keys import FleetKeys
 from tests.end_to_end.local_system import TERMINAL
-from tests.end_to_end.preloaded import PreloadedProcess
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.integration]
 
@@ -82,9 +80,8 @@ async def until_over(api: GatewayApi, key: str, delivery_ids: list[str]) -> list
 
 
 async def test_deliveries_and_new_drones_go_on_while_a_registry_is_killed(
-    folder: DataFolder, monkeypatch: pytest.MonkeyPatch
+    folder: DataFolder,
 ) -> None:
-    monkeypatch.setattr(subprocess, "Popen", PreloadedProcess)
     city = City.of(stations=WORLD.stations, seed=WORLD.seed)
     ports, said = Ports(gateway=0, broker=0), list[str]()
     async with running_system(
