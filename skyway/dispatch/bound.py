@@ -24,8 +24,8 @@ from skyway.scheduling.stays import Slot
 #: With more nodes, only the first trip of each drone is computed with its own times.
 _MOST_NODES_FOR_TWO: Final = 400
 
-#: With more trips, each set of requests from each pickup, only the weaker bound is given. Their
-#: estimates take a second or two for each model. Our own choice.
+#: With more trips only the weaker bound is given: each set of requests counts once for each of its
+#: pickups. Estimates of so many take a second or two for each model. Our own choice.
 _MOST_TRIPS: Final = 50_000
 
 #: After so many steps without a better bound the step is halved. The search ends at the shortest

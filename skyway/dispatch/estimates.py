@@ -94,7 +94,7 @@ class Estimates:
         return pickups_of([self._problem.requests[each] for each in pool])
 
     def source(self, pool: Pool) -> StationId:
-        """The pickup of the search from which the first model serves these requests soonest."""
+        """The tried pickup from which the first model serves these requests soonest."""
         if pool not in self._source_of:
             pickups = self._sharing.pickups(pool)
             self._source_of[pool] = min(

@@ -52,7 +52,7 @@ def pickups_of(requests: Sequence[FleetRequest]) -> tuple[StationId, ...]:
 class SharedPools(NamedTuple):
     """Sets of two and more requests that may share a trip, small sets first.
 
-    `is_complete` is False if there are more such sets.
+    `is_complete` says that these are all such sets.
     """
 
     pools: list[Pool]
@@ -95,8 +95,8 @@ class Sharing:
     def pools(self, *, most_trips: int = _MOST_TRIPS) -> SharedPools:
         """Sets of requests that may share a trip, and those that share one in the current plan.
 
-        If they have too many trips, some sets of each size are left out. Sets with the least detour
-        are kept, but the best set of each request comes before any second best set.
+        If there are too many trips, each size keeps a part of its sets. The best set of each
+        request is kept before any second best set. The best sets have the least detour.
         """
         most = most_trips // min(_MOST_PICKUPS, max(map(len, self._pickups), default=1))
         levels, is_complete = list[list[Pool]](), True

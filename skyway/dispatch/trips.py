@@ -146,7 +146,7 @@ class TripPlanner:
         *,
         latest_s: Mapping[int, float] = MappingProxyType({}),
     ) -> PlannedTrip | None:
-        """The trip that keeps `latest_s` and ends first, from any pickup of the search.
+        """The trip that keeps `latest_s` and ends first, from any pickup that is tried.
 
         If two end together, that with less energy. None if none is found.
         """

@@ -164,9 +164,9 @@ class Network:
     def is_two_way(self) -> bool:
         """Whether each way back is known to be as long as the way there.
 
-        Each segment is longer than 0 and has an opposite segment of the same length. Both must
-        have the same place in the lists of segments that leave and reach a station, as they have
-        after a document with a line for both is read.
+        Each segment is longer than 0 and has an opposite segment of the same length. Both also have
+        the same place in the lists of segments that leave and that reach a station. This is so if
+        the document has one line for both.
         """
         leaving, reaching = self.outgoing, self.incoming
         return (

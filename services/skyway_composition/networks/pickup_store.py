@@ -38,7 +38,7 @@ _KEPT: Final = timedelta(seconds=5)
 _MOST_PROVIDERS: Final = 1_000
 
 #: So many of the last missions, and all newer ones, are read at each choice of a place. Our own
-#: choice: a replica may save a mission a little later than another replica saves a newer one.
+#: choice: one replica may save a mission a moment after another replica has saved a newer one.
 _MOST_READ_AGAIN: Final = 20
 
 _OF_PROVIDER: Final = select(
@@ -94,7 +94,7 @@ class _Past:
 
     @property
     def since(self) -> str:
-        """The oldest mission that is read again; empty if all are."""
+        """The id of the oldest mission that is read again; empty if all are read again."""
         again = self.missions[:_MOST_READ_AGAIN]
         return again[-1].mission_id if len(again) == _MOST_READ_AGAIN else ""
 
@@ -140,7 +140,7 @@ class PastPickups:
         return _Past(tuple(_requests(rows)), rows)
 
     async def _newest(self, provider_id: ProviderId, since: str) -> Sequence[Any]:
-        """The missions from `since` on, as they are now: other drones may wait since then."""
+        """The missions from `since` on as they are now: a drone may have been booked since."""
         return await self._rows(_NEWEST, provider_id, since=since)
 
     async def _rows(
@@ -162,7 +162,7 @@ def _requests(rows: Sequence[Any]) -> Iterator[PastRequest]:
 
 
 def _waits_at(rows: Sequence[Any]) -> dict[DroneId, StationId]:
-    """Where each drone waits after its last mission; of two rows of a mission the first counts."""
+    """Where each drone waits after its last mission; the first row of each mission counts."""
     by_id = {each.mission_id: each for each in reversed(rows)}
     last: dict[DroneId, Any] = {}  # rows
     for row in sorted(by_id.values(), key=lambda each: each.start_ms):

@@ -32,8 +32,8 @@ class DispatchPolicy:
     most_wait_s
         While requests still come, a trip waits for more requests until its oldest one is so old.
     ahead_s
-        While a trip waits, its drone flies to the pickup without packages. It arrives so long
-        before the trip has waited long enough. None: the drone stays until the trip begins.
+        While a trip waits, its drone flies to the pickup without packages. It arrives about so
+        long before `most_wait_s` ends. None: the drone stays until the trip begins.
     energy_s_per_kwh
         The price of energy while requests still come: later requests need the charge.
     promise_tolerance_s

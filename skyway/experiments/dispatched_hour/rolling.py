@@ -202,7 +202,7 @@ class RollingHour:
     def _fly_ahead(
         self, problem: FleetProblem, number: int, waiting: PlannedTrip, now_ms: int
     ) -> None:
-        """Fly a drone to the pickup where its trip waits, if it would come too late a minute on."""
+        """Fly a drone to the pickup of its waiting trip if it must not leave a minute later."""
         ahead_s = self.policy.ahead_s
         pickup = problem.requests[waiting.pool[0]].source
         if ahead_s is None or waiting.slot.station_id == pickup:

@@ -26,7 +26,7 @@ from skyway.planner.kernels.weather import column_of, has_weather, least_time_fa
 # Knuth's multiplicative hashing: 2**32 divided by the golden ratio.
 _GOLDEN = 2654435769
 
-# Detours of a station with more segments are not left out beyond this number.
+# Of the segments that leave a station only so many may be detours: their bits fit into an int64.
 _MOST_BITS = 62
 
 
@@ -122,11 +122,12 @@ def arcs_of(skyway: Skyway, closed: Closed, memory: Memory, place: int, directio
 
 @kernel
 def detours_after(search: Search, label: int) -> int:
-    """The segments that leave the label's station and are detours, bit by bit in their order.
+    """The segments that leave the label's station and are detours, as bits in their order.
 
     The drone has just flown over this station. A segment is a detour if it leads back, or to a
-    station that a segment reaches on a shorter way: then another label dominates the one that it
-    leads to. Where the moment of a flight matters, no segment is a detour.
+    station that one segment from the station before reaches on a way that is not longer. Another
+    label then dominates the label after the detour. Where the moment of a flight matters, no
+    segment is a detour.
     """
     task, memory = search.task, search.memory
     if (

@@ -129,7 +129,7 @@ def _without_first(keys: Floats, heap: Longs, slots: Longs, size: int) -> int:
 def plant_all(
     skyway: Skyway, closed: Closed, memory: Memory, roots: Ints, start: int, source: int
 ) -> bool:
-    """Grow a tree from each root, so far that `distances` can find how far apart the roots are.
+    """Grow a tree from each root, far enough for `distances` to find how far apart the roots are.
 
     A tree grows until it holds all other roots and the source. The source alone is enough where
     each way back is as long as the way there, because then any two trees meet. With more trees
@@ -190,7 +190,7 @@ def distances(
 
 @kernel
 def _through_both(skyway: Skyway, closed: Closed, memory: Memory, tree: int, other: int) -> float:
-    """Metres between the roots of two trees that hold a common place; a two-way network's only.
+    """Metres between the roots of two trees that hold a common place, in a two-way network.
 
     Adds the segments in the order in which the first tree would add them if it grew to the other's
     root, so that no rounding differs.

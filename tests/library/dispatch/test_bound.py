@@ -78,7 +78,7 @@ def test_the_bound_is_below_the_best_of_all_plans_and_the_search_is_near(
     assert 0 < plan.lower_bound_s <= best_s + 0.1
 
 
-def test_a_weaker_bound_is_given_if_not_all_shared_trips_are_known() -> None:
+def test_a_weaker_bound_is_given_if_not_all_shared_trips_are_estimated() -> None:
     search = searched(without_promises(small_fleet(2, drones=2, requests=6)), rounds=2)
     known_s = proven_s(search)
 

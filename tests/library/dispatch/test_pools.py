@@ -54,7 +54,7 @@ def test_all_sets_that_may_share_a_trip_are_found_if_they_are_few(seed: int) -> 
     ]
 
 
-def test_of_too_many_sets_each_size_keeps_a_part_and_each_request_its_best() -> None:
+def test_if_sets_are_too_many_each_size_keeps_a_part_and_each_request_its_best() -> None:
     problem = at_hubs(30, hubs=2)
     all_pools = Sharing(problem).pools().pools
 
@@ -68,7 +68,7 @@ def test_of_too_many_sets_each_size_keeps_a_part_and_each_request_its_best() -> 
     assert of_pairs == {each for pool in found.pools if len(pool) == 2 for each in pool}
 
 
-def test_of_many_common_pickups_the_search_uses_the_nearest_to_the_destinations() -> None:
+def test_the_search_tries_the_three_common_pickups_nearest_to_the_destinations() -> None:
     problem = with_pickups(small_fleet(3, requests=2), 3)
     one, other = problem.requests
     taken = {each.destination for request in (one, other) for each in request.packages}

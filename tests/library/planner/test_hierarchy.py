@@ -101,9 +101,9 @@ def test_a_tree_is_final_up_to_its_radius_and_never_too_far_beyond(stations: int
 
 
 def _two_way_network(stations: int, *, seed: int) -> Network:
-    """Random ways there and back between stations that lie close in the order; some may be apart.
+    """Random ways there and back between stations of near numbers, many of the same length.
 
-    Many ways are equally long.
+    Some stations may have no way to others.
     """
     random = Random(seed)
     names = [StationId(f"s{number}") for number in range(stations)]

@@ -230,7 +230,7 @@ async def _left_out_of(
 ) -> MissionRecord:
     """The record without these packages; the caller saves its mission.
 
-    If it waits, it may begin as soon as the remaining deliveries allow.
+    A QUEUED mission may then begin as soon as the remaining deliveries allow.
     """
     left = tuple(each for each in record.request.packages if each.package_id not in package_ids)
     etas = tuple(each for each in record.mission.packages if each.package_id not in package_ids)

@@ -31,9 +31,12 @@ class Delay(JsonModel):
     """A guest whose packages are ready later than those of its host."""
 
     host_at: Annotated[
-        Moment | None, Field(description="Before this moment the host may not begin alone.")
+        Moment | None,
+        Field(description="Without guests the host may not begin before this moment."),
     ]
-    ready_at: Annotated[Moment, Field(description="Before this moment no drone sets out for it.")]
+    ready_at: Annotated[
+        Moment, Field(description="With this guest the mission may not begin before this moment.")
+    ]
 
 
 class Share(JsonModel):
@@ -107,7 +110,7 @@ def ready_at(
 ) -> datetime | None:
     """The moment before which a mission with these packages may not begin; None without one.
 
-    `planned_at` is the present moment.
+    `planned_at` is this moment in the current plan. It counts if no guest delays the host.
     """
     delays = [(each.delay, each.packages) for each in shares if each.delay is not None]
     host_at = delays[0][0].host_at if delays else planned_at

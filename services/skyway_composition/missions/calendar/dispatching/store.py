@@ -80,9 +80,10 @@ async def hosts_at(
 ) -> list[MissionRecord]:
     """QUEUED missions of these providers with a pickup at these stations that may be shared.
 
-    At most `limit`, those at the request's own pickup first, for which `ready_ms` has the moment 0.
-    Then those that start at the moment of their pickup or later, in the order of their starts. Then
-    those that start sooner and would have to wait, the shortest wait first.
+    At most `limit`. `ready_ms` says when the packages can be at each station, and is 0 for the
+    request's own pickup. Missions at this pickup come first. Missions follow that start when the
+    packages can be there or later; both are in the order of their starts. The last ones start
+    sooner and would have to wait, the shortest wait first.
     """
     waiting = await connection.execute(
         _HOSTS_AT,
