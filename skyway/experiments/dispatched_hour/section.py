@@ -185,8 +185,8 @@ _INTRODUCTION = (
     "next minute are flown as planned, and a drone that waits charges where it stands. With "
     "**pooling**, requests with the same pickup may share a trip; only hubs have such requests. "
     "**Trips wait**: in the hour in which requests come, a trip waits until three requests "
-    "share it, or until its oldest request is 15 min old, and energy has a price. Its drone flies "
-    "to the pickup in this time, without packages. "
+    "share it, or until its oldest request is 15 min old, and energy has a price. Meanwhile its "
+    "drone flies to the pickup, without packages. "
     "**Mean** is the minutes from the request to its last delivery. A request is **on time** if it "
     "is delivered within 30 min, or within twice the time that it needs alone."
 )
