@@ -113,3 +113,22 @@ def test_a_shared_trip_of_the_current_plan_is_kept_only_if_its_requests_may_shar
 
     assert pools == [(0, 1, 2)]
     assert not plan.unserved
+
+
+def test_requests_whose_masses_add_up_to_the_payload_may_share_a_trip() -> None:
+    """As floats, 1.1 kg and 2.2 kg are more than 3.3 kg."""
+    problem = at_hubs(2, hubs=1)
+    model = MODEL.model_copy(update={"max_payload_kg": 3.3})
+    requests = [
+        each.model_copy(
+            update={"packages": (each.packages[0].model_copy(update={"mass_kg": mass_kg}),)}
+        )
+        for each, mass_kg in zip(problem.requests, (1.1, 2.2), strict=True)
+    ]
+    drones = [each.model_copy(update={"model": model}) for each in problem.drones[:1]]
+    problem = problem.model_copy(update={"requests": tuple(requests), "drones": tuple(drones)})
+
+    plan = optimise(problem, rounds=1)
+
+    assert Sharing(problem).pools().pools == [(0, 1)]
+    assert [len(each.requests) for each in plan.trips] == [2]
