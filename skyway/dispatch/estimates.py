@@ -122,7 +122,7 @@ class Estimates:
         """
         problem, model = self._problem, self.models[kind]
         requests = [problem.requests[each] for each in pool]
-        here = self.place_of[requests[0].source]
+        here = self.place_of[self.source(pool)]
         load_kg = sum(each.mass_kg for each in requests)
         if not _can_lift(model, load_kg):
             return [(OUT_OF_REACH, OUT_OF_REACH)] * len(pool)
