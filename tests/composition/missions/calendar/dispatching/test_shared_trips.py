@@ -1,6 +1,7 @@
 """Deliveries of two customers share a trip, and each customer sees only its own packages."""
 
 import asyncio
+import json
 from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Any
@@ -20,7 +21,7 @@ from skyway_composition.missions.tracking import track_of
 from skyway_composition.retention.forget_store import delete_deliveries, needed_among
 from skyway_composition.tables import custody, deliveries, guests, missions, outbox
 from skyway_composition.verify.rules import RULES
-from sqlalchemy import delete, select
+from sqlalchemy import delete, select, update
 
 from skyway.contracts.margins import RiskMargin
 from skyway.contracts.mission import Mission
@@ -402,6 +403,19 @@ async def test_a_shared_mission_is_deleted_with_its_last_delivery(world: BusyWor
     async with world.db.read() as connection:
         for table in (missions, guests, custody, deliveries):
             assert (await connection.execute(select(table))).all() == []
+
+
+@_on_sqlite
+async def test_what_a_later_version_notes_about_a_guest_is_ignored(world: BusyWorld) -> None:
+    record = await book_both(world)
+    host, guest = (each.model_dump(mode="json") for each in record.shares)
+    near = {"asked_station_id": "b", "within_m": 9.0, "away_m": 8.0, "of_later": 1}
+    later = json.dumps([host, {**guest, "near": near, "of_later": 1}])
+    async with world.db.write() as tx:
+        await tx.execute(update(missions).values(shares=later))
+
+    assert (await shared_mission(world)).shares[1].near is not None
+    await world.check()
 
 
 async def arrivals(world: BusyWorld) -> dict[tuple[str, str], datetime]:
