@@ -428,6 +428,23 @@ async def arrivals(world: BusyWorld) -> dict[tuple[str, str], datetime]:
     }
 
 
+@_on_sqlite
+async def test_a_host_that_cancels_leaves_the_promise_of_each_package_of_its_guest(
+    world: BusyWorld,
+) -> None:
+    """Alone, the guest's packages could be delivered a little sooner in the other order."""
+    await book_both(world)
+    promised = await arrivals(world)
+
+    await world.cancel("dlv1", None)
+    await world.keep_calendars()
+    await world.check()
+
+    now = await arrivals(world)
+    assert {each for each, _ in now} == {"dlv2"}
+    assert all(at <= promised[each] + timedelta(seconds=60) for each, at in now.items())
+
+
 _WISHES = st.tuples(
     st.lists(st.sampled_from("bc"), min_size=1, max_size=2),
     st.sampled_from([0.0, 600.0, 1_800.0]),
