@@ -104,7 +104,12 @@ async def plan_queue(
         changed.append(Moved(moved, trip))
         if fitting is not None:
             break
-        following = slot_after(moved.stays, not_before_ms=0, hand_over_ms=hand_over_time_ms(clock))
+        following = slot_after(
+            moved.stays,
+            # Until then the drone may have left the station of its last delivery.
+            not_before_ms=0 if later is None else later.earliest_ms,
+            hand_over_ms=hand_over_time_ms(clock),
+        )
         if following is not None:
             slot = following
     return changed

@@ -445,6 +445,22 @@ async def test_a_host_that_cancels_leaves_the_promise_of_each_package_of_its_gue
     assert all(at <= promised[each] + timedelta(seconds=60) for each, at in now.items())
 
 
+@_on_sqlite
+async def test_a_mission_that_waits_for_its_packages_begins_where_its_drone_is_then(
+    world: BusyWorld,
+) -> None:
+    """The drone flies home after the mission before, because the next one begins much later."""
+    later_at = world.clock.now() + timedelta(seconds=2_000)
+    await book(world, "dlv1", asks("b", wait_s=970.0, may_be_later_s=1_800.0))
+    await book(world, "dlv2", asks("b", wait_s=700.0))
+    await world.cancel("dlv1", None)
+    await book(world, "dlv3", asks("c", wait_s=0.0, earliest_pickup_at=later_at))
+
+    await world.end()
+
+    assert await world.handed_over() == [("dlv2", "p1"), ("dlv3", "p1")]
+
+
 _WISHES = st.tuples(
     st.lists(st.sampled_from("bc"), min_size=1, max_size=2),
     st.sampled_from([0.0, 600.0, 1_800.0]),
