@@ -129,7 +129,7 @@ def _without_first(keys: Floats, heap: Longs, slots: Longs, size: int) -> int:
 def plant_all(
     skyway: Skyway, closed: Closed, memory: Memory, roots: Ints, start: int, source: int
 ) -> bool:
-    """Grow a tree from each root, so far that `distances` can tell how far apart the roots are.
+    """Grow a tree from each root, until `distances` can find how far apart the roots are.
 
     A tree grows until it holds all other roots and the source. The source alone is enough where
     each way back is as long as the way there, because then any two trees meet. With more trees

@@ -1,13 +1,14 @@
 """Plans a drone's QUEUED missions again, one after the other, from where the drone is free."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Final
 
 from skyway.delivery.plan import Plan
 from skyway.errors import InvalidProblem
+from skyway.ids import PackageId
 from skyway.planner.problem import Problem
 from skyway.planner.problem_parts import PackageToDeliver
 from skyway.runtime.clock import FleetClock
@@ -15,7 +16,6 @@ from skyway.scheduling.standby import StandbyChoice, fitted, standby_for
 from skyway.scheduling.stays import Slot, slot_after
 from skyway.scheduling.trip import NoTrip, Trip
 from skyway.units import moment_to_ms
-from skyway_composition.missions.calendar.dispatching.judgement import latest_ms
 from skyway_composition.missions.mission.from_trip import replanned_in_queue
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
 from skyway_composition.planning.availability import hand_over_time_ms
@@ -232,3 +232,32 @@ def problem_of(
         start_ms=max(slot.at_ms, from_ms),
         latest_ms=latest_ms,
     )
+
+
+def promised_ms(record: MissionRecord) -> Mapping[PackageId, int]:
+    """When each package was promised; when it is planned, if the promise was not stored."""
+    promised = {each.package_id: moment_to_ms(each.eta_at) for each in record.promised}
+    return {each: promised.get(each, at_ms) for each, at_ms in etas_ms(record).items()}
+
+
+def latest_ms(record: MissionRecord, *, tolerance_s: float) -> dict[PackageId, int]:
+    """The latest delivery of each package that another order may have.
+
+    It is the promise with the tolerance, or the present plan if that is later. A customer may allow
+    more (`may_be_later_s`), up to the deadline, but not for the others on a shared mission.
+    """
+    promised, planned = promised_ms(record), etas_ms(record)
+    qos, tolerance_ms = record.request.qos, round(tolerance_s * 1000)
+    allowed_ms = 0 if record.shares else round(qos.may_be_later_s * 1000)
+    deadline_ms = math.inf if qos.deadline_at is None else moment_to_ms(qos.deadline_at)
+
+    def latest(promise_ms: int, planned_ms: int) -> int:
+        allowed = min(promise_ms + allowed_ms, deadline_ms)
+        return round(max(promise_ms + tolerance_ms, allowed, planned_ms))
+
+    return {each: latest(promised[each], at_ms) for each, at_ms in planned.items()}
+
+
+def etas_ms(record: MissionRecord) -> dict[PackageId, int]:
+    """When each package arrives by the present plan."""
+    return {each.package_id: moment_to_ms(each.eta_at) for each in record.mission.packages}
