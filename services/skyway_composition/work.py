@@ -87,7 +87,10 @@ class Work:
             self._membership.own_id,
             OccupiedPads(parts.closings),
         )
-        self._calendars = Calendars(db, parts.networks, parts.solver, clock, mint, parts.dispatches)
+        tolerance_s = parts.dispatch_terms.tolerance_s
+        self._calendars = Calendars(
+            db, parts.networks, parts.solver, clock, mint, tolerance_s, parts.dispatches
+        )
         self._dispatcher = parts.dispatcher(clients["registry"])
         self._withdrawn = WithdrawnDrones(db, clients["registry"], clock, mint)
         self._loading_timeouts = LoadingTimeouts(db, parts.networks, clock, mint)

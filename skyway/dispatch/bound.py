@@ -56,6 +56,8 @@ def lower_bound_s(
 ) -> float:
     """No plan of the problem has a lower objective than this.
 
+    It is 0 if a model flies faster with a load: then packages of others may make a trip sooner.
+
     Parameters
     ----------
     kinds
@@ -69,6 +71,8 @@ def lower_bound_s(
     """
     if not problem.requests or problem.prices.delivery <= 0 or not upper.delivered_s:
         return 0.0
+    if not _has_slow_loads(problem):
+        return 0.0
     starts = starts_of(problem, estimates, kinds)
     alone_s = _alone_s(problem, estimates, kinds)
     horizon_s = min(
@@ -79,7 +83,6 @@ def lower_bound_s(
         pools is None
         or sum(len(estimates.pickups(each)) for each in pools) > _MOST_TRIPS
         or has_short_trips(estimates, kinds, pools)
-        or not _has_slow_loads(problem)
     ):
         return alone_s
     pickups = dict.fromkeys(at for each in problem.requests for at in (each.source, *each.pickups))
@@ -203,5 +206,5 @@ def _alone_s(problem: FleetProblem, estimates: Estimates, kinds: Sequence[int]) 
 
 
 def _has_slow_loads(problem: FleetProblem) -> bool:
-    """Whether no model flies faster with a load; then no shared trip serves a request sooner."""
+    """Whether no model flies faster with a load."""
     return all(each.model.speed_full_mps <= each.model.speed_empty_mps for each in problem.drones)

@@ -23,6 +23,7 @@ from skyway.planner.kernels.fleet_trips import NEED, SECONDS, estimate_trip
 from skyway.planner.kernels.memory import Floats, Longs
 from skyway.planner.kernels.ways import lengths_from
 from skyway.scheduling.stays import Slot
+from skyway.units import LOAD_TOLERANCE_KG
 
 #: Seconds and joules of a flight that is not possible. Sums and differences need a finite number.
 OUT_OF_REACH: Final = 1e12
@@ -121,9 +122,9 @@ class Estimates:
         """
         problem, model = self._problem, self.models[kind]
         requests = [problem.requests[each] for each in pool]
-        here = self.place_of[requests[0].source]
+        here = self.place_of[self.source(pool)]
         load_kg = sum(each.mass_kg for each in requests)
-        if load_kg > model.max_payload_kg:
+        if not _can_lift(model, load_kg):
             return [(OUT_OF_REACH, OUT_OF_REACH)] * len(pool)
         pace, power_w = 1.0 / speed_mps(model, load_kg), flight_power_w(model, load_kg)
         found = []
@@ -217,10 +218,14 @@ def _rates(model: DroneModel, masses_kg: Sequence[float]) -> tuple[Floats, Float
         load_kg = math.fsum(
             mass for number, mass in enumerate(masses_kg) if not served >> number & 1
         )
-        pace = 1.0 / speed_mps(model, load_kg) if load_kg <= model.max_payload_kg else OUT_OF_REACH
+        pace = 1.0 / speed_mps(model, load_kg) if _can_lift(model, load_kg) else OUT_OF_REACH
         s_per_m.append(pace)
         j_per_m.append(pace * flight_power_w(model, load_kg))
     return np.array(s_per_m), np.array(j_per_m)
+
+
+def _can_lift(model: DroneModel, load_kg: float) -> bool:
+    return load_kg <= model.max_payload_kg + LOAD_TOLERANCE_KG
 
 
 def _places(problem: FleetProblem) -> tuple[StationId, ...]:

@@ -20,6 +20,7 @@ from skyway.ids import DroneId, StationId
 from skyway.network.great_circle import unit_vectors
 from skyway.network.network import Network
 from skyway.planner.kernels.memory import Floats, Longs
+from skyway.units import LOAD_TOLERANCE_KG
 
 #: The most shared trips that are estimated; each pickup of a set of requests counts. Our own
 #: choice: their estimates take one to three seconds.
@@ -68,7 +69,8 @@ class Sharing:
         self._places = [*dict.fromkeys(chain.from_iterable(map(_stations_of, requests)))]
         place_of = {each: number for number, each in enumerate(self._places)}
         self._apart_m = _apart_m(problem.network, self._places)
-        self._limit_kg = max(each.model.max_payload_kg for each in problem.drones)
+        most_kg = max(each.model.max_payload_kg for each in problem.drones)
+        self._limit_kg = most_kg + LOAD_TOLERANCE_KG
         self._masses_kg = [each.mass_kg for each in requests]
         self._ends = [
             list(dict.fromkeys(place_of[one.destination] for one in each.packages))

@@ -136,7 +136,8 @@ class MovingAir:
         """The flight in the air in which it may begin; None if the segment is closed then.
 
         `still_s` and `still_j` are seconds and joules in still air, `stop_s` and `stop_j` those of
-        the landing. Near the edge of two periods the air counts that fits the step better.
+        the landing. Near the edge of two periods the air counts that fits the step better. All fit
+        a flight without length; then the air counts that the step states.
         """
         flights = [
             FlightInAir(still_s * air.longer, still_j * air.longer * air.harder, air)
@@ -147,7 +148,8 @@ class MovingAir:
             flights,
             key=lambda one: (
                 abs(step.end_s - step.start_s - stop_s - one.flight_s) * still_j
-                + abs(step.energy_j - stop_j - one.energy_j) * still_s
+                + abs(step.energy_j - stop_j - one.energy_j) * still_s,
+                abs(step.time_factor - one.air.longer) + abs(step.energy_factor - one.air.harder),
             ),
             default=None,
         )

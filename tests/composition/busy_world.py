@@ -161,7 +161,7 @@ class BusyWorld:
             GroundStopEnforcer(db, self.closings, clock),
             OverdueMissions(db, clock, mint, listening),
         )
-        self.calendars = Calendars(db, networks, self.solver, clock, mint)
+        self.calendars = Calendars(db, networks, self.solver, clock, mint, tolerance_s=60.0)
 
     @property
     def now_ms(self) -> int:

@@ -338,7 +338,7 @@ async def unpublished(
             late = LateMissions(db, parts.networks, clock, mint, parts.stuck)
             occupied = OccupiedPads(parts.closings)
             replanner = Replanner(db, parts.networks, solver, clock, mint, "test", occupied)
-            calendars = Calendars(db, parts.networks, solver, clock, mint)
+            calendars = Calendars(db, parts.networks, solver, clock, mint, tolerance_s=60.0)
             whole = Composition(
                 client,
                 parts,

@@ -129,7 +129,10 @@ class PastPickups:
         past = self._past.cached(provider_id)
         if past is None:
             past = await self._past.ask(provider_id)
-        waits_at = _waits_at([*await self._newest(provider_id, past.since), *past.missions])
+        # Of the cached missions that are read again, some have changed, and some are deleted.
+        newest = await self._newest(provider_id, past.since)
+        older = [each for each in past.missions if each.mission_id < past.since]
+        waits_at = _waits_at([*newest, *older])
         waiting = Counter(at for each, at in waits_at.items() if each != drone_id)
         pickups = expected_pickups(past.requests, at_ms=at_ms)
         # Comparing takes tens of milliseconds, and a booking does it for each of its drones.
@@ -162,10 +165,9 @@ def _requests(rows: Sequence[Any]) -> Iterator[PastRequest]:
 
 
 def _waits_at(rows: Sequence[Any]) -> dict[DroneId, StationId]:
-    """Where each drone waits after its last mission; the first row of each mission counts."""
-    by_id = {each.mission_id: each for each in reversed(rows)}
+    """Where each drone waits after the last of these missions."""
     last: dict[DroneId, Any] = {}  # rows
-    for row in sorted(by_id.values(), key=lambda each: each.start_ms):
+    for row in sorted(rows, key=lambda each: each.start_ms):
         if row.state in _WAITS_AFTER:
             last[DroneId(row.drone_id)] = row
     return {each: read_stays(row.stays)[-1].station_id for each, row in last.items() if row.stays}

@@ -34,7 +34,7 @@ from skyway_composition.closures.closure import Area
 from skyway_composition.missions.booking.hold_store import HELD_OFFERS
 from skyway_composition.missions.mission.record import Aim, Proposal, Stuck, Trouble
 from skyway_composition.missions.mission.row import PROMISED
-from skyway_composition.missions.mission.share import SHARES
+from skyway_composition.missions.mission.share import read_shares
 from skyway_composition.missions.mission.step_store import read_step
 from skyway_composition.tables import (
     alarms,
@@ -75,7 +75,7 @@ _FORMS: Final = form_rule(
         missions.c.proposal: Proposal.read,
         missions.c.aims: TypeAdapter(tuple[Aim, ...]).validate_json,
         missions.c.promised: PROMISED.validate_json,
-        missions.c.shares: SHARES.validate_json,
+        missions.c.shares: read_shares,
         missions.c.stays: read_stored_stays,
         mission_steps.c.step: read_step,
         mission_steps.c.event: DroneEvent.read,

@@ -5,9 +5,12 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
+from skyway_composition.missions.mission.step_store import replace_steps
 from skyway_composition.networks.pickup_store import PastPickups
 from skyway_composition.planning.find_trip import TripFinder
 from skyway_composition.planning.world import World
+from skyway_composition.tables import custody, instructions, missions, pad_reservations
+from sqlalchemy import delete
 
 from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneId, DroneModelId, NetworkId, ProviderId, StationId
@@ -87,11 +90,25 @@ async def test_a_place_is_full_as_soon_as_a_drone_is_booked_to_wait_there(
 
     at = {"station_id": "c", "home_station_id": "e"}
     drone = make.candidate(20, model=FAR_FLYER, standby="NEXT_PICKUP", **at)
-    booking = await composition.book(drone, request=make.request("d", pickup="c"))
+    booking = await composition.book(
+        drone, delivery_id="dlv_20", request=make.request("c", pickup="b")
+    )
     assert booking.missions[0].home_recharge.station_id == "b"
 
     for each in caches:
         assert "b" not in await places_in(skyway.network, each, composition.clock)
+
+    # The dispatcher deletes the mission of a guest: its drone does not wait there any more.
+    composition.clock.advance(timedelta(seconds=6))
+    for each in caches:
+        assert "b" not in await places_in(skyway.network, each, composition.clock)
+    mission_id = booking.missions[0].mission_id
+    async with composition.db.write() as tx:
+        await replace_steps(tx, mission_id, (), first_step=1, revision=1)
+        for table in (instructions, pad_reservations, custody, missions):
+            await tx.execute(delete(table).where(table.c.mission_id == mission_id))
+    for each in caches:
+        assert "b" in await places_in(skyway.network, each, composition.clock)
 
 
 async def test_only_the_last_missions_of_a_provider_in_all_networks_are_looked_at(

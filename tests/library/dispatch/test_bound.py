@@ -10,7 +10,7 @@ from skyway.dispatch.pools import pickups_of
 from skyway.dispatch.problem import FleetProblem
 from skyway.dispatch.schedule import Schedule, Scheduler
 from skyway.ids import StationId
-from tests.library.dispatch.fleets import small_fleet, with_pickups, without_promises
+from tests.library.dispatch.fleets import MODEL, small_fleet, with_pickups, without_promises
 
 
 def groups(items: Sequence[int]) -> Iterator[list[tuple[int, ...]]]:
@@ -85,3 +85,15 @@ def test_a_weaker_bound_is_given_if_not_all_shared_trips_are_estimated() -> None
     search.board.has_all_pools = False
 
     assert 0 < proven_s(search) < known_s
+
+
+def test_no_bound_is_claimed_if_a_load_makes_a_drone_faster() -> None:
+    """Then a shared trip may serve a request sooner than a trip for this request alone."""
+    problem = without_promises(small_fleet(17, drones=2, requests=3))
+    model = MODEL.model_copy(update={"speed_empty_mps": 8.0, "speed_full_mps": 20.0})
+    drones = tuple(each.model_copy(update={"model": model}) for each in problem.drones)
+    problem = problem.model_copy(update={"drones": drones})
+
+    best_s = min(each.costs.total_s for each in all_schedules(problem))
+
+    assert 0 <= proven_s(searched(problem, rounds=1)) <= best_s

@@ -5,12 +5,15 @@ from random import Random
 
 import pytest
 
+from skyway.dispatch.estimates import Estimates
 from skyway.dispatch.optimise import optimise
 from skyway.dispatch.planned_trip import Pool
 from skyway.dispatch.pools import Sharing, pickups_of
 from skyway.dispatch.problem import CurrentTrip, FleetProblem
+from skyway.dispatch.trips import TripPlanner
 from skyway.geo import distance_m
 from skyway.ids import StationId
+from skyway.planner.kernels.fleet_trips import SECONDS
 from tests.library.dispatch.fleets import MODEL, small_fleet, with_pickups
 
 
@@ -113,3 +116,34 @@ def test_a_shared_trip_of_the_current_plan_is_kept_only_if_its_requests_may_shar
 
     assert pools == [(0, 1, 2)]
     assert not plan.unserved
+
+
+def test_requests_whose_masses_add_up_to_the_payload_may_share_a_trip() -> None:
+    """As floats, 1.1 kg and 2.2 kg are more than 3.3 kg."""
+    problem = at_hubs(2, hubs=1)
+    model = MODEL.model_copy(update={"max_payload_kg": 3.3})
+    requests = [
+        each.model_copy(
+            update={"packages": (each.packages[0].model_copy(update={"mass_kg": mass_kg}),)}
+        )
+        for each, mass_kg in zip(problem.requests, (1.1, 2.2), strict=True)
+    ]
+    drones = [each.model_copy(update={"model": model}) for each in problem.drones[:1]]
+    problem = problem.model_copy(update={"requests": tuple(requests), "drones": tuple(drones)})
+
+    plan = optimise(problem, rounds=1)
+
+    assert Sharing(problem).pools().pools == [(0, 1)]
+    assert [len(each.requests) for each in plan.trips] == [2]
+
+
+@pytest.mark.parametrize("seed", [6, 22])
+def test_no_estimate_serves_a_member_sooner_than_a_trip_that_serves_it_first(seed: int) -> None:
+    problem = with_pickups(small_fleet(seed, requests=8), seed)
+    planner = TripPlanner(problem)
+    estimates = Estimates(problem, planner.models, sharing=planner.sharing)
+
+    for pool in planner.sharing.pools().pools:
+        trip = estimates.trip(0, pool)
+        for early_s, (soonest_s, _) in zip(trip.early_s, estimates.soonest(0, pool), strict=True):
+            assert soonest_s <= trip.best[SECONDS] - early_s + 1e-6

@@ -76,6 +76,15 @@ def test_a_flight_keeps_the_weather_in_which_it_begins(make_problem: Problems) -
     assert words_of(plan) == ["pick_up 0", "fly b 300", "fly c 600", "deliver 600"]
 
 
+def test_a_flight_without_length_may_begin_when_the_weather_changes(make_problem: Problems) -> None:
+    """In either weather it takes as long and as much energy: none."""
+    wind = weather("a>b", (60, None, [2.0]))
+
+    plan = compose(make_problem("a-b:0 b-c:3", "c", loading_s=60, weather=wind))
+
+    assert words_of(plan) == ["pick_up 60", "fly b 60", "fly c 360", "deliver 360"]
+
+
 def test_a_flight_is_over_before_the_weather_closes_the_segment(make_problem: Problems) -> None:
     storm = weather("a>b", (0, 299, [1.0]), (299, 900, [None]))
 

@@ -90,6 +90,8 @@ class Calendars:
     solver: SolverPool
     clock: FleetClock
     mint: Mint
+    #: By how much another plan may deliver after a promise, fleet seconds.
+    tolerance_s: float
     #: Set when calendars have changed otherwise than planned: another order may be better now.
     dispatches: Wake = field(default_factory=Wake)
     #: How long the last plan for each drone took, fleet milliseconds.
@@ -167,7 +169,14 @@ class Calendars:
                 *([] if calendar.before is None else [calendar.before.mission_id]),
             ],
         )
-        changed = await plan_queue(self.solver, world, calendar.queued, slot, clock=self.clock)
+        changed = await plan_queue(
+            self.solver,
+            world,
+            calendar.queued,
+            slot,
+            clock=self.clock,
+            tolerance_s=self.tolerance_s,
+        )
         is_hopeless = not changed and self._times().is_overdue(first)
         if not changed and not is_hopeless:
             return False

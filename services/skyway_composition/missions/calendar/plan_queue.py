@@ -1,12 +1,16 @@
 """Plans a drone's QUEUED missions again, one after the other, from where the drone is free."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Final
 
+from skyway.delivery.plan import Plan
 from skyway.errors import InvalidProblem
+from skyway.ids import PackageId
 from skyway.planner.problem import Problem
+from skyway.planner.problem_parts import PackageToDeliver
 from skyway.runtime.clock import FleetClock
 from skyway.scheduling.standby import StandbyChoice, fitted, standby_for
 from skyway.scheduling.stays import Slot, slot_after
@@ -48,9 +52,12 @@ async def plan_queue(
     slot: Slot,
     *,
     clock: FleetClock,
+    tolerance_s: float,
 ) -> list[Moved | Dropped]:
     """New plans for the missions that no longer fit, in order; all later missions keep theirs.
 
+    No package comes later than its promise by more than `tolerance_s` if another order of a
+    mission's stops, or other recharges, can avoid it.
     Nothing changes while a mission has no plan for a temporary reason: it is tried again. The pads
     of all of `queued` count as free in `world`.
     """
@@ -64,9 +71,17 @@ async def plan_queue(
         try:
             if later is not None and later.planned_in == planned_in:
                 fitting = await _trip_before(
-                    solver, drone_world, record, slot, later=later, clock=clock
+                    solver,
+                    drone_world,
+                    record,
+                    slot,
+                    later=later,
+                    clock=clock,
+                    tolerance_s=tolerance_s,
                 )
-            trip = fitting or await _trip(solver, drone_world, record, slot)
+            trip = fitting or await _trip(
+                solver, drone_world, record, slot, tolerance_s=tolerance_s
+            )
         except InvalidProblem as error:
             # A newer version of the network has hand-overs that are longer than the window.
             trip = NoTrip("WINDOW_MISSED", str(error), is_temporary=False)
@@ -89,7 +104,12 @@ async def plan_queue(
         changed.append(Moved(moved, trip))
         if fitting is not None:
             break
-        following = slot_after(moved.stays, not_before_ms=0, hand_over_ms=hand_over_time_ms(clock))
+        following = slot_after(
+            moved.stays,
+            # Until then the drone may have left the station of its last delivery.
+            not_before_ms=0 if later is None else later.earliest_ms,
+            hand_over_ms=hand_over_time_ms(clock),
+        )
         if following is not None:
             slot = following
     return changed
@@ -119,6 +139,7 @@ async def _trip_before(
     *,
     later: MissionRecord,
     clock: FleetClock,
+    tolerance_s: float,
 ) -> Trip | None:
     """A trip that ends where and when the next mission begins, so that this one keeps its plan."""
     start = later.start
@@ -126,26 +147,72 @@ async def _trip_before(
     if ready.at_ms <= max(slot.at_ms, record.earliest_ms):
         return None
     due_ms = deadline_ms(record)
-    latest_ms = ready.at_ms if due_ms is None else min(due_ms, ready.at_ms)
-    problem = problem_of(world, record, slot, from_ms=record.earliest_ms, latest_ms=latest_ms)
-    trip = await round_trip(solver, world, problem, standby=standby_for(ready))
+    by_ms = ready.at_ms if due_ms is None else min(due_ms, ready.at_ms)
+    problem = problem_of(world, record, slot, from_ms=record.earliest_ms, latest_ms=by_ms)
+    standby = standby_for(ready)
+    trip = await _trip_in_time(
+        solver, world, problem, record, standby=standby, tolerance_s=tolerance_s
+    )
     return None if isinstance(trip, NoTrip) else fitted(trip, soc=slot.soc, ready=ready)
 
 
 async def _trip(
-    solver: SolverPool, world: World, record: MissionRecord, slot: Slot
+    solver: SolverPool, world: World, record: MissionRecord, slot: Slot, *, tolerance_s: float
 ) -> Trip | NoTrip:
-    latest_ms = deadline_ms(record)
+    by_ms = deadline_ms(record)
     standby = StandbyChoice.of(record.candidate)
-    problem = problem_of(world, record, slot, from_ms=record.earliest_ms, latest_ms=latest_ms)
-    trip = await round_trip(solver, world, problem, standby=standby)
+    problem = problem_of(world, record, slot, from_ms=record.earliest_ms, latest_ms=by_ms)
+    trip = await _trip_in_time(
+        solver, world, problem, record, standby=standby, tolerance_s=tolerance_s
+    )
     if isinstance(trip, NoTrip) and record.request.has_windows:
         # The trip may need to begin sooner than before to meet its windows.
-        sooner = problem_of(
-            world, record, slot, from_ms=record.allowed_from_ms, latest_ms=latest_ms
-        )
+        sooner = problem_of(world, record, slot, from_ms=record.allowed_from_ms, latest_ms=by_ms)
         trip = await round_trip(solver, world, sooner, standby=standby)
     return trip
+
+
+async def _trip_in_time(
+    solver: SolverPool,
+    world: World,
+    problem: Problem,
+    record: MissionRecord,
+    *,
+    standby: StandbyChoice,
+    tolerance_s: float,
+) -> Trip | NoTrip:
+    """The earliest trip that keeps the promises of several packages; without one any trip."""
+    trip = await round_trip(solver, world, problem, standby=standby)
+    if isinstance(trip, NoTrip):
+        return trip
+    due = with_promises(problem, trip.plan, record, start_ms=trip.start_ms, tolerance_s=tolerance_s)
+    kept = trip if due is None else await round_trip(solver, world, due, standby=standby)
+    return trip if isinstance(kept, NoTrip) else kept
+
+
+def with_promises(
+    problem: Problem, plan: Plan, record: MissionRecord, *, start_ms: int, tolerance_s: float
+) -> Problem | None:
+    """The problem with promises as latest hand-overs; None if the plan keeps them.
+
+    Also None with one package, which every plan delivers as early as it can. Two plans with the
+    same end may differ in the order of the stops, or in where they recharge.
+    """
+    promised = {each.package_id for each in record.promised}
+    by_ms = latest_ms(record, tolerance_s=tolerance_s)
+    latest_s = {each: (by_ms[each] - start_ms) / 1000 for each in by_ms.keys() & promised}
+    if len(problem.packages) == 1 or all(
+        each.delivered_s <= latest_s.get(each.package_id, math.inf) for each in plan.deliveries
+    ):
+        return None
+    packages = tuple(_due(each, latest_s.get(each.package_id)) for each in problem.packages)
+    return problem.model_copy(update={"packages": packages})
+
+
+def _due(package: PackageToDeliver, latest_s: float | None) -> PackageToDeliver:
+    """The package with this latest hand-over, if it has no earlier one."""
+    limits = [each for each in (package.latest_s, latest_s) if each is not None]
+    return package.model_copy(update={"latest_s": min(limits, default=None)})
 
 
 def deadline_ms(record: MissionRecord) -> int | None:
@@ -165,3 +232,32 @@ def problem_of(
         start_ms=max(slot.at_ms, from_ms),
         latest_ms=latest_ms,
     )
+
+
+def promised_ms(record: MissionRecord) -> Mapping[PackageId, int]:
+    """When each package was promised; when it is planned, if the promise was not stored."""
+    promised = {each.package_id: moment_to_ms(each.eta_at) for each in record.promised}
+    return {each: promised.get(each, at_ms) for each, at_ms in etas_ms(record).items()}
+
+
+def latest_ms(record: MissionRecord, *, tolerance_s: float) -> dict[PackageId, int]:
+    """The latest delivery of each package that another order may have.
+
+    It is the promise with the tolerance, or the present plan if that is later. A customer may allow
+    more (`may_be_later_s`), up to the deadline, but not for the others on a shared mission.
+    """
+    promised, planned = promised_ms(record), etas_ms(record)
+    qos, tolerance_ms = record.request.qos, round(tolerance_s * 1000)
+    allowed_ms = 0 if record.shares else round(qos.may_be_later_s * 1000)
+    deadline_ms = math.inf if qos.deadline_at is None else moment_to_ms(qos.deadline_at)
+
+    def latest(promise_ms: int, planned_ms: int) -> int:
+        allowed = min(promise_ms + allowed_ms, deadline_ms)
+        return round(max(promise_ms + tolerance_ms, allowed, planned_ms))
+
+    return {each: latest(promised[each], at_ms) for each, at_ms in planned.items()}
+
+
+def etas_ms(record: MissionRecord) -> dict[PackageId, int]:
+    """When each package arrives by the present plan."""
+    return {each.package_id: moment_to_ms(each.eta_at) for each in record.mission.packages}

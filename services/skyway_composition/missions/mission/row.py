@@ -18,7 +18,7 @@ from skyway_composition.missions.mission.record import (
     Stuck,
     Trouble,
 )
-from skyway_composition.missions.mission.share import SHARES, shares_json
+from skyway_composition.missions.mission.share import read_shares, shares_json
 
 J = TypeVar("J", bound=JsonModel)
 
@@ -142,5 +142,5 @@ def read_record(row: Any) -> MissionRecord:  # a row of missions, whose columns 
         ),
         traceparent=row.traceparent,
         promised=() if row.promised is None else PROMISED.validate_json(row.promised),
-        shares=() if row.shares is None else SHARES.validate_json(row.shares, extra="ignore"),
+        shares=() if row.shares is None else read_shares(row.shares),
     )

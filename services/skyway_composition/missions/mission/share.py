@@ -96,13 +96,17 @@ class Share(JsonModel):
         return tuple(flown for flown, own in self.packages.items() if own in asked)
 
 
-#: Reads and writes the shares of a mission.
-SHARES: TypeAdapter[tuple[Share, ...]] = TypeAdapter(tuple[Share, ...])
+_SHARES: TypeAdapter[tuple[Share, ...]] = TypeAdapter(tuple[Share, ...])
 
 
 def shares_json(shares: tuple[Share, ...]) -> str | None:
     """The shares of a mission as they are stored; None if the mission is not shared."""
-    return SHARES.dump_json(shares).decode() if shares else None
+    return _SHARES.dump_json(shares).decode() if shares else None
+
+
+def read_shares(text: str) -> tuple[Share, ...]:
+    """The shares of a mission from their stored form; members of later versions are ignored."""
+    return _SHARES.validate_json(text, extra="ignore")
 
 
 def ready_at(

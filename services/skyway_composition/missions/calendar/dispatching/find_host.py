@@ -31,9 +31,10 @@ from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder
 from skyway_composition.missions.calendar.dispatching.find_order import free_to_take_off
 from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Moments, fleet_of
 from skyway_composition.missions.calendar.dispatching.join_host import JoinedTrip
-from skyway_composition.missions.calendar.dispatching.judgement import judge, latest_ms
+from skyway_composition.missions.calendar.dispatching.judgement import judge
 from skyway_composition.missions.calendar.dispatching.merger import Guest, carrying
 from skyway_composition.missions.calendar.dispatching.plan_orders import plan_orders
+from skyway_composition.missions.calendar.plan_queue import latest_ms
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share import NearPickup, Share, flight_id
 from skyway_composition.networks.prepared import PreparedNetworks
@@ -48,7 +49,6 @@ _SETTLED_S: Final = (60.0, 2.0)
 
 #: How fast customers walk to another station, along the straight line, m/s. Our own choice.
 _CARRYING_MPS: Final = 1.0
-
 #: A degree of latitude is at least so long, metres.
 _DEGREE_M: Final = 110_000.0
 

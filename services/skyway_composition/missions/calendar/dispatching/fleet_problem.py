@@ -18,10 +18,10 @@ from skyway_composition.missions.calendar.dispatching.fleet import Fleet, Moment
 from skyway_composition.missions.calendar.dispatching.judgement import (
     ENERGY_S_PER_KWH,
     MOVE_S,
-    latest_ms,
     weight_of,
 )
 from skyway_composition.missions.calendar.dispatching.merger import MOST_SHARES
+from skyway_composition.missions.calendar.plan_queue import latest_ms
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.pads.store import PadHeldBy
 from skyway_composition.planning.problem_for import Standing, with_margins

@@ -4,13 +4,12 @@ What it saves in seconds and energy must be more than the price of its moves, an
 later by more than the tolerance.
 """
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from skyway.ids import DroneId, PackageId
-from skyway.units import moment_to_ms
+from skyway_composition.missions.calendar.plan_queue import etas_ms, latest_ms
 from skyway_composition.missions.mission.record import MissionRecord
 
 #: What it costs to give a mission to another drone, in seconds of one delivery. The same is the
@@ -62,7 +61,7 @@ def judge(
     saved_s, moves, late = 0.0, len(guests), set[DroneId]()
     saved_j = sum(_energy_j(each) for each in guests)
     for before, after in changes:
-        earlier, later = _etas_ms(before), _etas_ms(after)
+        earlier, later = etas_ms(before), etas_ms(after)
         latest = latest_ms(before, tolerance_s=tolerance_s)
         # Packages that join the mission have no promise yet.
         if any(later[package_id] > at_ms for package_id, at_ms in latest.items()):
@@ -84,36 +83,8 @@ def weight_of(record: MissionRecord) -> float:
     return _PRIORITY_WEIGHT if record.request.qos.priority == "PRIORITY" else 1.0
 
 
-def promised_ms(record: MissionRecord) -> Mapping[PackageId, int]:
-    """When each package was promised; when it is planned, if the promise was not stored."""
-    promised = {each.package_id: moment_to_ms(each.eta_at) for each in record.promised}
-    return {each: promised.get(each, at_ms) for each, at_ms in _etas_ms(record).items()}
-
-
-def latest_ms(record: MissionRecord, *, tolerance_s: float) -> dict[PackageId, int]:
-    """The latest delivery of each package that another order may have.
-
-    It is the promise with the tolerance, or the present plan if that is later. A customer may allow
-    more (`may_be_later_s`), up to the deadline, but not for the others on a shared mission.
-    """
-    promised, planned = promised_ms(record), _etas_ms(record)
-    qos, tolerance_ms = record.request.qos, round(tolerance_s * 1000)
-    allowed_ms = 0 if record.shares else round(qos.may_be_later_s * 1000)
-    deadline_ms = math.inf if qos.deadline_at is None else moment_to_ms(qos.deadline_at)
-
-    def latest(promise_ms: int, planned_ms: int) -> int:
-        allowed = min(promise_ms + allowed_ms, deadline_ms)
-        return round(max(promise_ms + tolerance_ms, allowed, planned_ms))
-
-    return {each: latest(promised[each], at_ms) for each, at_ms in planned.items()}
-
-
 def _ends_ms(record: MissionRecord, etas_ms: Mapping[PackageId, int]) -> int:
     """The sum of the last arrivals of the deliveries that the mission flies for."""
     own = {each.package_id for each in record.mission.packages}
     shares = [own & {*each.packages} for each in record.shares] or [own]
     return sum(max(etas_ms[each] for each in share) for share in shares if share)
-
-
-def _etas_ms(record: MissionRecord) -> dict[PackageId, int]:
-    return {each.package_id: moment_to_ms(each.eta_at) for each in record.mission.packages}

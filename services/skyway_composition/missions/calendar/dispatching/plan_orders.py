@@ -5,7 +5,6 @@ the standby of each drone's last mission, around the pads of all services.
 """
 
 import heapq
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -14,7 +13,6 @@ from skyway.delivery.plan import Plan
 from skyway.errors import InvalidProblem
 from skyway.ids import DroneId, MissionId
 from skyway.planner.problem import Problem
-from skyway.planner.problem_parts import PackageToDeliver
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.scheduling.standby import StandbyChoice, home_start_ms
@@ -29,8 +27,12 @@ from skyway.scheduling.trip import (
 )
 from skyway.units import moment_to_ms
 from skyway_composition.missions.calendar.dispatching.fleet import Calendar, Fleet, Moments, Orders
-from skyway_composition.missions.calendar.dispatching.judgement import latest_ms
-from skyway_composition.missions.calendar.plan_queue import Moved, deadline_ms, problem_of
+from skyway_composition.missions.calendar.plan_queue import (
+    Moved,
+    deadline_ms,
+    problem_of,
+    with_promises,
+)
 from skyway_composition.missions.mission.from_trip import flown_by, replanned_in_queue
 from skyway_composition.missions.mission.record import MissionRecord, PlannedIn
 from skyway_composition.planning.find_trip import way_home
@@ -162,21 +164,11 @@ class OrderPlanner:
     async def _in_time(
         self, world: World, problem: Problem, plan: Plan, record: MissionRecord, slot: Slot
     ) -> Plan:
-        """The earliest plan that keeps the promises of several packages; without one this plan.
-
-        Two plans with the same end may differ in the order of the stops, or in where they recharge.
-        """
-        promised = {each.package_id for each in record.promised}
-        by_ms = latest_ms(record, tolerance_s=self.tolerance_s)
-        latest_s = {each: (by_ms[each] - slot.at_ms) / 1000 for each in by_ms.keys() & promised}
-        if len(problem.packages) == 1 or all(
-            each.delivered_s <= latest_s.get(each.package_id, math.inf) for each in plan.deliveries
-        ):
-            return plan
-        packages = tuple(_due(each, latest_s.get(each.package_id)) for each in problem.packages)
-        kept = await compose_in(
-            self.solver, world, problem.model_copy(update={"packages": packages})
+        """The earliest plan that keeps the promises of several packages; without one this plan."""
+        due = with_promises(
+            problem, plan, record, start_ms=slot.at_ms, tolerance_s=self.tolerance_s
         )
+        kept = plan if due is None else await compose_in(self.solver, world, due)
         return kept if kept.is_flyable else plan
 
     async def _add_standby(self, row: _Row) -> NoTrip | None:
@@ -229,12 +221,6 @@ class OrderPlanner:
         own += [] if mission_id is None else [mission_id]
         free = self.world.instead(self._pads).without(own)
         return free.for_drone(calendar.candidate.learned)
-
-
-def _due(package: PackageToDeliver, latest_s: float | None) -> PackageToDeliver:
-    """The package with this latest hand-over, if it has no earlier one."""
-    limits = [each for each in (package.latest_s, latest_s) if each is not None]
-    return package.model_copy(update={"latest_s": min(limits, default=None)})
 
 
 async def plan_orders(
