@@ -54,8 +54,10 @@ async def populate(
         provider_id = (await operate("POST", "/v1/providers", terms))["provider_id"]
         fleet = city.fleet(number, providers=burst.providers, drones=burst.drones)
         own = FleetKeys(fleet)
-        answer = await operate("POST", f"/v1/providers/{provider_id}/drones", own.bodies)
-        drones += own.kept(answer["items"])
+        path, registered = f"/v1/providers/{provider_id}/drones", []
+        for batch in own.batches():
+            registered += (await operate("POST", path, batch))["items"]
+        drones += own.kept(registered)
     customers = [
         _customer(await operate("POST", "/v1/keys", {"role": "customer", "subject_id": f"c{n}"}))
         for n in range(_CUSTOMERS)

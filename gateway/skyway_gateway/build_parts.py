@@ -13,7 +13,6 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import KeyEntrance, Meters
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.http.metrics_routes import MetricsGate
-from skyway.runtime.http.request_boundary import body_limits
 from skyway.runtime.limits import Budget, FairQueue, Meter, Slots
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import mint
@@ -36,7 +35,7 @@ from skyway_gateway.deliveries.booking.wake_waiting import Waker
 from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
-from skyway_gateway.forward.table import open_calls, own_body_limits, tenants_body_limits
+from skyway_gateway.forward.table import open_calls, tenants_limit_bytes
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.sources import Deliveries, Drones, World
@@ -129,9 +128,7 @@ def build_parts(
             code_calls=("POST /v1/sessions",),
         ),
         refused_logins=refused_logins,
-        body_limit=body_limits(
-            own_body_limits(), of_tenants=tenants_body_limits(settings.composition_stations)
-        ),
+        tenants_bytes=tenants_limit_bytes(settings.composition_stations),
         meters=meters,
         services=services,
         keys=Keys(

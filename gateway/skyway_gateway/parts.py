@@ -12,7 +12,6 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.entrance import KeyEntrance, Meters
 from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.http.metrics_routes import MetricsGate
-from skyway.runtime.http.request_boundary import BodyLimit
 from skyway.runtime.limits import FairQueue, Slots
 from skyway.runtime.metrics import Gauges
 from skyway.runtime.minting import mint
@@ -75,7 +74,7 @@ class Parts:
     metrics_gate: MetricsGate
     entrance: KeyEntrance
     refused_logins: RefusedLogins
-    body_limit: BodyLimit
+    tenants_bytes: int
     meters: Meters
     services: ServiceGate
     keys: Keys

@@ -11,7 +11,6 @@ from skyway.contracts.weather import ForecastDocument
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
-    body_limits,
     create_app,
     nothing_to_open,
     nothing_to_wait_for,
@@ -46,17 +45,15 @@ from skyway_composition.missions.schedule.routes import schedule_routes
 from skyway_composition.missions.tracking_routes import tracking_routes
 from skyway_composition.networks.change_weather import WeatherChanges
 from skyway_composition.networks.routes import (
-    NETWORK_LIMIT_BYTES,
     airspace_routes,
     network_routes,
 )
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
 from skyway_composition.networks.status_routes import service_status_routes
-from skyway_composition.networks.weather_routes import FORECAST_LIMIT_BYTES, weather_routes
+from skyway_composition.networks.weather_routes import weather_routes
 from skyway_composition.pads.routes import pad_routes
 from skyway_composition.parts import SERVICE, Parts, parts_of, registry_client
 from skyway_composition.planning.routes import (
-    COMPOSITION_LIMIT_BYTES,
     CompositionProblem,
     ProblemReader,
     composition_routes,
@@ -150,13 +147,6 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
         entrance=CellEntrance(ServiceEntrance(gate), parts.own_cells),
         lifespan=lifespan,
         readiness=readiness,
-        body_limit=body_limits(
-            {
-                "PUT /v1/networks/{network_id}": NETWORK_LIMIT_BYTES,
-                "PUT /v1/networks/{network_id}/weather": FORECAST_LIMIT_BYTES,
-                "POST /v1/compositions": COMPOSITION_LIMIT_BYTES,
-            }
-        ),
     )
 
 

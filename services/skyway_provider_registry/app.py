@@ -14,7 +14,6 @@ from skyway.contracts.cells import CellTable
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
-    body_limits,
     create_app,
     nothing_to_open,
     nothing_to_wait_for,
@@ -45,7 +44,6 @@ from skyway_provider_registry.fleets.live_routes import live_routes
 from skyway_provider_registry.fleets.maintenance_routes import maintenance_routes
 from skyway_provider_registry.fleets.quota_routes import quota_routes
 from skyway_provider_registry.fleets.routes import (
-    REGISTRATION_LIMIT_BYTES,
     fleet_routes,
     fleet_statistics_routes,
     registration_routes,
@@ -124,9 +122,6 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
         entrance=ServiceEntrance(gate),
         lifespan=lifespan,
         readiness=readiness,
-        body_limit=body_limits(
-            {"POST /v1/providers/{provider_id}/drones": REGISTRATION_LIMIT_BYTES}
-        ),
     )
 
 

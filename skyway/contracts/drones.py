@@ -29,6 +29,7 @@ class DroneKeyQuery(WireModel):
         str,
         Field(
             pattern=r"^[0-9a-f]{64}$",
+            max_length=64,
             description="SHA-256 of the key that was shown, in hexadecimal.",
         ),
     ]
@@ -49,6 +50,9 @@ class DroneQuota(WireModel):
 
 #: Where the registry answers.
 DRONE_SIGNATURES: Final = "/internal/drone-signatures"
+
+#: The most drones that one call registers.
+MOST_NEW_DRONES: Final = 500
 
 #: The most drones of one question.
 MOST_ASKED: Final = 2_000
@@ -100,6 +104,9 @@ class DroneAlarm(WireModel):
 
 #: Where composition asks.
 OUT_OF_SERVICE: Final = "/internal/drones-out-of-service"
+
+#: The most drones that one call registers.
+MOST_NEW_DRONES: Final = 500
 
 #: The most drones of one question.
 MOST_DRONES: Final = 1_000

@@ -31,6 +31,7 @@ PublicKey = Annotated[
     str,
     Field(
         pattern=r"^[A-Za-z0-9_-]{43}$",
+        max_length=43,
         description="Ed25519 public key: 32 bytes in base64url without padding.",
         examples=["11qYAYKxCrfVS_7TyWQHOg7hcvPapiMlrwIaaPcHURo"],
     ),

@@ -10,7 +10,7 @@ from skyway.delivery.qos import Priority, Weights
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
 
-Currency = Annotated[str, Field(pattern=r"^[A-Z]{3}$", description="ISO 4217 code")]
+Currency = Annotated[str, Field(pattern=r"^[A-Z]{3}$", max_length=3, description="ISO 4217 code")]
 
 MinorUnits = Annotated[int, Field(ge=0, le=10**12)]
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from skyway.contracts.problem_details import CONFLICT_CODES
+from skyway.runtime.http.body_bounds import BODY_LIMIT_BYTES
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.http.problems import status_problem
-from skyway.runtime.http.request_boundary import BODY_LIMIT_BYTES
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/reference/rest.md").read_text()

@@ -13,6 +13,7 @@ from pydantic import Field
 
 from skyway.ids import KeyId
 from skyway.json_model import JsonModel
+from skyway.runtime.http.body_bounds import BODY_LIMIT_BYTES, BodyBounds
 from skyway.runtime.http.openapi_document import tags_of
 from skyway.runtime.http.openapi_examples import example_of
 from skyway_gateway.access.scopes import with_scopes
@@ -29,6 +30,8 @@ _INTERNAL: Final = "/internal/"
 _METHODS: Final = ("get", "post", "put", "patch", "delete")
 _SCHEMAS: Final = "#/components/schemas/"
 _WITH_KEY: Final = "ProviderWithKey"
+#: The schema of a call without a body.
+_NO_BODY: Final = {"type": "null"}
 #: The answers that only a caller who shows a key can get.
 _OF_CALLERS: Final = ("401", "403")
 
@@ -45,6 +48,16 @@ def stored_document() -> Document:
     text = (files("skyway_gateway.forward") / RESOURCE).read_text(encoding="utf-8")
     document: Document = json.loads(text)
     return document
+
+
+def most_body_bytes(row: Forwarded, document: Document) -> int:
+    """The most bytes of the body of a call, by its schema in the stored document."""
+    operation = document["paths"][row.path][row.method.lower()]
+    content = operation.get("requestBody", {"content": {"application/json": {"schema": _NO_BODY}}})
+    schema = content["content"]["application/json"]["schema"]
+    limit_bytes = BODY_LIMIT_BYTES if row.limit_bytes is None else row.limit_bytes
+    schemas = document["components"]["schemas"]
+    return BodyBounds.of_schema(schema, schemas, limit_bytes=limit_bytes).size_bytes
 
 
 def forwarded_document(services: Mapping[Service, Document]) -> Document:

@@ -12,11 +12,12 @@ from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.answers import IdempotencyKey, response_of
+from skyway.runtime.http.body_bounds import BodyLimit
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.client_disconnect import cancel_on_disconnect, refuse_gone
 from skyway.runtime.http.entrance import Meters
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.http.service_router import ServiceRouter, takes_bytes
 from skyway.runtime.idempotency_store import Answer, once
 from skyway.runtime.limits import FairQueue
 from skyway.runtime.sql.database import Database, Tx
@@ -24,7 +25,8 @@ from skyway_gateway.access.api_key import NewKey
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.routes import KeyGate, holder_of
 from skyway_gateway.forward.cell_routes import ForwardToCells
-from skyway_gateway.forward.table import CELLS_PATH, FORWARDED, Forwarded
+from skyway_gateway.forward.document import most_body_bytes, stored_document
+from skyway_gateway.forward.table import CELLS_PATH, FORWARDED, PROVIDER_CREATION, Forwarded
 
 _PROVIDERS = "/v1/providers"
 
@@ -53,12 +55,14 @@ def forward_routes(
     meters: Meters,
     planning: FairQueue,
     reporting: FairQueue,
+    tenants_bytes: int,
 ) -> ServiceRouter:
     """Every row of the table; `changes` notes each call that may have changed something.
 
-    A closure that is lifted, or a drone that is added, may help requests that wait.
+    A closure that is lifted, or a drone that is added, may help requests that wait. Customers and
+    providers may send `tenants_bytes` where operators may send more.
     """
-    router = ServiceRouter()
+    router, document = ServiceRouter(), stored_document()
 
     async def pass_on(request: Request, row: Forwarded, caller: Caller | None) -> Response:
         if row.service == "composition":
@@ -70,15 +74,25 @@ def forward_routes(
         return answer
 
     for row in FORWARDED:
+        takes = takes_bytes(_body_limit(most_body_bytes(row, document), tenants_bytes))
         router.add_api_route(
             row.path,
-            _handler(row, gate, pass_on, changes, meters, planning, reporting),
+            takes(_handler(row, gate, pass_on, changes, meters, planning, reporting)),
             methods=[row.method],
             response_class=StreamingResponse,
             # The whole document takes its operation from the service's own.
             include_in_schema=False,
         )
     return router
+
+
+def _body_limit(most_bytes: int, tenants_bytes: int) -> BodyLimit:
+    def limit_of(request: Request) -> int:
+        caller: Caller | None = getattr(request.state, "caller", None)
+        is_operator = caller is not None and caller.role == "operator"
+        return most_bytes if is_operator else min(most_bytes, tenants_bytes)
+
+    return limit_of
 
 
 def _handler(
@@ -126,6 +140,7 @@ def provider_routes(
     router = ServiceRouter(include_in_schema=False)
 
     @router.post(_PROVIDERS, status_code=201)
+    @takes_bytes(most_body_bytes(PROVIDER_CREATION, stored_document()))
     async def create_provider(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from skyway.runtime.http.body_bounds import BODY_LIMIT_BYTES
 from skyway.runtime.http.identity import CallerRole
-from skyway.runtime.http.request_boundary import BODY_LIMIT_BYTES
 
 Method = Literal["GET", "POST", "PUT", "PATCH", "DELETE"]
 Service = Literal["registry", "composition"]
@@ -19,12 +19,9 @@ _OPERATOR: Final[tuple[CallerRole, ...]] = ("operator",)
 #: Bytes and wall seconds for what is large or heavy (docs/reference/rest.md).
 _NETWORK_BYTES: Final = 256 * 1024 * 1024
 _FORECAST_BYTES: Final = 16 * 1024 * 1024
-_FLEET_BYTES: Final = 8 * 1024 * 1024
 _HEAVY_S: Final = 180.0
 #: Bytes of a station with its segments in a network's GeoJSON; a city's have 900.
 _STATION_BYTES: Final = 1024
-#: Bytes of a body that comes without a key: a token and a certificate request.
-_KEYLESS_BYTES: Final = 16 * 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +35,7 @@ class Forwarded:
     path: str
     service: Service
     roles: tuple[CallerRole, ...]
+    #: The most bytes of its body, if they do not follow from its schema.
     limit_bytes: int | None = None
     timeout_s: float = 30.0
     #: Whether it keeps composition busy, so that tenants take turns.
@@ -93,7 +91,6 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         "/v1/providers/{provider_id}/drones",
         "registry",
         _FLEETS,
-        limit_bytes=_FLEET_BYTES,
         timeout_s=_HEAVY_S,
     ),
     Forwarded("GET", "/v1/providers/{provider_id}/drones", "registry", _FLEETS),
@@ -124,7 +121,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         _FLEETS,
     ),
     *_batteries_and_maintenance("/v1/providers/{provider_id}"),
-    Forwarded("POST", "/v1/enrolments", "registry", (), limit_bytes=_KEYLESS_BYTES),
+    Forwarded("POST", "/v1/enrolments", "registry", ()),
     Forwarded("POST", "/v1/enrolments/rotations", "registry", _DRONE),
     Forwarded("GET", CELLS_PATH, "registry", _OPERATOR),
     Forwarded("PUT", f"{CELLS_PATH}/{{network_id}}", "registry", _OPERATOR),
@@ -207,18 +204,9 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
 )
 
 
-def own_body_limits() -> dict[str, int]:
-    """The calls whose bodies have a limit of their own, as ``PUT /v1/networks/{network_id}``."""
-    return {
-        f"{row.method} {row.path}": row.limit_bytes
-        for row in FORWARDED
-        if row.limit_bytes is not None
-    }
-
-
-def tenants_body_limits(stations: int) -> dict[str, int]:
-    """The limits of customers and providers: a problem may have a network of so many stations."""
-    return {"POST /v1/compositions": BODY_LIMIT_BYTES + stations * _STATION_BYTES}
+def tenants_limit_bytes(stations: int) -> int:
+    """The limit of a problem of customers and providers: its network may have so many stations."""
+    return BODY_LIMIT_BYTES + stations * _STATION_BYTES
 
 
 def open_calls() -> frozenset[str]:

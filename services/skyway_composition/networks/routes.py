@@ -16,7 +16,7 @@ from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.answers import GEOJSON, GeoJsonResponse, conflicts
-from skyway.runtime.http.app import read_json
+from skyway.runtime.http.app import read_json, takes_bytes
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.openapi_document import body_of
 from skyway.runtime.http.paging import Page, PageQuery, page_of
@@ -82,6 +82,7 @@ def network_routes(
         },
         openapi_extra=body_of(NetworkDocument),
     )
+    @takes_bytes(NETWORK_LIMIT_BYTES)
     async def publish_network(
         network_id: NetworkId,
         request: Request,

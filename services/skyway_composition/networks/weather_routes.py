@@ -10,7 +10,7 @@ from skyway.contracts.weather import ForecastDocument, WeatherInForce
 from skyway.errors import InvalidInput
 from skyway.ids import NetworkId
 from skyway.runtime.http.answers import NOT_FOUND
-from skyway.runtime.http.app import read_json
+from skyway.runtime.http.app import read_json, takes_bytes
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.openapi_document import body_of
 from skyway.runtime.http.service_router import ServiceRouter
@@ -31,6 +31,7 @@ def weather_routes(*, gate: ServiceGate, changes: WeatherChanges) -> ServiceRout
         responses=NOT_FOUND,
         openapi_extra=body_of(ForecastDocument),
     )
+    @takes_bytes(FORECAST_LIMIT_BYTES)
     async def put_network_weather(
         network_id: NetworkId, request: Request, caller: Annotated[Caller, Depends(gate)]
     ) -> WeatherInForce:

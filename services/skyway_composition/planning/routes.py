@@ -24,7 +24,7 @@ from skyway.planner.problem_document import read_problem
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import AccessDenied, NotFound
 from skyway.runtime.http.answers import NOT_FOUND
-from skyway.runtime.http.app import internal_body, read_json
+from skyway.runtime.http.app import internal_body, read_json, takes_bytes
 from skyway.runtime.http.client_disconnect import cancel_on_disconnect
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.openapi_document import body_of
@@ -215,6 +215,7 @@ def composition_routes(
         responses=NOT_FOUND,
         openapi_extra=body_of(CompositionProblem),
     )
+    @takes_bytes(COMPOSITION_LIMIT_BYTES)
     async def compose_plan(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Plan:
         """Compose the plan for a problem, or say why no plan exists."""
         caller.must_be("customer", "provider", "operator", "service")

@@ -35,9 +35,6 @@ DroneStateName = Literal[
 
 T = TypeVar("T")
 
-#: Most drones that one call registers.
-MAX_NEW_DRONES = 5_000
-
 DroneName = Annotated[
     str,
     Field(min_length=1, max_length=200, description="name for people", examples=["Heron 1"]),

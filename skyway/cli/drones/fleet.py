@@ -164,13 +164,14 @@ def _register(
     keys = FleetKeys(new_drones)
     owner = provider_id or _new_provider(folder)
     try:
-        answer = _operate(folder, "POST", f"/v1/providers/{owner}/drones", keys.bodies)
+        path = f"/v1/providers/{owner}/drones"
+        answers = [_operate(folder, "POST", path, batch) for batch in keys.batches()]
     except typer.Exit:
         if provider_id is None:
             _operate(folder, "PATCH", f"/v1/providers/{owner}", {"state": "SUSPENDED"})
             typer.echo(_LEFT_BEHIND.format(owner=owner), err=True)
         raise
-    registered = keys.kept(answer["items"])
+    registered = keys.kept([drone for answer in answers for drone in answer["items"]])
     typer.echo(f"{len(registered)} drones registered with provider {owner}", err=True)
     return registered
 

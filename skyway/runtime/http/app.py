@@ -22,16 +22,15 @@ from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound, ServiceUnavailable
 from skyway.runtime.http.openapi_document import Document, complete_document
 from skyway.runtime.http.problems import install_problems
-from skyway.runtime.http.request_boundary import (
-    Admission,
-    BodyLimit,
-    RequestBoundary,
-    admit_all,
-    body_limits,
+from skyway.runtime.http.request_boundary import Admission, RequestBoundary, admit_all
+from skyway.runtime.http.service_router import (
+    ServiceRouter,
+    internal_body,
+    read_json,
+    takes_bytes,
 )
-from skyway.runtime.http.service_router import ServiceRouter, internal_body, read_json
 
-__all__ = ["Health", "Readiness", "body_limits", "create_app", "internal_body", "read_json"]
+__all__ = ["Health", "Readiness", "create_app", "internal_body", "read_json", "takes_bytes"]
 
 #: Seconds for the check of one part; a part that works answers sooner.
 _READINESS_S: Final = 5.0
@@ -117,7 +116,6 @@ def create_app(
     routers: Sequence[ServiceRouter],
     lifespan: Lifespan,
     readiness: Readiness,
-    body_limit: BodyLimit | None = None,
     entrance: Admission = admit_all,
     middleware: Sequence[Middleware] = (),
     models: Sequence[type[BaseModel]] = (),
@@ -126,14 +124,12 @@ def create_app(
 ) -> FastAPI:
     """An app with these routers and with the routes of every service.
 
-    Nothing is opened before the lifespan begins. Without `body_limit`, every body ends at 256 KiB.
-    `entrance` looks at each request before its body is read.
-    `middleware` runs inside the request boundary, so each request has its trace and its limit.
+    Nothing is opened before the lifespan begins. `entrance` looks at each request before its body
+    is read. `middleware` runs inside the request boundary, so each request has its trace.
     For the OpenAPI document: `models` are the models to which routes refer, `webhooks` are the
     calls that the service makes, `publish` changes the document before it is shown.
     """
-    limit = body_limit or body_limits({})
-    boundary = Middleware(RequestBoundary, body_limit=limit, entrance=entrance)
+    boundary = Middleware(RequestBoundary, entrance=entrance)
     app = ServiceApp(
         title=title,
         description=description,

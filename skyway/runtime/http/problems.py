@@ -39,7 +39,7 @@ from skyway.runtime.errors import (
 from skyway.runtime.tracing import current_trace_id
 
 #: One bad body must not turn into a megabyte of answer.
-_MAX_FIELD_PROBLEMS: Final = 50
+_MAX_FIELD_PROBLEMS: Final = 20
 _MAX_TEXT: Final = 300
 
 

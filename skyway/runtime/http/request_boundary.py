@@ -7,19 +7,16 @@ costs nothing.
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Final, Protocol
 
 from fastapi import Request
-from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect
-from starlette.routing import compile_path
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from skyway.contracts.problem_details import ProblemDetails
 from skyway.errors import SkywayError
 from skyway.runtime.errors import TooLarge
-from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.problems import (
     our_failure,
     problem_headers,
@@ -27,13 +24,11 @@ from skyway.runtime.http.problems import (
     problem_response,
     status_problem,
 )
+from skyway.runtime.http.service_router import body_limit_of
 from skyway.runtime.metrics import count, observe
 from skyway.runtime.tracing import tracing
 
 log = logging.getLogger(__name__)
-
-#: The most bytes of a request body (docs/reference/rest.md); a few routes allow more.
-BODY_LIMIT_BYTES: Final = 256 * 1024
 
 #: So many bytes of a refused body are read: a client that is cut off while it sends gets no answer.
 _DRAINED_BYTES: Final = 8 * 1024 * 1024
@@ -44,8 +39,6 @@ _DRAIN_S: Final = 2.0
 _REFUSED: Final = frozenset({400, 403, 404, 405, 413, 415, 422})
 
 _METHODS: Final = frozenset({"GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"})
-
-BodyLimit = Callable[[Request], int]
 
 
 class Admission(Protocol):
@@ -63,40 +56,11 @@ _DEFAULT_HEADERS: Final = (
     (b"x-content-type-options", b"nosniff"),
 )
 
-_TENANTS: Final = ("customer", "provider")
-
 #: Path parameters that are secrets, such as the token of a tracking page.
 _SECRET_PARAMETERS: Final = frozenset({"token"})
 
 #: Services behind the gateway must see the same path that was checked here.
 _ENCODED_SLASHES: Final = (b"%2f", b"%5c")
-
-
-def body_limits(
-    larger: Mapping[str, int], *, of_tenants: Mapping[str, int] | None = None
-) -> BodyLimit:
-    """256 KiB, except for the `larger` routes, named like ``PUT /v1/networks/{network_id}``.
-
-    Customers and providers have the limits of `of_tenants` where one is given.
-    """
-    tenants = None if of_tenants is None else body_limits({**larger, **of_tenants})
-    routes = tuple(
-        (method, compile_path(path)[0], limit_bytes)
-        for (method, path), limit_bytes in ((name.split(" "), n) for name, n in larger.items())
-    )
-
-    def limit_of(request: Request) -> int:
-        caller = getattr(request.state, "caller", None)
-        if tenants is not None and isinstance(caller, Caller) and caller.role in _TENANTS:
-            return tenants(request)
-        fitting = (
-            limit_bytes
-            for method, pattern, limit_bytes in routes
-            if method == request.method and pattern.match(request.scope["path"])
-        )
-        return next(fitting, BODY_LIMIT_BYTES)
-
-    return limit_of
 
 
 async def admit_all(request: Request) -> Mapping[str, str]:
@@ -108,11 +72,8 @@ async def admit_all(request: Request) -> Mapping[str, str]:
 class RequestBoundary:
     """ASGI middleware: the trace, the entrance, the limit of the body, uncaught errors."""
 
-    def __init__(
-        self, app: ASGIApp, body_limit: BodyLimit, entrance: Admission = admit_all
-    ) -> None:
+    def __init__(self, app: ASGIApp, entrance: Admission = admit_all) -> None:
         self._app = app
-        self._body_limit = body_limit
         self._entrance = entrance
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -123,7 +84,7 @@ class RequestBoundary:
         request = Request(scope)
         started_at = time.monotonic()
         with tracing(request.headers.get("traceparent"), lambda: _span_name(request)):
-            exchange = _Exchange(BODY_LIMIT_BYTES, scope, receive, send)
+            exchange = _Exchange(request, receive, send)
             await self._serve(request, exchange)
         if exchange.status in _REFUSED and hasattr(request.state, "note_refusal"):
             request.state.note_refusal()
@@ -138,10 +99,6 @@ class RequestBoundary:
         except SkywayError as refusal:
             await exchange.answer(problem_of(refusal), problem_headers(refusal))
             return
-        exchange.limit_bytes = self._body_limit(request)
-        if _announced_bytes(request) > exchange.limit_bytes:
-            await exchange.refuse_body()
-            return
         try:
             await self._app(request.scope, exchange.receive, exchange.send)
         except ClientDisconnect:
@@ -153,34 +110,44 @@ class RequestBoundary:
 class _Exchange:
     """One request and its answer, with the body counted as it comes in."""
 
-    def __init__(self, limit_bytes: int, scope: Scope, receive: Receive, send: Send) -> None:
-        self.limit_bytes = limit_bytes
+    def __init__(self, request: Request, receive: Receive, send: Send) -> None:
         self.status = 0
         #: When the answer began, by `time.monotonic`.
         self.answered_at: float | None = None
         #: Added to every answer.
         self.headers: Mapping[str, str] = {}
-        self._scope = scope
+        self._request = request
         self._receive = receive
         self._send = send
         self._received_bytes = 0
         self._is_body_complete = False
+        #: The limit of the route, once the body is read.
+        self._limit_bytes: int | None = None
+        self._is_too_large = False
 
     async def receive(self) -> Message:
-        """The next part of the body, unless it goes over the limit."""
+        """The next part of the body, unless it goes over the limit of the route."""
+        if self._limit_bytes is None:
+            self._limit_bytes = body_limit_of(self._request)
+            self._refuse_larger(_announced_bytes(self._request), self._limit_bytes)
         message = await self._receive()
         if message["type"] == "http.request":
             self._received_bytes += len(message.get("body", b""))
             self._is_body_complete = not message.get("more_body", False)
-        if self._received_bytes > self.limit_bytes:
-            raise TooLarge(self.limit_bytes)
+            self._refuse_larger(self._received_bytes, self._limit_bytes)
         return message
+
+    def _refuse_larger(self, size_bytes: int, limit_bytes: int) -> None:
+        # A stream that has begun waits here for the end of its reader.
+        if self.status == 0 and size_bytes > limit_bytes:
+            self._is_too_large = True
+            raise TooLarge(limit_bytes)
 
     async def send(self, message: Message) -> None:
         """Pass the answer on. If the body is too large, the answer is always 413."""
-        if self.status == 0 and self._received_bytes > self.limit_bytes:
-            await self.refuse_body()
-        elif self._received_bytes <= self.limit_bytes:
+        if self.status == 0 and self._is_too_large:
+            await self._refuse_body()
+        elif not self._is_too_large:
             if self.status == 0:
                 self.status = message["status"]
                 self.answered_at = time.monotonic()
@@ -190,12 +157,12 @@ class _Exchange:
                 message["headers"] = [*given, *defaults, *_encoded(self.headers)]
             await self._send(message)
 
-    async def refuse_body(self) -> None:
+    async def _refuse_body(self) -> None:
         """Answer 413, after reading what the client is still sending."""
         # A client that sent Expect still waits with its body; reading would ask for the body.
-        if "expect" not in Headers(scope=self._scope):
+        if "expect" not in self._request.headers:
             await self._drain()
-        await self.answer(problem_of(TooLarge(self.limit_bytes)))
+        await self.answer(problem_of(TooLarge(self._limit_bytes or 0)))
 
     async def answer(
         self, problem: ProblemDetails, headers: Mapping[str, str] | None = None
@@ -205,7 +172,7 @@ class _Exchange:
         self.answered_at = time.monotonic()
         response = problem_response(problem, {**self.headers, **(headers or {})})
         response.headers.update({name.decode(): value.decode() for name, value in _DEFAULT_HEADERS})
-        await response(self._scope, self._receive, self._send)
+        await response(self._request.scope, self._receive, self._send)
 
     async def _drain(self) -> None:
         drained_bytes = 0

@@ -1,6 +1,7 @@
-"""The routes of a service, and the JSON that they accept: UTF-8, finite, storable everywhere.
+"""The routes of a service, and the JSON that they accept: bounded, UTF-8, finite, storable.
 
-Python's parser accepts more than JSON allows (NaN, UTF-16) and more than a database can store (NUL,
+A body is counted before it is parsed, and checked before it is validated (`body_bounds`). Python's
+parser accepts more than JSON allows (NaN, UTF-16) and more than a database can store (NUL,
 lone surrogates, integers beyond 64 bits). Such values would cause an error 500 later. Terminals
 would obey control characters.
 """
@@ -9,16 +10,19 @@ import asyncio
 import json
 import math
 import re
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from email.message import Message as Header
-from typing import Any, Final, Generic, TypeVar
+from functools import cached_property
+from typing import Annotated, Any, Final, Generic, TypeVar
 
-from fastapi import APIRouter, Depends, Request
+from fastapi import APIRouter, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ValidationError
 from pydantic_core import from_json
 from starlette.exceptions import HTTPException
+
+from skyway.runtime.http.body_bounds import BodyBounds, BodyLimit
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -29,11 +33,12 @@ InThread = Callable[[Callable[[bytes], Any], bytes], Awaitable[Any]]
 
 #: Our own bodies nest at most about ten levels.
 MAX_DEPTH: Final = 100
+_TOO_DEEP: Final = f"nests deeper than {MAX_DEPTH} levels"
 
 _MAX_INTEGER: Final = 2**63 - 1
 
-#: Bodies up to this size are read without a thread.
-_SMALL_BYTES: Final = 256 * 1024
+#: Bodies up to this size are parsed without a thread, in a millisecond.
+_SMALL_BYTES: Final = 64 * 1024
 
 _SURROGATES = re.compile("[\ud800-\udfff]")
 
@@ -42,6 +47,72 @@ _CONTROL = re.compile("[\x01-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
 
 #: The forms of unstorable values in raw text; most bodies have none of them.
 _SUSPICIOUS = re.compile(rb"\\[ubf]|\x7f|\xc2[\x80-\x9f]|NaN|Infinity|[0-9]{19}|[eE]\+?[0-9]{3}")
+
+
+#: The attribute of a route's function that holds the limit of its body.
+_TAKES: Final = "body_limit"
+#: The most bytes of a body of a route that reads none.
+_NO_BODY: Final = BodyBounds(4 * 1024)
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def takes_bytes(limit: int | BodyLimit) -> Callable[[F], F]:
+    """A decorator for the function of a route: the most bytes of its body.
+
+    Without it the schema of the body gives the limit.
+    """
+
+    def marked(endpoint: F) -> F:
+        setattr(endpoint, _TAKES, limit)
+        return endpoint
+
+    return marked
+
+
+def body_limit_of(request: Request) -> int:
+    """The most bytes of the body, once the route of the request is known."""
+    route = request.scope.get("route")
+    limit = getattr(getattr(route, "endpoint", None), _TAKES, None)
+    if limit is not None:
+        return int(limit(request) if callable(limit) else limit)
+    return route.bounds.size_bytes if isinstance(route, ServiceRoute) else _NO_BODY.size_bytes
+
+
+class ServiceRoute(APIRoute):
+    """A route that refuses a body which no valid body resembles, before FastAPI validates it."""
+
+    @cached_property
+    def bounds(self) -> BodyBounds:
+        """The most that a valid body holds."""
+        if self.body_field is None:
+            readers = (each.call for each in self.dependant.dependencies)
+            own = (each.bounds for each in readers if isinstance(each, InternalBody))
+            return next(own, _NO_BODY)
+        field = self.body_field.field_info
+        return BodyBounds.of_type(Annotated[field.annotation, field])
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """FastAPI's handler; it finds the body parsed, and does not parse it again."""
+        handle = super().get_route_handler()
+        if self.body_field is None:
+            return handle
+
+        async def check_and_handle(request: Request) -> Response:
+            raw = await request.body()
+            if raw:
+                require_json_type(request)
+                _refuse_excess(raw, self.bounds)
+                try:
+                    value = await request.json()
+                except RecursionError as error:
+                    raise _complaint((), _TOO_DEEP, None) from error
+                except ValueError:
+                    return await handle(request)  # FastAPI says what is wrong with the text
+                _check(raw, value, most_members=self.bounds.members)
+            return await handle(request)
+
+        return check_and_handle
 
 
 class ServiceRouter(APIRouter):
@@ -57,7 +128,7 @@ class ServiceRouter(APIRouter):
         super().__init__(
             tags=[*tags],
             prefix=prefix,
-            dependencies=[Depends(refuse_unstorable_json)],
+            route_class=ServiceRoute,
             include_in_schema=include_in_schema,
             generate_unique_id_function=operation_id,
         )
@@ -67,17 +138,6 @@ def operation_id(route: APIRoute) -> str:
     """The operation id of a route: its function's name in camel case, as `listStations`."""
     first, *others = route.name.split("_")
     return first + "".join(word.capitalize() for word in others)
-
-
-async def refuse_unstorable_json(request: Request) -> None:
-    """Dependency of every route: if the route has a JSON body, the body must be storable JSON."""
-    route = request.scope.get("route")
-    if not isinstance(route, APIRoute) or route.body_field is None:
-        return
-    raw = await request.body()
-    if raw:
-        require_json_type(request)
-        _check(raw, await request.json())
 
 
 def require_json_type(request: Request) -> None:
@@ -105,10 +165,10 @@ def _parsed(raw: bytes) -> Any:  # a JSON value of any type
     try:
         value = json.loads(raw)
     except RecursionError as error:
-        raise _complaint((), f"nests deeper than {MAX_DEPTH} levels", None) from error
+        raise _complaint((), _TOO_DEEP, None) from error
     except ValueError as error:
         raise _broken(str(error)) from error
-    _check(raw, value)
+    _check(raw, value, most_members=len(raw))
     return value
 
 
@@ -118,11 +178,17 @@ class InternalBody(Generic[M]):
     def __init__(self, model: type[M]) -> None:
         self.model = model
 
+    @cached_property
+    def bounds(self) -> BodyBounds:
+        """The most that a valid body holds."""
+        return BodyBounds.of_type(self.model)
+
     async def __call__(self, request: Request) -> M:
         """The body; errors have the form that FastAPI gives them for a public body."""
         raw = await request.body()
         if raw:
             require_json_type(request)
+        _refuse_excess(raw, self.bounds)
         try:
             return self.model.model_validate_json(raw, extra="ignore")
         except ValidationError as error:
@@ -140,30 +206,34 @@ def internal_body(model: type[M]) -> InternalBody[M]:
     return InternalBody(model)
 
 
-def _check(raw: bytes, value: object) -> None:
+def _refuse_excess(raw: bytes, bounds: BodyBounds) -> None:
+    if (excess := bounds.excess(raw)) is not None:
+        raise _complaint((), excess, None)
+
+
+def _check(raw: bytes, value: object, *, most_members: int) -> None:
     try:
         raw.decode()
     except UnicodeDecodeError as error:
         raise _broken("the text is not UTF-8") from error
     if b"\0" in raw:
         raise _broken("the text is not UTF-8")
-    if _is_too_deep(value):
-        raise _complaint((), f"nests deeper than {MAX_DEPTH} levels", value)
-    if _SUSPICIOUS.search(raw):
-        for path, reason in _unstorable(value):
-            raise _complaint(path, reason, value)
-
-
-def _is_too_deep(value: object) -> bool:
     level: list[Any] = [value] if isinstance(value, dict | list) else []
     for _ in range(MAX_DEPTH):
+        if any(isinstance(each, dict) and len(each) > most_members for each in level):
+            reason = f"holds an object of more than {most_members:,} members"
+            raise _complaint((), reason, value)
         level = [
             inner
             for outer in level
             for inner in (outer.values() if isinstance(outer, dict) else outer)
             if isinstance(inner, dict | list)
         ]
-    return bool(level)
+    if level:
+        raise _complaint((), _TOO_DEEP, value)
+    if _SUSPICIOUS.search(raw):
+        for path, reason in _unstorable(value):
+            raise _complaint(path, reason, value)
 
 
 def _unstorable(value: object, path: Path = ()) -> Iterator[tuple[Path, str]]:

@@ -25,7 +25,8 @@ from skyway.runtime.errors import (
     TooLarge,
     Unauthenticated,
 )
-from skyway.runtime.http.app import body_limits, create_app, internal_body, read_json
+from skyway.runtime.http.app import create_app, internal_body, read_json, takes_bytes
+from skyway.runtime.http.body_bounds import BODY_LIMIT_BYTES
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.tracing import current_traceparent
 
@@ -69,11 +70,13 @@ async def add_one_or_many(loads: Load | list[Load]) -> int:
 
 
 @router.put("/big/{name}")
+@takes_bytes(1_000_000)
 async def put_big(name: str, request: Request) -> int:
     return len(await request.body())
 
 
 @router.put("/raw")
+@takes_bytes(BODY_LIMIT_BYTES)
 async def put_raw(request: Request) -> Any:
     return await read_json(request)
 
@@ -128,7 +131,6 @@ def make_loads_app(readiness: Any = everything_there) -> FastAPI:
         routers=[router],
         lifespan=nothing_to_open,
         readiness=readiness,
-        body_limit=body_limits({"PUT /big/{name}": 1_000_000}),
     )
 
 

@@ -11,7 +11,7 @@ from fastapi import FastAPI, Request, Response
 
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
-from skyway.runtime.http.app import body_limits, create_app
+from skyway.runtime.http.app import create_app, takes_bytes
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import Caller, ServiceIdentity
 from skyway.runtime.http.service_router import ServiceRouter
@@ -144,6 +144,7 @@ def make_gateway(registry: ServiceClient) -> FastAPI:
     router = ServiceRouter()
 
     @router.api_route("/v1/{path:path}", methods=["GET", "PUT", "POST", "DELETE"])
+    @takes_bytes(10_000_000)
     async def forward(path: str, request: Request) -> Response:
         return await registry.forward(request, f"/v1/{path}", Caller("operator", "o1"))
 
@@ -158,7 +159,6 @@ def make_gateway(registry: ServiceClient) -> FastAPI:
         routers=[router],
         lifespan=opened,
         readiness=ready,
-        body_limit=body_limits({"PUT /v1/networks/{network_id}": 10_000_000}),
     )
 
 
