@@ -1,8 +1,25 @@
 """The base of all models with a JSON form: frozen, and strict about unknown fields."""
 
-from typing import Self
+from typing import Any, Final, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler
+from pydantic_core import CoreSchema
+
+#: The validation of a longer list ends at its first wrong item: faults cost time, too.
+_ALL_FAULTS_OF: Final = 100
+
+
+def _end_early(schema: Any) -> None:  # a part of a core schema, which has no common static type
+    """Let each long list end its validation at the first wrong item; inner models do so already."""
+    if isinstance(schema, list | tuple):
+        for each in schema:
+            _end_early(each)
+    elif isinstance(schema, dict) and schema.get("type") != "model":
+        is_list = schema.get("type") == "list" or "variadic_item_index" in schema
+        if is_list and schema.get("max_length", _ALL_FAULTS_OF + 1) > _ALL_FAULTS_OF:
+            schema["fail_fast"] = True
+        for each in schema.values():
+            _end_early(each)
 
 
 class JsonModel(BaseModel):
@@ -16,6 +33,15 @@ class JsonModel(BaseModel):
         serialize_by_alias=True,
         protected_namespaces=(),
     )
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Pydantic's own schema (of any type `source`), in which long lists end early."""
+        schema = own = handler(source)
+        while own.get("type") != "model" and "schema" in own:  # validators of the model
+            own = own["schema"]
+        _end_early(own.get("schema"))
+        return schema
 
     @classmethod
     def read(cls, raw: bytes | str) -> Self:

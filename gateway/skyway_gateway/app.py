@@ -145,7 +145,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 meters=parts.meters,
                 planning=parts.composing,
                 reporting=parts.reporting,
-                tenants_bytes=parts.tenants_bytes,
+                tenant_limit=parts.tenant_limit,
             ),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
             console_routes(base_map=parts.base_map),

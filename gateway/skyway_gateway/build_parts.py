@@ -35,7 +35,7 @@ from skyway_gateway.deliveries.booking.wake_waiting import Waker
 from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
-from skyway_gateway.forward.table import open_calls, tenants_limit_bytes
+from skyway_gateway.forward.table import TenantLimit, open_calls
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.sources import Deliveries, Drones, World
@@ -128,7 +128,7 @@ def build_parts(
             code_calls=("POST /v1/sessions",),
         ),
         refused_logins=refused_logins,
-        tenants_bytes=tenants_limit_bytes(settings.composition_stations),
+        tenant_limit=TenantLimit(settings.composition_stations),
         meters=meters,
         services=services,
         keys=Keys(

@@ -34,6 +34,7 @@ from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.accept import Acceptance
 from skyway_gateway.deliveries.requests.cancel import Canceller
 from skyway_gateway.deliveries.requests.quota_store import DeliveryQuota
+from skyway_gateway.forward.table import TenantLimit
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.notifications.delivery_events import EventListeners
@@ -74,7 +75,7 @@ class Parts:
     metrics_gate: MetricsGate
     entrance: KeyEntrance
     refused_logins: RefusedLogins
-    tenants_bytes: int
+    tenant_limit: TenantLimit
     meters: Meters
     services: ServiceGate
     keys: Keys

@@ -41,7 +41,7 @@ _Error = Annotated[float, Field(ge=0, le=50, strict=True)]
 
 _T = TypeVar("_T")
 #: Lists are read up to their first error: a million errors would take gigabytes.
-_Row = Annotated[tuple[_T, ...], Field(max_length=MAX_VALUES, fail_fast=True)]
+_Row = Annotated[tuple[_T, ...], Field(max_length=MAX_VALUES)]
 #: One variable of a grid: by time, latitude and longitude.
 _Values = _Row[_Row[_Row[_T | None]]]
 
@@ -83,7 +83,6 @@ class WeatherGrid(_FewMembers):
         Field(
             min_length=1,
             max_length=MAX_TIMES,
-            fail_fast=True,
             description="From when values hold, rising: until the next time, and the last ones as "
             "long as those before them, or an hour if there is one time only.",
         ),
@@ -243,7 +242,6 @@ class ForecastDocument(_FewMembers):
         Field(
             min_length=1,
             max_length=MAX_REPORTS,
-            fail_fast=True,
             description="Reports from places; each place reports for each time.",
         ),
     ] = None

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from itertools import islice
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, FailFast, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from skyway.bounds import Moment
 from skyway.delivery.request import MAX_PACKAGES, MAX_TRIP_DESTINATIONS
@@ -161,10 +161,10 @@ class FleetProblem(JsonModel):
     start_at: Annotated[
         Moment | None, Field(description="The fleet time of second 0; zones and hours need it.")
     ] = None
-    drones: Annotated[tuple[FleetDrone, ...], Field(max_length=MAX_DRONES), FailFast()]
-    requests: Annotated[tuple[FleetRequest, ...], Field(max_length=MAX_REQUESTS), FailFast()]
+    drones: Annotated[tuple[FleetDrone, ...], Field(max_length=MAX_DRONES)]
+    requests: Annotated[tuple[FleetRequest, ...], Field(max_length=MAX_REQUESTS)]
     pad_reservations: PadReservations = ()
-    closures: Annotated[tuple[Closure, ...], Field(max_length=MAX_HELD), FailFast()] = ()
+    closures: Annotated[tuple[Closure, ...], Field(max_length=MAX_HELD)] = ()
     loading_s: Duration = 0.0
     dropoff_s: Duration = 0.0
     hand_over_s: Annotated[Duration, Field(description="Between two trips of a drone.")] = 0.0

@@ -4,7 +4,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Annotated, NamedTuple
 
-from pydantic import FailFast, Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from skyway.ids import ConnectorId, DroneModelId
 from skyway.json_model import JsonModel
@@ -118,7 +118,6 @@ class DroneModel(JsonModel):
             json_schema_extra={"minItems": 2},
             description="Points [seconds on the pad, state of charge], rising and concave.",
         ),
-        FailFast(),
     ]
 
     # Of the field, not of the model: those run again wherever a finished model is put into another.

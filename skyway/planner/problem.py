@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     BeforeValidator,
-    FailFast,
     Field,
     PlainSerializer,
     PlainValidator,
@@ -144,7 +143,6 @@ class Problem(JsonModel):
     closures: Annotated[
         tuple[Closure, ...],
         Field(max_length=MAX_HELD, description="Stations and segments that are closed."),
-        FailFast(),
     ] = ()
     weather: Annotated[
         Weather | None, Field(description="How the air changes flights; null: it is still.")

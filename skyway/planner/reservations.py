@@ -14,7 +14,6 @@ from typing import Annotated, Any, Self, overload
 import numpy as np
 import numpy.typing as npt
 from pydantic import (
-    FailFast,
     Field,
     GetPydanticSchema,
     ValidatorFunctionWrapHandler,
@@ -201,7 +200,6 @@ PadReservations = Annotated[
     Sequence[PadReservation],
     GetPydanticSchema(lambda _type, schema_of: schema_of(tuple[PadReservation, ...])),
     Field(max_length=MAX_HELD),
-    FailFast(),
     WrapValidator(_read_by_column),
     WrapSerializer(lambda value, write: write(tuple(value))),
 ]

@@ -5,7 +5,7 @@ from itertools import islice, pairwise
 from typing import Annotated, Any, Final
 
 import numpy as np
-from pydantic import BeforeValidator, FailFast, Field
+from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from skyway.errors import FieldFault
@@ -56,7 +56,6 @@ class WeatherPeriod(JsonModel):
             description="What flights take, as multiples of the time in still air; null: no drone "
             "of this model flies the segment.",
         ),
-        FailFast(),
         BeforeValidator(_few),
     ]
     energy_factors: Annotated[
@@ -66,7 +65,6 @@ class WeatherPeriod(JsonModel):
             description="The energy of these flights, as multiples of power times time; without "
             "them 1.",
         ),
-        FailFast(),
         BeforeValidator(_few),
     ] = ()
 
@@ -80,7 +78,6 @@ class WeatherDocument(JsonModel):
             json_schema_extra={"maxItems": MAX_FACTORS},
             description="The segments, each by the stations that it leads from and to.",
         ),
-        FailFast(),
         BeforeValidator(_few),
     ]
     # At least one is checked below: pydantic would count only those that are themselves valid.
@@ -91,7 +88,6 @@ class WeatherDocument(JsonModel):
             json_schema_extra={"minItems": 1},
             description="The periods in order of time, each beginning where the last one ends.",
         ),
-        FailFast(),
     ]
 
 

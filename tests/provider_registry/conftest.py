@@ -239,7 +239,7 @@ async def api(
         ),
         cloud_keys=CloudKeyFile(secrets_dir / CLOUD_KEYS),
         signatures=SignatureCheck(unsigned_book(clock), NoQuarantine()),
-        drone_limit=DroneLimit(db, 6_000),
+        drone_limit=DroneLimit(db, 1_800),
         servers=servers,
         cell_hosts=("north", "so*"),
     )

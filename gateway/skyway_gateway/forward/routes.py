@@ -26,7 +26,13 @@ from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.routes import KeyGate, holder_of
 from skyway_gateway.forward.cell_routes import ForwardToCells
 from skyway_gateway.forward.document import most_body_bytes, stored_document
-from skyway_gateway.forward.table import CELLS_PATH, FORWARDED, PROVIDER_CREATION, Forwarded
+from skyway_gateway.forward.table import (
+    CELLS_PATH,
+    FORWARDED,
+    PROVIDER_CREATION,
+    Forwarded,
+    TenantLimit,
+)
 
 _PROVIDERS = "/v1/providers"
 
@@ -55,12 +61,12 @@ def forward_routes(
     meters: Meters,
     planning: FairQueue,
     reporting: FairQueue,
-    tenants_bytes: int,
+    tenant_limit: TenantLimit,
 ) -> ServiceRouter:
     """Every row of the table; `changes` notes each call that may have changed something.
 
-    A closure that is lifted, or a drone that is added, may help requests that wait. Customers and
-    providers may send `tenants_bytes` where operators may send more.
+    A closure that is lifted, or a drone that is added, may help requests that wait. Bodies of
+    customers and providers have the limit of tenants.
     """
     router, document = ServiceRouter(), stored_document()
 
@@ -74,7 +80,7 @@ def forward_routes(
         return answer
 
     for row in FORWARDED:
-        takes = takes_bytes(_body_limit(most_body_bytes(row, document), tenants_bytes))
+        takes = takes_bytes(_body_limit(most_body_bytes(row, document), tenant_limit))
         router.add_api_route(
             row.path,
             takes(_handler(row, gate, pass_on, changes, meters, planning, reporting)),
@@ -86,13 +92,8 @@ def forward_routes(
     return router
 
 
-def _body_limit(most_bytes: int, tenants_bytes: int) -> BodyLimit:
-    def limit_of(request: Request) -> int:
-        caller: Caller | None = getattr(request.state, "caller", None)
-        is_operator = caller is not None and caller.role == "operator"
-        return most_bytes if is_operator else min(most_bytes, tenants_bytes)
-
-    return limit_of
+def _body_limit(most_bytes: int, tenant_limit: TenantLimit) -> BodyLimit:
+    return lambda request: tenant_limit.of(getattr(request.state, "caller", None), most_bytes)
 
 
 def _handler(

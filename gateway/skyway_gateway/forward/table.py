@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from skyway.runtime.http.body_bounds import BODY_LIMIT_BYTES
-from skyway.runtime.http.identity import CallerRole
+from skyway.runtime.http.identity import Caller, CallerRole
 
 Method = Literal["GET", "POST", "PUT", "PATCH", "DELETE"]
 Service = Literal["registry", "composition"]
@@ -204,9 +204,17 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
 )
 
 
-def tenants_limit_bytes(stations: int) -> int:
+@dataclass(frozen=True, slots=True)
+class TenantLimit:
     """The limit of a problem of customers and providers: its network may have so many stations."""
-    return BODY_LIMIT_BYTES + stations * _STATION_BYTES
+
+    stations: int
+
+    def of(self, caller: Caller | None, most_bytes: int) -> int:
+        """The most bytes of this caller, where operators may send `most_bytes`."""
+        is_operator = caller is not None and caller.role == "operator"
+        tenants_bytes = BODY_LIMIT_BYTES + self.stations * _STATION_BYTES
+        return most_bytes if is_operator else min(most_bytes, tenants_bytes)
 
 
 def open_calls() -> frozenset[str]:

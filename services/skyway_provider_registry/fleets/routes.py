@@ -183,7 +183,11 @@ def _form_of(body: object) -> str:
 #: One drone, or a whole fleet in one call.
 NewDrones = Annotated[
     Annotated[NewDrone, Tag("object")]
-    | Annotated[list[NewDrone], Field(min_length=1, max_length=MOST_NEW_DRONES), Tag("list")],
+    | Annotated[
+        list[NewDrone],
+        Field(min_length=1, max_length=MOST_NEW_DRONES, fail_fast=True),
+        Tag("list"),
+    ],
     Discriminator(_form_of),
 ]
 

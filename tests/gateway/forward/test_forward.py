@@ -159,7 +159,7 @@ async def test_only_networks_may_have_large_bodies(gateway: Gateway) -> None:
     headers = {**gateway.operator, "content-type": "application/json"}
     for method, path, status in (
         ("PUT", "/v1/networks/texas", 200),
-        ("POST", "/v1/providers/prv_1/drones", 200),
+        ("POST", "/v1/providers/prv_1/drones", 413),
         ("PATCH", "/v1/providers/prv_1", 413),
         ("POST", "/v1/providers", 413),
     ):

@@ -36,7 +36,7 @@ class Crate(JsonModel):
 
 
 class Load(JsonModel):
-    crates: tuple[Crate, ...] = ()
+    crates: Annotated[tuple[Crate, ...], Field(max_length=50)] = ()
     price: int = 0
     notes: dict[str, Any] = Field(default_factory=dict)
 

@@ -143,8 +143,11 @@ def make_gateway(registry: ServiceClient) -> FastAPI:
     """A gateway that forwards all under /v1 to the registry, for the operator o1."""
     router = ServiceRouter()
 
+    def limit_of(request: Request) -> int:
+        return 10_000_000 if "/networks/" in request.url.path else 256 * 1024
+
     @router.api_route("/v1/{path:path}", methods=["GET", "PUT", "POST", "DELETE"])
-    @takes_bytes(10_000_000)
+    @takes_bytes(limit_of)
     async def forward(path: str, request: Request) -> Response:
         return await registry.forward(request, f"/v1/{path}", Caller("operator", "o1"))
 
