@@ -28,7 +28,7 @@ def with_all_fields(
     depth: int = 0,
 ) -> Any:
     """The body with every field of its schema; `schemas` are those of the whole document."""
-    schema = _resolved(schema, schemas)
+    schema = resolved(schema, schemas)
     if depth > _DEEPEST:
         return body
     if isinstance(body, dict) and "properties" in schema:
@@ -84,7 +84,7 @@ def alternatives(schema: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 def sample(schema: Mapping[str, Any], schemas: Mapping[str, Any], depth: int = 0) -> Any:
     """A value that the schema allows, or nearly."""
-    schema = _resolved(schema, schemas)
+    schema = resolved(schema, schemas)
     if depth > _DEEPEST:
         return None
     for name in ("examples", "enum"):
@@ -100,7 +100,7 @@ def sample(schema: Mapping[str, Any], schemas: Mapping[str, Any], depth: int = 0
     return _BY_FORMAT.get(schema.get("format", ""), _BY_TYPE.get(schema.get("type", ""), {}))
 
 
-def _resolved(schema: Mapping[str, Any], schemas: Mapping[str, Any]) -> Mapping[str, Any]:
+def resolved(schema: Mapping[str, Any], schemas: Mapping[str, Any]) -> Mapping[str, Any]:
     """The schema itself, not a reference, and of several the first that is not null."""
     while True:
         choices = schema.get("anyOf") or schema.get("oneOf") or schema.get("allOf")

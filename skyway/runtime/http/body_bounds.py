@@ -134,6 +134,8 @@ def _bounds_of_object(schema: Schema, definitions: Schema, inside: tuple[str, ..
     others = schema.get("additionalProperties", True)
     if others is False:
         return own
+    if others is True and properties:
+        return _times(2, own)  # a later version may send as much again
     name_bytes = _text_bytes(schema.get("propertyNames", {}))
     other = _named(name_bytes, _bounds({} if others is True else others, definitions, inside))
     most = schema.get("maxProperties", _UNBOUNDED)

@@ -17,6 +17,7 @@ from uvicorn.server import ServerState
 from skyway.contracts.problem_details import PROBLEM_MEDIA_TYPE
 from skyway.runtime.http.client_disconnect import CALLER_GONE
 from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits
+from skyway.runtime.http.request_form import FirstLine, is_understood_alike
 from skyway.runtime.metrics import count
 
 #: Linux only: on other systems a caller counts as present until something is read.
@@ -62,6 +63,7 @@ class FrontProtocol(HttpToolsProtocol):
         self._refusal: HTTPStatus | None = None
         self._head_bytes = self._header_lines = self._body_bytes = self._framed_bytes = 0
         self._dropped_bytes = 0
+        self._first_line = FirstLine()
         self._body_since_s = 0.0
         self._caller_timer: TimerHandle | None = None
         self._reading_timer: TimerHandle | None = None
@@ -106,6 +108,11 @@ class FrontProtocol(HttpToolsProtocol):
             self._drop(len(data))
             return
         was_in_body, self._began_in_this_part = self._is_in_body, False
+        if not self._is_in_head and not self._is_in_body:
+            self._first_line = FirstLine()
+        if not self._first_line.goes_on_well(data):
+            self._refuse(HTTPStatus.BAD_REQUEST)
+            return
         try:
             self.parser.feed_data(data)
         except httptools.HttpParserUpgrade:
@@ -144,7 +151,7 @@ class FrontProtocol(HttpToolsProtocol):
         super().on_url(url)
 
     def on_header(self, name: bytes, value: bytes) -> None:
-        """Collect a header, or a trailer of a chunked body, up to their limits."""
+        """Collect a header; count a trailer and drop it, because it could name another caller."""
         self._header_lines += 1
         self._head_bytes += len(name) + len(value) + 4
         if (
@@ -152,12 +159,15 @@ class FrontProtocol(HttpToolsProtocol):
             or self._head_bytes > self._limits.head_bytes
         ):
             self._end(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE)
-        super().on_header(name, value)
+        if self._is_in_head:
+            super().on_header(name, value.strip(b" \t"))
 
     def on_headers_complete(self) -> None:
         """Hand the request to the app, unless too many wait on this connection."""
         if len(self.pipeline) >= self._limits.pipelined:
             self._end(HTTPStatus.TOO_MANY_REQUESTS)
+        if not is_understood_alike(self.url, self.headers, self.parser.get_http_version()):
+            self._end(HTTPStatus.BAD_REQUEST)
         self._is_in_head, self._is_in_body = False, True
         self._disarm()
         super().on_headers_complete()

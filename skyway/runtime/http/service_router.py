@@ -45,6 +45,9 @@ _SURROGATES = re.compile("[\ud800-\udfff]")
 #: Characters that a terminal obeys instead of showing them; tabs and ends of lines are text.
 _CONTROL = re.compile("[\x01-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")
 
+#: For each member that is missing in a larger text, pydantic would copy the whole object.
+_COPIED_BYTES: Final = 16 * 1024
+
 #: The forms of unstorable values in raw text; most bodies have none of them.
 _SUSPICIOUS = re.compile(rb"\\[ubf]|\x7f|\xc2[\x80-\x9f]|NaN|Infinity|[0-9]{19}|[eE]\+?[0-9]{3}")
 
@@ -110,6 +113,7 @@ class ServiceRoute(APIRoute):
                 except ValueError:
                     return await handle(request)  # FastAPI says what is wrong with the text
                 _check(raw, value, most_members=self.bounds.members)
+                _refuse_unstorable(value)
             return await handle(request)
 
         return check_and_handle
@@ -169,6 +173,9 @@ def _parsed(raw: bytes) -> Any:  # a JSON value of any type
     except ValueError as error:
         raise _broken(str(error)) from error
     _check(raw, value, most_members=len(raw))
+    # A walk through millions of values takes longer than this search.
+    if _SUSPICIOUS.search(raw):
+        _refuse_unstorable(value)
     return value
 
 
@@ -190,6 +197,8 @@ class InternalBody(Generic[M]):
             require_json_type(request)
         _refuse_excess(raw, self.bounds)
         try:
+            if len(raw) > _COPIED_BYTES:
+                return self.model.model_validate(from_json(raw), extra="ignore")
             return self.model.model_validate_json(raw, extra="ignore")
         except ValidationError as error:
             complaints = error.errors(include_url=False, include_input=False)
@@ -199,6 +208,8 @@ class InternalBody(Generic[M]):
                 {**complaint, "loc": ("body", *complaint["loc"])} for complaint in complaints
             ]
             raise RequestValidationError(located, body=from_json(raw)) from error
+        except ValueError as error:  # of `from_json`
+            raise _broken(str(error)) from error
 
 
 def internal_body(model: type[M]) -> InternalBody[M]:
@@ -231,9 +242,11 @@ def _check(raw: bytes, value: object, *, most_members: int) -> None:
         ]
     if level:
         raise _complaint((), _TOO_DEEP, value)
-    if _SUSPICIOUS.search(raw):
-        for path, reason in _unstorable(value):
-            raise _complaint(path, reason, value)
+
+
+def _refuse_unstorable(value: object) -> None:
+    for path, reason in _unstorable(value):
+        raise _complaint(path, reason, value)
 
 
 def _unstorable(value: object, path: Path = ()) -> Iterator[tuple[Path, str]]:
@@ -253,6 +266,8 @@ def _unstorable(value: object, path: Path = ()) -> Iterator[tuple[Path, str]]:
 
 
 def _text_faults(text: str) -> Iterator[str]:
+    if text.isprintable():
+        return
     if "\0" in text:
         yield "holds the character U+0000"
     if _SURROGATES.search(text):

@@ -218,7 +218,7 @@ async def test_a_body_that_goes_on_after_its_answer_is_cut_off(front: Front) -> 
     assert front.table.open == 0
 
 
-@pytest.mark.parametrize("sent", [b"", b"GET / HT", b"GET / HTTP/1.1\r\nX: ", b"\r\n\r\n"])
+@pytest.mark.parametrize("sent", [b"", b"GET / HT", b"GET / HTTP/1.1\r\nX: "])
 async def test_half_a_head_is_waited_for_only_so_long(sent: bytes) -> None:
     front, server = await slow_front(head_s=0.05)
 

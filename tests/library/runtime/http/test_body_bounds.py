@@ -1,0 +1,116 @@
+"""Bodies are counted before they are parsed: a valid body passes, a larger one is refused."""
+
+import json
+from collections.abc import Iterator
+from typing import Annotated, Any, Final
+
+import pytest
+from pydantic import Field, TypeAdapter, ValidationError
+from skyway_composition.app import openapi_app as composition_app
+from skyway_gateway.app import openapi_app as gateway_app
+from skyway_provider_registry.app import openapi_app as registry_app
+
+from benchmarks.hostile.worst_bodies import worst_bodies
+from skyway.json_model import JsonModel
+from skyway.runtime.http.body_bounds import BodyBounds
+from skyway.runtime.http.service_router import InternalBody, ServiceRoute
+
+#: The most errors that pydantic may make of one body: each takes some microseconds.
+MOST_ERRORS: Final = 1_700
+
+
+class Parcel(JsonModel):
+    label: Annotated[str, Field(max_length=200)]
+    sizes: Annotated[tuple[int, ...], Field(max_length=300)] = ()
+
+
+class Parcels(JsonModel):
+    parcels: Annotated[tuple[Parcel, ...], Field(max_length=3)]
+
+
+BOUNDS: Final = BodyBounds.of_type(Parcels)
+
+
+def routes_with_body() -> Iterator[tuple[str, ServiceRoute, TypeAdapter[Any]]]:
+    """Each route whose body FastAPI or `internal_body` validates, and the type of its body."""
+    for app in (gateway_app(), registry_app(), composition_app()):
+        for route in app.routes:
+            if isinstance(route, ServiceRoute) and (body := type_of_body(route)) is not None:
+                yield f"{app.title}: {route.methods} {route.path}", route, body
+
+
+def type_of_body(route: ServiceRoute) -> TypeAdapter[Any] | None:
+    if route.body_field is not None:
+        field = route.body_field.field_info
+        return TypeAdapter(Annotated[field.annotation, field])
+    for each in route.dependant.dependencies:
+        if isinstance(each.call, InternalBody):
+            return TypeAdapter(each.call.model)
+    return None
+
+
+def errors_in(body: TypeAdapter[Any], raw: bytes) -> int:
+    try:
+        body.validate_python(json.loads(raw))
+    except ValidationError as error:
+        return error.error_count()
+    except (ValueError, RecursionError):
+        return 1
+    return 0
+
+
+def test_no_wrong_body_makes_many_errors_or_values(subtests: pytest.Subtests) -> None:
+    for name, route, body in routes_with_body():
+        schema = body.json_schema()
+        definitions, bounds = schema.get("$defs", {}), route.bounds
+        with subtests.test(name):
+            for kind, raw in worst_bodies(schema, definitions, limit_bytes=bounds.size_bytes):
+                if bounds.excess(raw) is None:
+                    assert errors_in(body, raw) <= MOST_ERRORS, kind
+
+
+def test_only_bodies_between_services_may_hold_many_values() -> None:
+    public = [route for name, route, _ in routes_with_body() if "/internal/" not in name]
+    limits = {route.path: route.bounds.values for route in public}
+
+    areas = ("/v1/zones", "/v1/ground-stops")
+    assert {path for path, values in limits.items() if values > 4_000} == set(areas)
+
+
+def test_the_largest_valid_body_is_within_its_bounds() -> None:
+    parcel = {"label": "\u00e4" * 200, "sizes": [2**62] * 300}
+
+    raw = json.dumps({"parcels": [parcel] * 3}).encode()
+
+    assert len(raw) <= BOUNDS.size_bytes
+    assert BOUNDS.excess(raw) is None
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        b"[" * 2_000,
+        b"[" + b"1," * 1_000 + b"1]",
+        b"[" + b"{}," * 1_000 + b"{}]",
+        b"[" + b'"",' * 1_000 + b'""]',
+        b'{"parcels": [' + b'{"a":1},' * 1_000 + b"{}]}",
+    ],
+)
+def test_a_body_with_too_many_values_or_texts_is_refused_unparsed(raw: bytes) -> None:
+    assert BOUNDS.excess(raw) is not None
+
+
+@pytest.mark.parametrize("text", [",[{" * 60, '"' * 200, "\\" * 200, '\\"' * 100])
+def test_brackets_and_quotes_within_a_text_do_not_count(text: str) -> None:
+    raw = json.dumps({"parcels": [{"label": text}]}).encode()
+
+    assert BOUNDS.excess(raw) is None
+
+
+def test_a_schema_that_holds_itself_is_bounded_by_the_bytes() -> None:
+    schema = {"$ref": "#/$defs/Tree"}
+    tree = {"type": "array", "maxItems": 2, "items": {"$ref": "#/$defs/Tree"}}
+
+    bounds = BodyBounds.of_schema(schema, {"Tree": tree}, limit_bytes=8_000)
+
+    assert (bounds.size_bytes, bounds.values) == (8_000, 1_000)
