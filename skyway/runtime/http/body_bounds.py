@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 
 #: The most bytes of a body whose route allows no more (docs/reference/rest.md).
 BODY_LIMIT_BYTES: Final = 256 * 1024
-#: Every route reads so much, so that a body with a few unknown fields is told which ones.
+#: Every route reads so much, so that the answer can name a few unknown fields.
 _LEAST_BYTES, _LEAST_VALUES = 4 * 1024, 200
 
 #: Bytes of one character as ``\\uXXXX``, of a number, of a moment, and around a member.

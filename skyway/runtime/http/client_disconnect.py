@@ -12,6 +12,8 @@ from fastapi import Request
 from starlette.requests import ClientDisconnect
 from starlette.types import Message
 
+from skyway.runtime.loop_time import charged
+
 T = TypeVar("T")
 
 #: The ASGI extension in which the server says whether a client has closed the connection.
@@ -32,7 +34,7 @@ async def cancel_on_disconnect(
         The client disconnected first.
     """
     watched = _WatchedRequest(request)
-    working = asyncio.create_task(answer(watched.request))
+    working = asyncio.create_task(charged(request.scope, answer(watched.request)))
     leaving = asyncio.create_task(watched.disconnected())
     try:
         await asyncio.wait({working, leaving}, return_when=asyncio.FIRST_COMPLETED)

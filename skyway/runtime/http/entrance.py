@@ -1,12 +1,14 @@
 """Checks the key and the budget of each request, before any of its body is read.
 
 A request with a valid key spends the budget of its tenant: the customer, provider, operator or
-drone. Any other request spends the budget of its address. An address that shows wrong keys waits
+drone. Any other request spends the budget of its address. Both pay for the work too. When the
+event loop is busy, who has spent least goes first. An address that shows wrong keys waits
 longer and longer until the next of its keys is looked up. A key in use is looked up even then, and
 even if the address has spent its budget. So a caller with wrong keys cannot shut out a customer of
 the same address.
 """
 
+import asyncio
 import hashlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
@@ -20,7 +22,8 @@ from skyway.runtime.errors import BudgetSpent, Unauthenticated
 from skyway.runtime.http.delays import Brake, WrongKeys
 from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey, ServiceGate
 from skyway.runtime.http.session_cookie import SESSION_PREFIX, session_in
-from skyway.runtime.limits import Meter, Reading, network_of
+from skyway.runtime.limits import FairQueue, Meter, Reading, network_of
+from skyway.runtime.loop_time import Account
 
 #: What a request without a key costs its address, and what it costs if it is refused.
 KEYLESS_COST: Final = 1.0
@@ -35,6 +38,10 @@ _PUBLIC, _INTERNAL = "/v1/", "/internal/"
 
 #: The budget of an address that has to wait, in problem documents.
 _WRONG_KEYS: Final = "WRONG_KEYS"
+
+#: Requests that begin in one pass of the event loop, and that may wait for one caller.
+_BEGIN_TOGETHER: Final = 2
+_MOST_WAITING: Final = 200
 
 _NO_KEY: Final = "an API key is needed: Authorization: Bearer sk_..."
 _UNKNOWN_KEY: Final = "this API key is not known, has expired, or was withdrawn"
@@ -71,6 +78,10 @@ class Meters:
     tenants: Meter
     refusals: Meter
     addresses: Meter
+
+    def spent(self, who: str) -> float:
+        """What the tenant or address has spent and not got back yet."""
+        return self.tenants.spent(who) + self.addresses.spent(who)
 
     def charge_refused(self, request: Request) -> None:
         """Charge the address for a request without a key that a route refused."""
@@ -117,13 +128,25 @@ class KeyEntrance:
     brake: Brake = field(default_factory=Brake)
     open_paths: tuple[str, ...] = ()
     code_calls: Collection[str] = ()
+    _turns: FairQueue = field(init=False)
     #: Hashes of keys that were valid when they were last shown; the latest is last.
     _recognised: dict[bytes, None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        turns = FairQueue(
+            "WAITING_REQUESTS",
+            at_once=_BEGIN_TOGETHER,
+            per_tenant=_BEGIN_TOGETHER,
+            most_waiting=_MOST_WAITING,
+            spent=self.meters.spent,
+        )
+        object.__setattr__(self, "_turns", turns)
 
     async def __call__(self, request: Request) -> Mapping[str, str]:
         """The headers that say what is left of the budget.
 
-        It sets `request.state.caller` and `request.state.holder`. Long answers ask
+        It sets `request.state.caller` and `request.state.holder`, and `request.state.account`,
+        which is charged for the work. Long answers ask
         `request.state.is_still_known` whether the key is still in use. The boundary calls
         `request.state.note_refusal` if the request was refused.
 
@@ -155,18 +178,27 @@ class KeyEntrance:
         if has_code:
             request.state.recognise_code = partial(self._recognise_code, request)
         is_open = has_code or call in self.open_calls
-        if not path.startswith((_PUBLIC, *self.open_paths)):
-            return addresses.spend(address_of(request), REFUSED_COST).headers
-        if is_open or path.startswith(self.open_paths):
-            return addresses.spend(address_of(request), KEYLESS_COST).headers
+        is_other = not path.startswith((_PUBLIC, *self.open_paths))
+        if is_other or is_open or path.startswith(self.open_paths):
+            await self._take_turn(request, address_of(request), addresses)
+            cost = REFUSED_COST if is_other else KEYLESS_COST
+            return addresses.spend(address_of(request), cost).headers
         if (key := _shown_by(request)) is None:
+            await self._take_turn(request, address_of(request), addresses)
             addresses.spend(address_of(request), REFUSED_COST)
             raise Unauthenticated(_NO_KEY)
         holder = await self._recognise(request, key, self.keys)
         request.state.is_still_known = partial(self._is_still_known, key)
         reading = self.meters.spend_request(holder.caller)
         request.state.note_refusal = partial(self.meters.note_refusal, holder.caller)
+        await self._take_turn(request, str(holder.caller), self.meters.tenants)
         return reading.headers
+
+    async def _take_turn(self, request: Request, who: str, meter: Meter) -> None:
+        """Wait until the request may begin; a few begin in each pass of the event loop."""
+        request.state.account = Account(meter, who)
+        async with self._turns.turn(who):
+            await asyncio.sleep(0)
 
     async def _admit_service(self, request: Request) -> None:
         try:
@@ -178,6 +210,8 @@ class KeyEntrance:
     async def _recognise(self, request: Request, key: str, known: KeysInUse) -> KeyHolder:
         address = address_of(request)
         key_hash = hashlib.sha256(key.encode()).digest()
+        if key_hash not in self._recognised:
+            await self._take_turn(request, address, self.meters.addresses)
         is_charged = key_hash not in self._recognised and await self._charge(
             request, key, known, address
         )

@@ -8,6 +8,7 @@ from fastapi.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from skyway.runtime.limits import Slots
+from skyway.runtime.loop_time import charged
 
 _HEADERS: Final = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
 
@@ -23,6 +24,7 @@ class EventStreamAnswer(StreamingResponse):
         self._frames = frames
         self._slots = slots
         self._who = who
+        self._scope: Scope = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send the stream.
@@ -34,5 +36,9 @@ class EventStreamAnswer(StreamingResponse):
         """
         with self._slots.held(self._who):
             async with self._frames as frames:
-                self.body_iterator = frames
+                self.body_iterator, self._scope = frames, scope
                 await super().__call__(scope, receive, send)
+
+    async def stream_response(self, send: Send) -> None:
+        """Send the frames; Starlette does this in a task of its own."""
+        await charged(self._scope, super().stream_response(send))

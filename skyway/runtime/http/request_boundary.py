@@ -7,7 +7,7 @@ costs nothing.
 import asyncio
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Awaitable, Mapping
 from typing import Final, Protocol
 
 from fastapi import Request
@@ -25,6 +25,7 @@ from skyway.runtime.http.problems import (
     status_problem,
 )
 from skyway.runtime.http.service_router import body_limit_of
+from skyway.runtime.loop_time import charged
 from skyway.runtime.metrics import count, observe
 from skyway.runtime.tracing import tracing
 
@@ -99,8 +100,9 @@ class RequestBoundary:
         except SkywayError as refusal:
             await exchange.answer(problem_of(refusal), problem_headers(refusal))
             return
+        serving = self._app(request.scope, exchange.receive, exchange.send)
         try:
-            await self._app(request.scope, exchange.receive, exchange.send)
+            await charged(request.scope, _awaited(serving))
         except ClientDisconnect:
             log.info("client left", extra={"path": _logged_path(request)})
         except Exception:  # noqa: BLE001 - the outermost frame of a request: log and answer
@@ -133,6 +135,7 @@ class _Exchange:
         message = await self._receive()
         if message["type"] == "http.request":
             self._received_bytes += len(message.get("body", b""))
+            self._charge(message)
             self._is_body_complete = not message.get("more_body", False)
             self._refuse_larger(self._received_bytes, self._limit_bytes)
         return message
@@ -155,7 +158,12 @@ class _Exchange:
                 names = {name.lower() for name, _ in given}
                 defaults = [each for each in _DEFAULT_HEADERS if each[0] not in names]
                 message["headers"] = [*given, *defaults, *_encoded(self.headers)]
+            self._charge(message)
             await self._send(message)
+
+    def _charge(self, message: Message) -> None:
+        if (account := getattr(self._request.state, "account", None)) is not None:
+            account.add_bytes(len(message.get("body", b"")))
 
     async def _refuse_body(self) -> None:
         """Answer 413, after reading what the client is still sending."""
@@ -184,6 +192,10 @@ class _Exchange:
                     self._is_body_complete = not message.get("more_body", False)
         except TimeoutError:
             log.info("refused body goes on", extra={"drained_bytes": drained_bytes})
+
+
+async def _awaited(serving: Awaitable[None]) -> None:
+    await serving
 
 
 async def _answer_uncaught(request: Request, exchange: _Exchange) -> None:
