@@ -8,6 +8,8 @@ import sys
 
 import uvloop
 
+from benchmarks.hostile.budgets import budgets
+from benchmarks.hostile.refusals import refusals
 from benchmarks.hostile.run import run
 from benchmarks.hostile.trial import read_trial
 from benchmarks.planner.machine import Machine
@@ -23,6 +25,10 @@ def main(arguments: list[str]) -> int:
     command = shlex.join(["python", "-m", "benchmarks", "hostile", *arguments])
     print(f"`{command}`: {Machine.here().as_text()}.\n\n{trial.as_text()}\n", flush=True)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:  # as the services
+        if trial.only:
+            part = refusals() if trial.only == "bodies" else budgets(trial)
+            print(runner.run(part).as_markdown())
+            return 0
         outcome = runner.run(run(trial))
     for table in outcome.tables():
         print(f"\n{table.as_markdown()}", flush=True)

@@ -20,6 +20,8 @@ class Trial:
     clock_rate: float
     #: How many times slower the attack may make what honest people do, by the median.
     most_times: float
+    #: One part of it alone, with tables and no judgement; empty for the whole run.
+    only: str = ""
 
     @property
     def phase_s(self) -> float:
@@ -65,5 +67,11 @@ def read_trial(arguments: list[str]) -> Trial:
     parser.add_argument("--clock-rate", type=float, default=600.0)
     parser.add_argument(
         "--most-times", type=float, default=2.0, help="slower, by the median, is a flaw"
+    )
+    parser.add_argument(
+        "--only",
+        choices=("bodies", "budgets"),
+        default="",
+        help="bodies: what each refusal costs; budgets: honest callers beside the dearest calls",
     )
     return Trial(**vars(parser.parse_args(arguments)))

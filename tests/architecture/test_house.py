@@ -37,12 +37,12 @@ def test_the_largest_folders_have_at_most_4_floors_and_20_arrows(folder: str) ->
     assert len(rooms.arrows) <= 20
 
 
-def test_no_source_file_is_over_300_lines() -> None:
+def test_no_source_file_is_over_400_lines() -> None:
     too_long = {
         path.relative_to(ROOT).as_posix(): lines
         for package in PACKAGES
         for path in source_files(package)
-        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 300
+        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 400
     }
 
     assert not too_long

@@ -9,10 +9,10 @@ from typing import Final
 from tools.house_figures import ROOT, source_files, source_packages
 
 #: Source files and folders with files, without migrations, as `tools/house_figures.py` counts them.
-MOST_FILES: Final = 912
+MOST_FILES: Final = 915
 MOST_FOLDERS: Final = 88
 #: Lines of `skyway/runtime`, which every process stands on.
-MOST_RUNTIME_LINES: Final = 11_650
+MOST_RUNTIME_LINES: Final = 12_100
 
 
 def test_there_are_no_more_files_and_folders_than_before() -> None:

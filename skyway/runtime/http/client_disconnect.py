@@ -12,7 +12,7 @@ from fastapi import Request
 from starlette.requests import ClientDisconnect
 from starlette.types import Message
 
-from skyway.runtime.loop_time import charged
+from skyway.runtime.http.loop_time import charged
 
 T = TypeVar("T")
 

@@ -21,9 +21,9 @@ from fastapi.security.utils import get_authorization_scheme_param
 from skyway.runtime.errors import BudgetSpent, Unauthenticated
 from skyway.runtime.http.delays import Brake, WrongKeys
 from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey, ServiceGate
+from skyway.runtime.http.loop_time import Account
 from skyway.runtime.http.session_cookie import SESSION_PREFIX, session_in
 from skyway.runtime.limits import FairQueue, Meter, Reading, network_of
-from skyway.runtime.loop_time import Account
 
 #: What a request without a key costs its address, and what it costs if it is refused.
 KEYLESS_COST: Final = 1.0
@@ -180,21 +180,21 @@ class KeyEntrance:
         is_open = has_code or call in self.open_calls
         is_other = not path.startswith((_PUBLIC, *self.open_paths))
         if is_other or is_open or path.startswith(self.open_paths):
-            await self._take_turn(request, address_of(request), addresses)
+            await self._wait_for_turn(request, address_of(request), addresses)
             cost = REFUSED_COST if is_other else KEYLESS_COST
             return addresses.spend(address_of(request), cost).headers
         if (key := _shown_by(request)) is None:
-            await self._take_turn(request, address_of(request), addresses)
+            await self._wait_for_turn(request, address_of(request), addresses)
             addresses.spend(address_of(request), REFUSED_COST)
             raise Unauthenticated(_NO_KEY)
         holder = await self._recognise(request, key, self.keys)
         request.state.is_still_known = partial(self._is_still_known, key)
         reading = self.meters.spend_request(holder.caller)
         request.state.note_refusal = partial(self.meters.note_refusal, holder.caller)
-        await self._take_turn(request, str(holder.caller), self.meters.tenants)
+        await self._wait_for_turn(request, str(holder.caller), self.meters.tenants)
         return reading.headers
 
-    async def _take_turn(self, request: Request, who: str, meter: Meter) -> None:
+    async def _wait_for_turn(self, request: Request, who: str, meter: Meter) -> None:
         """Wait until the request may begin; a few begin in each pass of the event loop."""
         request.state.account = Account(meter, who)
         async with self._turns.turn(who):
@@ -211,7 +211,7 @@ class KeyEntrance:
         address = address_of(request)
         key_hash = hashlib.sha256(key.encode()).digest()
         if key_hash not in self._recognised:
-            await self._take_turn(request, address, self.meters.addresses)
+            await self._wait_for_turn(request, address, self.meters.addresses)
         is_charged = key_hash not in self._recognised and await self._charge(
             request, key, known, address
         )

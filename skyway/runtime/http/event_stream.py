@@ -7,8 +7,8 @@ from typing import Final
 from fastapi.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
+from skyway.runtime.http.loop_time import charged
 from skyway.runtime.limits import Slots
-from skyway.runtime.loop_time import charged
 
 _HEADERS: Final = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
 

@@ -17,6 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from skyway.contracts.problem_details import ProblemDetails
 from skyway.errors import SkywayError
 from skyway.runtime.errors import TooLarge
+from skyway.runtime.http.loop_time import charged
 from skyway.runtime.http.problems import (
     our_failure,
     problem_headers,
@@ -25,7 +26,6 @@ from skyway.runtime.http.problems import (
     status_problem,
 )
 from skyway.runtime.http.service_router import body_limit_of
-from skyway.runtime.loop_time import charged
 from skyway.runtime.metrics import count, observe
 from skyway.runtime.tracing import tracing
 
