@@ -67,7 +67,7 @@ def test_the_limits_on_the_page_are_those_of_the_code() -> None:
     limits = PageQuery.model_json_schema()["properties"]["limit"]
 
     assert BODY_LIMIT_BYTES == 256 * 1024
-    assert "| a request body | 256 KiB |" in PAGE
+    assert "at least 4 KiB, at most 256 KiB |" in PAGE
     assert f"`limit` is {limits['minimum']} to {limits['maximum']} and {limits['default']}" in PAGE
 
 

@@ -196,9 +196,11 @@ class InternalBody(Generic[M]):
         if raw:
             require_json_type(request)
         _refuse_excess(raw, self.bounds)
+        parsed = None
         try:
             if len(raw) > _COPIED_BYTES:
-                return self.model.model_validate(from_json(raw), extra="ignore")
+                parsed = from_json(raw)
+                return self.model.model_validate(parsed, extra="ignore")
             return self.model.model_validate_json(raw, extra="ignore")
         except ValidationError as error:
             complaints = error.errors(include_url=False, include_input=False)
@@ -207,7 +209,8 @@ class InternalBody(Generic[M]):
             located = [
                 {**complaint, "loc": ("body", *complaint["loc"])} for complaint in complaints
             ]
-            raise RequestValidationError(located, body=from_json(raw)) from error
+            body = from_json(raw) if parsed is None else parsed
+            raise RequestValidationError(located, body=body) from error
         except ValueError as error:  # of `from_json`
             raise _broken(str(error)) from error
 
