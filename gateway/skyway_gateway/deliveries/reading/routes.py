@@ -203,9 +203,9 @@ def _add_events(
         """
         caller.must_be("customer", "operator")
         async with db.read() as connection:
-            await delivery_store.one_of(connection, caller, delivery_id)
+            await delivery_store.require_own(connection, caller, delivery_id)
         after = last_event_id or 0
-        if await stream.is_over(delivery_id, after=after):
+        if after and await stream.is_over(delivery_id, after=after):
             # 204 stops an EventSource from connecting again.
             return Response(status_code=204)
         frames = stream.frames(delivery_id, after=after, may_read=request.state.is_still_known)
