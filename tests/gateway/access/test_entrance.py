@@ -1,5 +1,6 @@
 """The key and the budget of a request are looked at before its body."""
 
+import asyncio
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from typing import Any
@@ -252,3 +253,59 @@ async def test_the_limits_are_shown_to_each_role(gateway: Gateway) -> None:
 )
 def test_the_addresses_of_one_ipv6_network_pay_together(host: str, network: str) -> None:
     assert network_of(host) == network
+
+
+async def test_a_tenant_pays_for_the_bytes_of_its_bodies(gateway: Gateway) -> None:
+    limit(gateway)
+    headers = {**gateway.customer, "Content-Type": "application/json"}
+
+    await gateway.http.post("/v1/compositions", content=b" " * 320 * 1024, headers=headers)
+
+    # One for the request, one for each 64 KiB beyond the first, and more on a slow machine.
+    assert gateway.parts.meters.tenants.read("customer:alice").left <= 95
+
+
+async def test_an_address_pays_for_the_bytes_of_its_answers(gateway: Gateway) -> None:
+    limit(gateway)
+
+    answer = await gateway.http.get("/docs/assets/swagger-ui-bundle.js")
+
+    spent = 100 - gateway.parts.meters.addresses.read("127.0.0.1").left
+    assert spent >= 10 + len(answer.content) // (64 * 1024) - 1
+
+
+async def test_of_requests_that_wait_the_tenant_that_has_spent_least_begins_first(
+    gateway: Gateway,
+) -> None:
+    limit(gateway)
+    for name in ("customer", "provider"):
+        await get(gateway, getattr(gateway, name))  # from now on both keys are known
+    gateway.parts.meters.tenants.charge("customer:alice", 50)
+    begun: list[str] = []
+
+    async def ask(name: str, headers: dict[str, str]) -> None:
+        await get(gateway, headers)
+        begun.append(name)
+
+    turns = gateway.parts.entrance._turns
+    async with turns.turn("held"), turns.turn("held"):
+        asking = [
+            asyncio.create_task(ask(name, getattr(gateway, name)))
+            for name in ("customer", "provider")
+        ]
+        while turns.depth < 2:  # noqa: ASYNC110 - both requests are on their way to the queue
+            await asyncio.sleep(0)
+    await asyncio.gather(*asking)
+
+    assert begun == ["provider", "customer"]
+
+
+async def test_a_caller_with_too_many_waiting_requests_is_refused(gateway: Gateway) -> None:
+    limit(gateway)
+    turns = gateway.parts.entrance._turns
+    turns._most_waiting = 0
+
+    async with turns.turn("held"), turns.turn("held"):
+        answer = await get(gateway, gateway.customer)
+
+    assert (answer.status_code, answer.json()["code"]) == (429, "WAITING_REQUESTS")
