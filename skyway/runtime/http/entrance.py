@@ -10,7 +10,8 @@ the same address.
 
 import asyncio
 import hashlib
-from collections.abc import Collection, Mapping
+import time
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Final, Protocol
@@ -128,6 +129,8 @@ class KeyEntrance:
     brake: Brake = field(default_factory=Brake)
     open_paths: tuple[str, ...] = ()
     code_calls: Collection[str] = ()
+    #: The clock by which the work of a request is measured, seconds.
+    now: Callable[[], float] = time.perf_counter
     _turns: FairQueue = field(init=False)
     #: Hashes of keys that were valid when they were last shown; the latest is last.
     _recognised: dict[bytes, None] = field(default_factory=dict)
@@ -196,7 +199,7 @@ class KeyEntrance:
 
     async def _wait_for_turn(self, request: Request, who: str, meter: Meter) -> None:
         """Wait until the request may begin; a few begin in each pass of the event loop."""
-        request.state.account = Account(meter, who)
+        request.state.account = Account(meter, who, self.now)
         async with self._turns.turn(who):
             await asyncio.sleep(0)
 
