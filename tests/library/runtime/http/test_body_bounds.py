@@ -102,7 +102,7 @@ def test_a_body_with_too_many_values_or_texts_is_refused_unparsed(raw: bytes) ->
 
 @pytest.mark.parametrize("text", [",[{" * 60, '"' * 200, "\\" * 200, '\\"' * 100])
 def test_brackets_and_quotes_within_a_text_do_not_count(text: str) -> None:
-    raw = json.dumps({"parcels": [{"label": text}]}).encode()
+    raw = json.dumps({"parcels": [{"label": text, "sizes": [1] * 300}] * 3}).encode()
 
     assert BOUNDS.excess(raw) is None
 

@@ -131,6 +131,14 @@ async def test_an_internal_body_may_hold_unknown_fields(client: httpx.AsyncClien
     assert answer.json() == "o1"
 
 
+async def test_a_body_is_counted_before_it_is_parsed(client: httpx.AsyncClient) -> None:
+    headers = {"content-type": "application/json"}
+
+    answer = await client.post("/loads", content=b"[" + b"1," * 40_000, headers=headers)
+
+    assert answer.json()["errors"] == [{"field": "body", "detail": "holds more than 32,768 values"}]
+
+
 @pytest.mark.parametrize(
     ("body", "status", "name"),
     [
