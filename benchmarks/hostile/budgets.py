@@ -177,6 +177,7 @@ async def _attacking(
     try:
         yield answers
     finally:
+        process.stdin.close()
         told, _ = await process.communicate()
         answers.update(json.loads(told))
 

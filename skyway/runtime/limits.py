@@ -192,21 +192,12 @@ _Turn = asyncio.Future[None]
 class FairQueue:
     """Lets a number of works run at the same time; tenants that wait take turns.
 
-    So a tenant with many waiting works delays another tenant by one work at most. With `spent`, the
-    tenant that has spent least goes first. `code` names the queue in problem documents.
+    So a tenant with many waiting works delays another tenant by one work at most. `code` names the
+    queue in problem documents.
     """
 
-    def __init__(
-        self,
-        code: str,
-        *,
-        at_once: int,
-        per_tenant: int,
-        most_waiting: int,
-        spent: Callable[[str], float] = lambda _who: 0.0,
-    ) -> None:
+    def __init__(self, code: str, *, at_once: int, per_tenant: int, most_waiting: int) -> None:
         self.code = code
-        self._spent = spent
         self._at_once = at_once
         self._per_tenant = per_tenant
         self._most_waiting = most_waiting
@@ -267,11 +258,9 @@ class FairQueue:
 
     def _begin_next(self) -> None:
         """Give free places to the tenants that wait, in turn."""
-        while self._running.total() < self._at_once:
-            ready = [who for who in self._waiting if self._running[who] < self._per_tenant]
-            if not ready:
-                return
-            who = min(ready, key=self._spent)
+        for who in list(self._waiting):
+            if not self._has_room(who):
+                continue
             queue = self._waiting.pop(who)
             # A caller that has just left is still in the queue.
             while queue and queue[0].done():

@@ -8,7 +8,6 @@ even if the address has spent its budget. So a caller with wrong keys cannot shu
 the same address.
 """
 
-import asyncio
 import hashlib
 import time
 from collections.abc import Callable, Collection, Mapping
@@ -22,9 +21,9 @@ from fastapi.security.utils import get_authorization_scheme_param
 from skyway.runtime.errors import BudgetSpent, Unauthenticated
 from skyway.runtime.http.delays import Brake, WrongKeys
 from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey, ServiceGate
-from skyway.runtime.http.loop_time import Account
+from skyway.runtime.http.loop_time import Account, LoopTurns
 from skyway.runtime.http.session_cookie import SESSION_PREFIX, session_in
-from skyway.runtime.limits import FairQueue, Meter, Reading, network_of
+from skyway.runtime.limits import Meter, Reading, Slots, network_of
 
 #: What a request without a key costs its address, and what it costs if it is refused.
 KEYLESS_COST: Final = 1.0
@@ -40,8 +39,7 @@ _PUBLIC, _INTERNAL = "/v1/", "/internal/"
 #: The budget of an address that has to wait, in problem documents.
 _WRONG_KEYS: Final = "WRONG_KEYS"
 
-#: Requests that begin in one pass of the event loop, and that may wait for one caller.
-_BEGIN_TOGETHER: Final = 2
+#: Requests of one caller that may wait for the event loop.
 _MOST_WAITING: Final = 200
 
 _NO_KEY: Final = "an API key is needed: Authorization: Bearer sk_..."
@@ -131,19 +129,13 @@ class KeyEntrance:
     code_calls: Collection[str] = ()
     #: The clock by which the work of a request is measured, seconds.
     now: Callable[[], float] = time.perf_counter
-    _turns: FairQueue = field(init=False)
+    _turns: LoopTurns = field(init=False)
+    _waiting: Slots = field(default_factory=partial(Slots, "WAITING_REQUESTS", _MOST_WAITING))
     #: Hashes of keys that were valid when they were last shown; the latest is last.
     _recognised: dict[bytes, None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        turns = FairQueue(
-            "WAITING_REQUESTS",
-            at_once=_BEGIN_TOGETHER,
-            per_tenant=_BEGIN_TOGETHER,
-            most_waiting=_MOST_WAITING,
-            spent=self.meters.spent,
-        )
-        object.__setattr__(self, "_turns", turns)
+        object.__setattr__(self, "_turns", LoopTurns(self.meters.spent))
 
     async def __call__(self, request: Request) -> Mapping[str, str]:
         """The headers that say what is left of the budget.
@@ -198,10 +190,10 @@ class KeyEntrance:
         return reading.headers
 
     async def _wait_for_turn(self, request: Request, who: str, meter: Meter) -> None:
-        """Wait until the request may begin; a few begin in each pass of the event loop."""
+        """Wait until the request may begin."""
         request.state.account = Account(meter, who, self.now)
-        async with self._turns.turn(who):
-            await asyncio.sleep(0)
+        with self._waiting.held(who):
+            await self._turns.turn(who)
 
     async def _admit_service(self, request: Request) -> None:
         try:

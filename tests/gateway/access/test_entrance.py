@@ -294,25 +294,15 @@ async def test_of_requests_that_wait_the_tenant_that_has_spent_least_begins_firs
         await get(gateway, headers)
         begun.append(name)
 
-    turns = gateway.parts.entrance._turns
-    async with turns.turn("held"), turns.turn("held"):
-        asking = [
-            asyncio.create_task(ask(name, getattr(gateway, name)))
-            for name in ("customer", "provider")
-        ]
-        while turns.depth < 2:  # noqa: ASYNC110 - both requests are on their way to the queue
-            await asyncio.sleep(0)
-    await asyncio.gather(*asking)
+    await asyncio.gather(*(ask(name, getattr(gateway, name)) for name in ("customer", "provider")))
 
     assert begun == ["provider", "customer"]
 
 
 async def test_a_caller_with_too_many_waiting_requests_is_refused(gateway: Gateway) -> None:
     limit(gateway)
-    turns = gateway.parts.entrance._turns
-    turns._most_waiting = 0
+    gateway.parts.entrance._waiting.most = 0
 
-    async with turns.turn("held"), turns.turn("held"):
-        answer = await get(gateway, gateway.customer)
+    answer = await get(gateway, gateway.customer)
 
     assert (answer.status_code, answer.json()["code"]) == (429, "WAITING_REQUESTS")

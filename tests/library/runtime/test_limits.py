@@ -211,18 +211,6 @@ async def test_a_tenant_may_not_have_all_of_the_room_if_it_is_limited() -> None:
         await works.end(name)
 
 
-async def test_the_tenant_that_has_spent_least_goes_first() -> None:
-    spent = {"mallory": 9.0, "alice": 2.0, "bob": 3.0}
-    queue = FairQueue("PLANNING", at_once=1, per_tenant=1, most_waiting=9, spent=spent.__getitem__)
-    works = Works(queue)
-
-    await works.start("mallory 1", "mallory 2", "bob 1", "alice 1", "alice 2")
-    for name in ("mallory 1", "alice 1", "alice 2", "bob 1", "mallory 2"):
-        await works.end(name)
-
-    assert works.begun == ["mallory 1", "alice 1", "alice 2", "bob 1", "mallory 2"]
-
-
 async def test_a_tenant_with_too_many_waiting_is_refused(works: Works) -> None:
     await works.start(*(f"mallory {number}" for number in range(5)))
     assert works.queue.waiting("mallory") == 3

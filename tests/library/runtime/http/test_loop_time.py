@@ -5,7 +5,15 @@ from typing import Any
 
 import pytest
 
-from skyway.runtime.http.loop_time import UNIT_BYTES, UNIT_S, Account, charged
+from skyway.runtime.http.loop_time import (
+    LONGEST_PAUSE_S,
+    SHORT_PASS_S,
+    UNIT_BYTES,
+    UNIT_S,
+    Account,
+    LoopTurns,
+    charged,
+)
 from skyway.runtime.limits import Budget, Meter
 
 
@@ -109,3 +117,55 @@ async def test_a_request_without_an_account_is_not_measured(loop: Loop) -> None:
     scope: dict[str, Any] = {"state": {}}
     assert await charged(scope, work()) == "done"
     assert loop.spent == 0.0
+
+
+class Requests:
+    """Requests that wait for their turn, and in which order they begin."""
+
+    def __init__(self, pass_s: float = 0.0, **spent: float) -> None:
+        self.now_s, self.pass_s = 1_000.0, pass_s
+        self.turns = LoopTurns(lambda who: spent[who], self.now)
+        self.begun: list[str] = []
+        self.tasks: list[asyncio.Task[None]] = []
+
+    def now(self) -> float:
+        """A clock on which each look at it comes one pass of the event loop later."""
+        self.now_s += self.pass_s
+        return self.now_s
+
+    def ask(self, *names: str) -> None:
+        self.tasks += [asyncio.create_task(self._begin(name)) for name in names]
+
+    async def _begin(self, name: str) -> None:
+        await self.turns.turn(name)
+        self.begun.append(name)
+
+
+async def test_the_caller_that_has_spent_least_begins_first() -> None:
+    requests = Requests(mallory=9.0, alice=2.0, bob=3.0)
+
+    requests.ask("mallory", "mallory", "bob", "alice", "alice")
+    await asyncio.gather(*requests.tasks)
+
+    assert requests.begun == ["alice", "alice", "bob", "mallory", "mallory"]
+
+
+async def test_requests_begin_seldom_while_the_loop_is_busy() -> None:
+    requests = Requests(pass_s=2 * SHORT_PASS_S, alice=0.0)
+    began_s = requests.now_s
+
+    requests.ask(*["alice"] * 5)
+    await asyncio.gather(*requests.tasks)
+
+    assert requests.now_s - began_s >= 4 * LONGEST_PAUSE_S
+
+
+async def test_a_caller_that_leaves_gives_up_its_turn() -> None:
+    requests = Requests(alice=0.0, bob=1.0)
+    requests.ask("alice", "bob")
+    await asyncio.sleep(0)
+
+    requests.tasks[0].cancel()
+    await asyncio.gather(*requests.tasks, return_exceptions=True)
+
+    assert (requests.begun, requests.turns.waiting) == (["bob"], 0)
