@@ -178,8 +178,8 @@ async def _attacking(
         yield answers
     finally:
         process.stdin.close()
-        told, _ = await process.communicate()
-        answers.update(json.loads(told))
+        printed, _ = await process.communicate()
+        answers.update(json.loads(printed))
 
 
 def _row(who: str, found: Seconds, answers: Counter[str]) -> tuple[str, ...]:
