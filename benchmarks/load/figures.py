@@ -54,7 +54,7 @@ class Outcome:
         return [
             ("requests accepted", f"{len(sent.asked_at)}"),
             ("requests refused", refused or "0"),
-            ("our own lateness, p99", _ms(_percentile(sent.late_s, 99))),
+            ("our own lateness, p99", _ms(percentile(sent.late_s, 99))),
             ("POST accepted, p50 / p99", _both(sent.answered_within_s)),
             ("request to planned, p50 / p99", _both(self._after_request(planned))),
             ("request to dispatch, p50 / p99", _both(self._after_request(dispatched))),
@@ -99,10 +99,10 @@ def _cpu_row(name: str, idle: float, busy: float, each_s: float) -> tuple[str, s
 
 
 def _both(values: list[float]) -> str:
-    return f"{_ms(_percentile(values, 50))} / {_ms(_percentile(values, 99))}"
+    return f"{_ms(percentile(values, 50))} / {_ms(percentile(values, 99))}"
 
 
-def _percentile(values: list[float], percent: float) -> float | None:
+def percentile(values: list[float], percent: float) -> float | None:
     """The smallest value that at least so many percent do not exceed."""
     if not values:
         return None

@@ -104,7 +104,7 @@ async def measured(
 ) -> Outcome:
     """What the burst costs these processes, once all is warm; `check` looks at the databases."""
     requests = city.requests(rate_per_s=burst.rate_per_s, seconds=burst.seconds, seed=burst.seed)
-    await _warm_up(system, world, city, burst=burst)
+    await warm_up(system, world, city, burst=burst)
     # Afterwards: a service that has just started still compiles and reads.
     idle, idle_s = await _idle(pids)
     async with following(world, mqtt_url=system.mqtt_url) as followed:
@@ -142,7 +142,8 @@ async def _idle(pids: Mapping[str, int]) -> tuple[CpuReading, float]:
     return CpuReading.of(pids).since(before), time.monotonic() - before_s
 
 
-async def _warm_up(system: System, world: World, city: Place, *, burst: Burst) -> None:
+async def warm_up(system: System, world: World, city: Place, *, burst: Burst) -> None:
+    """Send small waves of requests until the system plans them immediately."""
     requests_sent = 0
     async with following(world, mqtt_url=system.mqtt_url) as followed:
         for wave in range(1, _MOST_WAVES + 1):
@@ -197,4 +198,7 @@ def verify(folder: DataFolder) -> str:
     checked = subprocess.run(
         command, capture_output=True, text=True, check=False, env=dict(os.environ)
     )
-    return (checked.stdout + checked.stderr).strip().splitlines()[-1]
+    said = (checked.stdout + checked.stderr).strip()
+    if checked.returncode:
+        print(said, file=sys.stderr, flush=True)
+    return said.splitlines()[-1]

@@ -36,9 +36,11 @@ class Sent:
     late_s: list[float] = field(default_factory=list)
 
 
-async def send(url: str, world: World, requests: Iterable[DueRequest]) -> Sent:
-    """Send each request when it is due, and wait for all answers."""
-    sent = Sent()
+async def send(
+    url: str, world: World, requests: Iterable[DueRequest], *, sent: Sent | None = None
+) -> Sent:
+    """Send each request when it is due, and wait for all answers; they are noted in `sent`."""
+    sent = sent or Sent()
     # Customers share the machine with what is measured: aiohttp takes a third of httpx's time.
     connector = aiohttp.TCPConnector(limit=_CONNECTIONS, keepalive_timeout=_KEPT_S)
     timeout = aiohttp.ClientTimeout(total=_TIMEOUT_S)

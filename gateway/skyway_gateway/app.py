@@ -39,7 +39,11 @@ from skyway_gateway.deliveries.reading.routes import (
     reading_routes,
     statistics_routes,
 )
-from skyway_gateway.deliveries.requests.routes import delivery_routes, report_routes
+from skyway_gateway.deliveries.requests.routes import (
+    delivery_routes,
+    report_routes,
+    shedding,
+)
 from skyway_gateway.forward.cell_routes import ForwardToCells
 from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
@@ -159,7 +163,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         ],
         lifespan=lifespan,
         readiness=readiness,
-        entrance=parts.entrance,
+        entrance=shedding(parts.entrance, parts.booking, parts.membership),
         middleware=[Middleware(AuditTrail, db=db, clock=clock, mint=mint)],
         webhooks=webhook_calls(),
         publish=lambda own: whole_document(with_event_examples(own), stored_document()),

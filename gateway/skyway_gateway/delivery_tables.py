@@ -79,6 +79,9 @@ deliveries = Table(
     Column("queue_rank", SmallInteger, nullable=False, server_default="1"),
     # Since when no drone was free for it, fleet time; null while it does not wait.
     Column("waits_since_ms", BigInteger),
+    # Since when composition was asked to book it and has not answered, wall time; null otherwise.
+    # It may have booked a mission: these rows come before new requests.
+    Column("asked_wall_ms", BigInteger),
     # When something last changed that may help it; later tries are further and further apart.
     Column("woken_wall_ms", BigInteger, nullable=False, server_default="0"),
     # Counts the writes of the delivery and its parts; a write names the version that it starts

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import timedelta
+from functools import partial
 from typing import Final
 
 from skyway.announced_networks import NetworkLearner
@@ -145,7 +146,8 @@ class Parts:
     def applier(self) -> ReportApplier:
         """Applies mission reports."""
         freed = self.waker.note_change_around
-        return ReportApplier(self.db, self.writer, self.clock, self.booking.queued, freed)
+        learn = partial(self.booking.learn, self.booker)
+        return ReportApplier(self.db, self.writer, self.clock, self.booking.queued, freed, learn)
 
     @property
     def quote_maker(self) -> QuoteMaker:

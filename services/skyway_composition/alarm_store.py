@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
-from sqlalchemy import ColumnElement, Row, delete, exists, func, insert, select, update
+from sqlalchemy import ColumnElement, Row, and_, delete, exists, func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import AlarmLevel
@@ -25,6 +25,9 @@ AlarmState = Literal["OPEN", "ACKNOWLEDGED"]
 #: which a drone raises others itself. Our own choice.
 MOST_OPEN_OF_DRONE: Final = 50
 MOST_OPEN_OF_PROVIDER: Final = 1_000
+
+#: Who acknowledges an alarm whose cause has passed.
+_ENDED_BY: Final = "skyway"
 
 #: The alarms that one transaction deletes at most.
 _DELETED_TOGETHER: Final = 500
@@ -142,12 +145,19 @@ async def _are_fewer_open(
     return int(found.scalar_one()) < than
 
 
-async def is_open(connection: AsyncConnection, drone_id: DroneId, *, code: str) -> bool:
-    """Whether an alarm with this code about this drone is not acknowledged yet."""
+async def is_open(connection: AsyncConnection, drone_id: DroneId | None, *, code: str) -> bool:
+    """Whether an alarm with this code about this drone, or about none, is not acknowledged yet."""
     query = select(alarms.c.alarm_id).where(
         alarms.c.acknowledged_ms.is_(None), alarms.c.drone_id == drone_id, alarms.c.code == code
     )
     return (await connection.execute(query.limit(1))).first() is not None
+
+
+async def end(tx: Tx, *, code: str, at_ms: int) -> None:
+    """End the open alarms with this code that concern no drone: their cause has passed."""
+    these = and_(alarms.c.acknowledged_ms.is_(None), alarms.c.code == code)
+    values = {"acknowledged_ms": at_ms, "acknowledged_by": _ENDED_BY, "note": "the cause is gone"}
+    await tx.execute(update(alarms).where(these, alarms.c.drone_id.is_(None)).values(values))
 
 
 async def acknowledge(

@@ -8,7 +8,9 @@ from skyway.contracts.drone_report import AlarmLevel, Fault
 from skyway.contracts.mission import OPEN_MISSION_STATES
 from skyway.runtime.metrics import Gauge, GaugeSource
 from skyway.runtime.outbox.outbox_store import OutboxGauges
+from skyway.units import moment_to_ms
 from skyway_composition import gauge_store
+from skyway_composition.missions.timeout_store import unknown_missions
 from skyway_composition.parts import Parts
 from skyway_composition.tables import outbox
 
@@ -30,6 +32,7 @@ ALARM_CODES: Final = frozenset(
         "LOADING_TIMEOUT",
         "MAINTENANCE_DUE",
         "MASS_MISMATCH",
+        "MISSIONS_UNKNOWN",
         "MISSION_IN_DOUBT",
         "NO_SAFE_LANDING",
         "PACKAGE_MISSING",
@@ -61,6 +64,8 @@ class CompositionGauges:
             by_state = await gauge_store.open_missions(connection)
             stuck = await gauge_store.stuck_missions(connection)
             quarantined = await gauge_store.quarantined_messages(connection)
+            wall_ms = moment_to_ms(self.parts.clock.wall_now())
+            unknown = await unknown_missions(connection, wall_ms=wall_ms)
         about = "missions that are not over"
         return [
             *(
@@ -68,6 +73,7 @@ class CompositionGauges:
                 for state in OPEN_MISSION_STATES
             ),
             Gauge("skyway_missions_to_replan", "missions that wait for a new plan", stuck),
+            Gauge("skyway_unknown_missions", "missions unknown to the gateway", len(unknown)),
             Gauge("skyway_quarantine_depth", "messages that are set aside", quarantined),
         ]
 

@@ -26,6 +26,7 @@ from skyway_composition.missions.timeouts import (
     LateMissions,
     LoadingTimeouts,
     OverdueMissions,
+    UnknownMissions,
 )
 from skyway_composition.networks.measure_wind import MeasuredWinds
 from skyway_composition.networks.publish import NetworkVersions
@@ -36,6 +37,8 @@ from skyway_composition.parts import Parts
 _STEP_EVERY_S: Final = 1.0
 #: Seconds of wall time between two questions to the registry about drones with QUEUED missions.
 _ASK_REGISTRY_EVERY_S: Final = 3.0
+#: How often the leader looks for missions that the gateway does not know, seconds.
+_UNKNOWN_EVERY_S: Final = 5.0
 #: How often the leader reads the wind that drones measure, seconds; a forecast changes less often.
 _MEASURE_EVERY_S: Final = 20.0
 
@@ -96,6 +99,7 @@ class Work:
         self._loading_timeouts = LoadingTimeouts(db, parts.networks, clock, mint)
         self._keeper = parts.keeper
         self._ground_stops = GroundStopEnforcer(db, parts.closings, clock)
+        self._unknown = UnknownMissions(db, clock, mint)
         self._measured_winds = MeasuredWinds(db, clock, parts.calendars)
         self._station_states = StationStates(db, mqtt, clock, mint, self._own)
         self._network_versions = NetworkVersions(db, mqtt, clock, mint, self._own)
@@ -165,6 +169,7 @@ class Work:
         for name, step, every_s in (
             ("lagging", led(self._late.step), _STEP_EVERY_S),
             ("loading", led(self._loading_timeouts.step), _STEP_EVERY_S),
+            ("unknown missions", led(self._unknown.step), _UNKNOWN_EVERY_S),
             ("holds", led(self._keeper.delete_expired), _STEP_EVERY_S),
             ("ground stops", led(self._ground_stops.step), _STEP_EVERY_S),
             ("measured wind", led(self._measured_winds.step), _MEASURE_EVERY_S),

@@ -55,6 +55,9 @@ class MissionFacts(WireModel):
     waiting_reports: Annotated[
         int, Field(description="How many of the last reports are still on their way.")
     ] = 0
+    tries: Annotated[
+        int, Field(description="How often the first of these was sent without success.")
+    ] = 0
 
 
 class DeliveryFacts(WireModel):

@@ -167,6 +167,21 @@ class ServiceUnavailable(SkywayError):
         self.code = code
 
 
+class Overloaded(ServiceUnavailable):
+    """More is asked than can be done soon; nothing was accepted.
+
+    Parameters
+    ----------
+    wait_s, limit_s
+        How long the request would wait, and the longest wait, wall seconds.
+    """
+
+    def __init__(self, wait_s: float, *, limit_s: float) -> None:
+        detail = f"a request would wait {wait_s:.0f} s, longer than {limit_s:.0f} s"
+        super().__init__("booking", detail, code="OVERLOADED")
+        self.retry_after_s = wait_s - limit_s
+
+
 class MqttUnavailable(ServiceUnavailable):
     """The broker is not connected, or did not acknowledge in time."""
 

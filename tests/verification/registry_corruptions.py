@@ -169,6 +169,22 @@ _ACROSS: Final = (
         gateway="DELETE FROM missions WHERE mission_id = :queued_mission",
     ),
     Corruption(
+        "a mission of which every report is refused for long",
+        "the gateway knows each mission soon after its first report",
+        gateway="DELETE FROM missions WHERE mission_id = :queued_mission;"
+        " UPDATE deliveries SET is_queued = TRUE WHERE delivery_id ="
+        " (SELECT delivery_id FROM packages WHERE mission_id = :queued_mission LIMIT 1)",
+        composition="INSERT INTO outbox (channel, stream, address, payload, confirmed_by,"
+        " mqtt_qos, is_retained, attempts)"
+        " SELECT 'gateway', mission_id, '/internal/mission-reports',"
+        " CAST(json_object('schema_version', 1, 'report_id', 'rpt_x', 'delivery_id', delivery_id,"
+        " 'attempt', attempt, 'trip', trip, 'mission_id', mission_id, 'provider_id', provider_id,"
+        " 'drone_id', drone_id, 'seq', 1, 'kind', 'QUEUED', 'at', '2026-03-01T12:00:00Z',"
+        " 'mission_state', 'QUEUED') AS BLOB), 'sender', 0, 0, 9 FROM missions"
+        " WHERE mission_id = :queued_mission;"
+        " UPDATE missions SET report_seq = 1 WHERE mission_id = :queued_mission",
+    ),
+    Corruption(
         "a report lost between the services",
         "the gateway has every report that composition has sent",
         gateway="UPDATE missions SET report_seq = report_seq - 1"

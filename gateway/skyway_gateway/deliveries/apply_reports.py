@@ -3,24 +3,23 @@
 A delivery whose reports do not arrive is marked late by `OverdueNotifier`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
 from functools import partial
 from typing import Final
 
-from skyway.contracts.mission import LIVE_MISSION_STATES, CancelMissions
+from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.mission_reports import (
     MissionReport,
     TracedReport,
 )
-from skyway.ids import StationId
+from skyway.ids import DeliveryId, StationId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import Conflict
+from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import in_trace_of, tracing
-from skyway_gateway.clients import CANCELLATIONS_PATH
 from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_again_at
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.package_changes import TOLERANCE_S, when_overdue
@@ -28,7 +27,10 @@ from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.lifecycle.report_effects import after_report
 from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.deliveries.records.stored_delivery import Outdated, StoredDelivery
-from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
+from skyway_gateway.deliveries.records.write_delivery import (
+    DeliveryWriter,
+    report_cancellation,
+)
 
 #: Reports after which a drone or pads may be free again.
 _FREEING: Final = ("REFUSED", "RELEASED", "ENDED")
@@ -47,6 +49,8 @@ class ReportApplier:
     queued: Wake
     #: Called with a pickup when a drone of its network may be free again.
     freed: Callable[[StationId], None]
+    #: Writes what composition has booked for a delivery; False if nothing could be learnt now.
+    learn: Callable[[DeliveryId], Awaitable[bool]]
 
     async def apply(self, report: MissionReport) -> None:
         """Apply a report; a report that was applied before changes nothing.
@@ -56,7 +60,8 @@ class ReportApplier:
         NotFound
             There is no such delivery: the report can be dropped.
         Conflict
-            NOT_YET: an earlier report is missing; the sender repeats this one.
+            NOT_YET: an earlier report is missing, or composition could not be asked what it has
+            booked; the sender repeats this one.
         """
         cached = self.writer.cache.pop(report.delivery_id)
         if cached is not None and await self._is_applied_to(cached, report):
@@ -64,8 +69,13 @@ class ReportApplier:
         # Another replica may have written the delivery last; usually it does not write it just now.
         async with self.db.read() as connection:
             stored = await delivery_store.read(connection, report.delivery_id)
-        if not await self._is_applied_to(stored, report):
-            await self._apply_to_locked(report)
+        if await self._is_applied_to(stored, report) or await self._apply_to_locked(report):
+            return
+        # The report comes before the answer to its booking: that answer may be lost.
+        is_learnt = await self.learn(report.delivery_id)
+        if not (is_learnt and await self._apply_to_locked(report)):
+            detail = f"mission {report.mission_id} of attempt {report.attempt} is not planned yet"
+            raise Conflict("NOT_YET", detail)
 
     async def apply_all(self, reports: Sequence[TracedReport]) -> None:
         """Apply reports, each in its own transaction, which is usually a single statement.
@@ -73,11 +83,17 @@ class ReportApplier:
         Raises
         ------
         NotFound, Conflict
-            As for `apply`; the reports before the refused one are applied.
+            As for `apply`, after all other reports are applied: one refusal holds up no other.
         """
+        refused: NotFound | Conflict | None = None
         for each in reports:
             with tracing(each.traceparent, "apply report"):
-                await self.apply(each.report)
+                try:
+                    await self.apply(each.report)
+                except (NotFound, Conflict) as refusal:
+                    refused = refusal
+        if refused is not None:
+            raise refused
 
     async def _is_applied_to(self, stored: StoredDelivery, report: MissionReport) -> bool:
         """Apply a report in one statement; False when the delivery or the report is out of date."""
@@ -88,25 +104,22 @@ class ReportApplier:
             return False
         return True
 
-    async def _apply_to_locked(self, report: MissionReport) -> None:
+    async def _apply_to_locked(self, report: MissionReport) -> bool:
+        """Whether the report is applied or out of date; False if its mission is not known yet."""
         async with self.db.write() as tx:
             # Lock before the read: two replicas may get reports of one mission at the same time.
             now = await delivery_store.lock(tx, report.delivery_id)
             last = await delivery_store.last_report(tx, report.mission_id)
             if last is None:
-                self._refuse_if_not_yet(now.delivery, report)
+                if now.delivery.is_queued and report.attempt >= now.delivery.attempt:
+                    return False
                 with in_trace_of(now.traceparent):
                     _cancel_late_booking(tx, now.delivery, report)
             elif report.seq > last + 1:
                 raise Conflict("NOT_YET", f"report {report.seq} comes before {last + 1}")
             elif report.seq == last + 1:
                 self._apply(tx, now, report)
-
-    def _refuse_if_not_yet(self, delivery: Delivery, report: MissionReport) -> None:
-        """Refuse a report of a mission that booking has not written here yet."""
-        if delivery.is_queued and report.attempt >= delivery.attempt:
-            detail = f"mission {report.mission_id} of attempt {report.attempt} is not planned yet"
-            raise Conflict("NOT_YET", detail)
+        return True
 
     def _apply(self, tx: Tx, stored: StoredDelivery, report: MissionReport) -> None:
         progress = after_report(stored.delivery, report)
@@ -126,16 +139,11 @@ def _cancel_late_booking(tx: Tx, delivery: Delivery, report: MissionReport) -> N
 
     The booking took longer than the claim of the process that asked for it.
     """
-    cancelled = [one.package_id for one in delivery.packages if one.state == "CANCELLED"]
+    cancelled = tuple(one.package_id for one in delivery.packages if one.state == "CANCELLED")
     if report.mission_state not in LIVE_MISSION_STATES or not cancelled:
         return
-    body = CancelMissions(
-        cancellation_id=f"late_{report.mission_id}",
-        package_ids=tuple(cancelled),
-        reason="it was booked after its packages had been cancelled",
-    )
-    path = CANCELLATIONS_PATH.format(delivery_id=delivery.delivery_id)
-    tx.report("composition", path, body, stream=delivery.delivery_id)
+    reason, number = "it was booked after its packages had been cancelled", report.mission_id
+    report_cancellation(tx, delivery, cancelled, reason=reason, cancellation_id=f"late_{number}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """All SQL of timeouts; it runs every second, so its statements are built once."""
 
+import json
 from collections import defaultdict
 from dataclasses import dataclass
 from typing import Final
@@ -8,7 +9,22 @@ from sqlalchemy import and_, bindparam, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId, MissionId, NetworkId
-from skyway_composition.tables import is_live, is_under_way, missions
+from skyway_composition.tables import is_live, is_under_way, missions, outbox
+
+#: How long the first report of a mission may wait for the gateway, ms of wall time. The alarm
+#: comes within 30 s, and the loop that raises it may be slow itself.
+UNKNOWN_AFTER_MS: Final = 15_000
+#: The code of that alarm.
+UNKNOWN_CODE: Final = "MISSIONS_UNKNOWN"
+#: How many waiting reports are looked at to find such missions.
+_MOST_REPORTS: Final = 1_000
+
+_OLD_REPORTS: Final = (
+    select(outbox.c.stream, outbox.c.payload, outbox.c.stored_wall_ms)
+    .where(outbox.c.channel == "gateway", outbox.c.stored_wall_ms < bindparam("before_ms"))
+    .order_by(outbox.c.id)
+    .limit(_MOST_REPORTS)
+)
 
 _OVERDUE: Final = (
     select(missions.c.drone_id)
@@ -77,3 +93,15 @@ async def awaited_loadings(
     return [
         AwaitedLoading(row.mission_id, row.drone_id, row.network_id, row.start_ms) for row in found
     ]
+
+
+async def unknown_missions(connection: AsyncConnection, *, wall_ms: int) -> dict[str, int]:
+    """The missions that the gateway does not know: none of their reports has been accepted.
+
+    The value is when the first report was stored, wall time in ms since 1970.
+    """
+    found: dict[str, int] = {}
+    for row in await connection.execute(_OLD_REPORTS, {"before_ms": wall_ms - UNKNOWN_AFTER_MS}):
+        if json.loads(row.payload)["seq"] == 1:
+            found[row.stream] = row.stored_wall_ms
+    return found

@@ -11,6 +11,7 @@ proof only to a process that has listened all the time.
 import logging
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import partial
 from typing import Final
 
 from skyway.contracts.flight_step import PickUpStep
@@ -20,6 +21,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition import alarm_store
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.listening import Listening
 from skyway_composition.missions.interventions.confirm_loading import LoadingFault, refuse_loading
@@ -31,10 +33,13 @@ from skyway_composition.missions.mission.store import models_of_missions
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.check_plan import REPORT_DELAY, check_plan
 from skyway_composition.missions.timeout_store import (
+    UNKNOWN_AFTER_MS,
+    UNKNOWN_CODE,
     AwaitedLoading,
     awaited_loadings,
     perhaps_late,
     perhaps_overdue,
+    unknown_missions,
 )
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.closed_ahead import ClosedAhead
@@ -150,6 +155,41 @@ def _silence_proves_not_flown(
     )
     has_expired = moment_to_ms(ack_due_at) > record.expires_ms
     return link.is_gone and has_expired and has_listened and not has_lost_journal
+
+
+@dataclass(slots=True)
+class UnknownMissions:
+    """Raises an alarm while missions are flown that the gateway does not know; then ends it."""
+
+    db: Database
+    clock: FleetClock
+    mint: Mint
+    #: From when on it looks: after a stop the first reports are old, and that is no fault. Wall ms.
+    _from_ms: int = 0
+    #: Whether there were such missions at the last look; None before the first look.
+    _were_found: bool | None = None
+
+    async def step(self) -> bool:
+        """Raise or end the alarm; always False. Once acknowledged, it is not raised again."""
+        wall_ms, at_ms = moment_to_ms(self.clock.wall_now()), moment_to_ms(self.clock.now())
+        self._from_ms = self._from_ms or wall_ms + UNKNOWN_AFTER_MS
+        if wall_ms < self._from_ms:
+            return False
+        async with self.db.read() as connection:
+            found = await unknown_missions(connection, wall_ms=wall_ms)
+        if bool(found) == self._were_found:
+            return False
+        async with self.db.write() as tx:
+            if not found:
+                await alarm_store.end(tx, code=UNKNOWN_CODE, at_ms=at_ms)
+            elif not await alarm_store.is_open(tx.connection, None, code=UNKNOWN_CODE):
+                oldest_s = (wall_ms - min(found.values())) / 1000
+                detail = f"{len(found)} missions, the first for {oldest_s:.0f} s: none of their "
+                detail += "reports has reached the gateway, so customers do not know of them"
+                about = partial(alarm_store.add, tx, level="CRITICAL", code=UNKNOWN_CODE)
+                await about(detail=detail, at_ms=at_ms, mint=self.mint)
+        self._were_found = bool(found)
+        return False
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,9 +4,9 @@ The facts are what composition says of deliveries, missions and drones.
 """
 
 import json
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import AsyncIterator, Mapping
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from pydantic import TypeAdapter
 from sqlalchemy import func, select
@@ -122,6 +122,13 @@ RULES: Final[tuple[Rule, ...]] = (
 )
 
 
+class _Waiting(NamedTuple):
+    """How many reports about a mission wait, and how often the first was sent in vain."""
+
+    reports: int = 0
+    tries: int = 0
+
+
 async def _deliveries(survey: Survey) -> AsyncIterator[AnyFacts]:
     flown, chains = await survey.once(_missions_by_delivery), await _chains(survey)
     async for row in survey.each(select(deliveries)):
@@ -160,7 +167,7 @@ def _facts(
     *,
     price: Price,
     report_seq: int,
-    waiting: Mapping[str, int],
+    waiting: Mapping[str, _Waiting],
 ) -> MissionFacts:
     """The facts of a mission, as one of its deliveries sees it."""
     return MissionFacts(
@@ -173,17 +180,18 @@ def _facts(
         state="BOOKED" if row.state == "QUEUED" else row.state,
         price=price,
         report_seq=report_seq,
-        waiting_reports=waiting[of.mission_id],
+        waiting_reports=waiting[of.mission_id].reports,
+        tries=waiting[of.mission_id].tries,
     )
 
 
-async def _waiting(survey: Survey, channel: str) -> Counter[str]:
-    """How many reports about each mission wait for a service."""
-    query = select(outbox.c.stream, func.count().label("waiting")).where(
-        outbox.c.channel == channel
-    )
+async def _waiting(survey: Survey, channel: str) -> Mapping[str, _Waiting]:
+    """The reports about each mission that wait for a service."""
+    query = select(
+        outbox.c.stream, func.count().label("reports"), func.max(outbox.c.attempts).label("tries")
+    ).where(outbox.c.channel == channel)
     rows = await survey.rows(query.group_by(outbox.c.stream))
-    return Counter({row.stream: row.waiting for row in rows})
+    return defaultdict(_Waiting, {row[0]: _Waiting(*row[1:]) for row in rows})
 
 
 async def _chains(survey: Survey) -> Mapping[str, Mapping[str, list[CustodyLink]]]:
@@ -217,7 +225,7 @@ async def _hints(survey: Survey) -> AsyncIterator[AnyFacts]:
             state=row.state,
             is_live=row.state in LIVE_MISSION_STATES,
             report_seq=row.report_seq,
-            waiting_reports=waiting[row.mission_id],
+            waiting_reports=waiting[row.mission_id].reports,
         )
 
 

@@ -62,6 +62,19 @@ def _unexpected_missions(
             yield mission.mission_id
 
 
+def _unlearnt_missions(
+    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
+) -> Iterator[str]:
+    """Missions that are not known at the gateway although all their reports were sent often."""
+    if composition is None or gateway is None:
+        return
+    known = {each.mission_id for each in gateway.missions}
+    for mission in composition.missions:
+        is_untold = 0 < mission.report_seq == mission.waiting_reports
+        if mission.mission_id not in known and is_untold and mission.tries >= _MOST_TRIES:
+            yield mission.mission_id
+
+
 def _lost_reports(
     composition: DeliveryFacts | None, gateway: DeliveryFacts | None
 ) -> Iterator[str]:
@@ -161,6 +174,9 @@ def _unreported_drones(
             yield f"{composition.delivery_id}/{package_id}"
 
 
+#: After so many tries the first report of a mission has waited for half a minute.
+_MOST_TRIES: Final = 8
+
 _ASK_PEOPLE: Final = (
     "Ask people where the package is. Correct the service that is wrong by the drone's events "
     "(composition's `mission_steps.event`), and notify the customer."
@@ -190,6 +206,14 @@ DELIVERY_RULES: Final = (
         finder=_unexpected_missions,
         advice="Nobody waits for this mission. Cancel it: POST /v1/missions/{id}/commands with "
         "CANCEL.",
+    ),
+    _rule(
+        name="the gateway knows each mission soon after its first report",
+        first="composition",
+        second="gateway",
+        finder=_unlearnt_missions,
+        advice="Composition flies the mission, and its customer does not know. Start the gateway "
+        "if it is down; else look for NOT_YET and for `booking postponed` in its log.",
     ),
     _rule(
         name="the gateway has every report that composition has sent",

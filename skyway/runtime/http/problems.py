@@ -28,6 +28,7 @@ from skyway.runtime.errors import (
     Misdirected,
     MqttUnavailable,
     NotFound,
+    Overloaded,
     PreconditionFailed,
     RemoteProblem,
     RowRefused,
@@ -102,9 +103,10 @@ def problem_of(error: SkywayError) -> ProblemDetails:
 
 def problem_headers(error: SkywayError) -> dict[str, str]:
     """The headers of an error's answer that depend on more than its status."""
-    if not isinstance(error, BudgetSpent):
+    if not isinstance(error, BudgetSpent | Overloaded):
         return {}
-    return {**error.headers, "Retry-After": str(max(1, math.ceil(error.retry_after_s)))}
+    headers = error.headers if isinstance(error, BudgetSpent) else {}
+    return {**headers, "Retry-After": str(max(1, math.ceil(error.retry_after_s)))}
 
 
 def our_failure() -> ProblemDetails:

@@ -34,8 +34,10 @@ _MQTT_LEASE_S: Final = 7.0
 #: The pause after the broker was lost during a publish; then `ready` waits for the broker.
 _NO_BROKER_S: Final = 0.5
 
-#: Seconds of wall time until a report is sent again: doubled from the first to the last.
+#: Seconds of wall time until a report is sent again: doubled from the first to the last. A
+#: receiver that refuses many reports for now must not be busy with refusing them.
 _UNANSWERED_S: Final = (0.2, 10.0)
+_REFUSED_S: Final = (0.2, 30.0)
 
 #: The 4xx answers after which a later attempt may succeed; 409 says "not yet".
 _LATER_STATUSES: Final = (408, 409, 425, 429)
@@ -116,7 +118,7 @@ class ReportSender:
     A request costs more than the reports in it. So the reports for a path of `together` that are
     found in one look travel in one request, to the path that `together` names. If that request
     fails, each of its reports is repeated alone: a report that is refused or slow holds up no
-    other.
+    other. After that every second try is together again, so that a slow receiver gets fewer calls.
 
     `paces` says how often to look for the reports to a service; the default is `unhurried_pace`.
     `ready` waits until reports may be sent.
@@ -166,7 +168,7 @@ class ReportSender:
 
     async def _try(self, row: Row[Any]) -> Retry | None:
         path = self._together.get(row.address)
-        if path is None or row.attempts:
+        if path is None or row.attempts % 2:
             return await self._post_alone(row)
         key = (row.channel, path)
         batch = self._batches.get(key)
@@ -198,7 +200,7 @@ class ReportSender:
             return retry_later(row, _UNANSWERED_S)
         except RemoteProblem as refusal:
             if refusal.status in _LATER_STATUSES:
-                return retry_later(row, _UNANSWERED_S)
+                return retry_later(row, _REFUSED_S)
             # The report can never succeed, and its stream must go on.
             _count_dropped(1, channel=row.channel)
             log.error(  # noqa: TRY400  the receiver's reason matters, not our stack

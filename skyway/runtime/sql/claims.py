@@ -67,14 +67,15 @@ class Claiming:
         table: Table,
         *,
         where: ColumnElement[bool],
-        order_by: Sequence[Column[Any]],
+        order_by: Sequence[ColumnElement[Any]],
         also: Mapping[str, ColumnElement[Any]] = _NO_VALUES,
         answers: Sequence[ColumnElement[Any]] = (),
     ) -> Self:
         """Rows that meet a condition, in this order; the condition may be about `NOW_MS`.
 
-        The values of `also` are set in each row; `answers` are returned with each row. Any: columns
-        have the types of their table.
+        The values of `also` are set in each row; `answers` are returned with each row. Expressions
+        of the order decide which rows are claimed, not how those are sorted. Any: columns have the
+        types of their table.
         """
         key = [*table.primary_key]
         due = (
@@ -92,7 +93,8 @@ class Claiming:
             "claimed_by": bindparam("claimant", type_=Text),
             "claimed_until_ms": bindparam("until_ms", type_=BigInteger),
         }
-        return cls(claimed.values(new).returning(table, *answers), tuple(order_by))
+        columns = tuple(each for each in order_by if isinstance(each, Column))
+        return cls(claimed.values(new).returning(table, *answers), columns)
 
     async def run(
         self, tx: Tx, *, limit: int, claimant: str, lease_s: float, clock: FleetClock

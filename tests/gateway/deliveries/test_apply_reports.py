@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from skyway.delivery.request import DeliveryRequest
 from tests.gateway.whole_gateway import Gateway
 
 
@@ -145,12 +146,9 @@ async def test_reports_in_a_wrong_order_give_the_same_end(gateway: Gateway) -> N
     ]
 
 
-async def test_a_report_that_overtakes_the_booking_waits_for_it(
-    gateway: Gateway, mission: Callable[..., Any]
-) -> None:
+async def _booked_without_an_answer(gateway: Gateway, mission: Callable[..., Any]) -> str:
+    """A delivery whose mission is booked, while the answer to the booking is lost."""
     delivery_id = await gateway.accepted()
-    from skyway.delivery.request import DeliveryRequest
-
     request = DeliveryRequest.model_validate((await gateway.get(delivery_id))["request"])
     gateway.composition.booked[delivery_id, 1] = mission(
         request,
@@ -159,11 +157,80 @@ async def test_a_report_that_overtakes_the_booking_waits_for_it(
         drone_id="drn_1",
         start_at=gateway.clock.now(),
     )
+    return delivery_id
+
+
+async def test_a_report_about_an_unknown_mission_brings_the_answer_to_its_booking(
+    gateway_on_both: Gateway, mission: Callable[..., Any]
+) -> None:
+    gateway = gateway_on_both
+    delivery_id = await _booked_without_an_answer(gateway, mission)
+    kinds = ("ACCEPTED", "LOADING", "LOADED")
+    await _reports(gateway, delivery_id, *kinds)
+
+    delivery = await gateway.get(delivery_id)
+    assert delivery["state"] == "IN_PROGRESS"
+    assert await gateway.event_types(delivery_id) == [
+        "delivery.requested",
+        "delivery.planned",
+        "delivery.dispatched",
+        "delivery.loaded",
+        "delivery.started",
+    ]
+    assert len(gateway.composition.asked) == 1
+    assert not await gateway.book_next()
+
+
+async def test_reports_that_come_together_ask_once(
+    gateway: Gateway, mission: Callable[..., Any]
+) -> None:
+    delivery_id = await _booked_without_an_answer(gateway, mission)
+    answers = await asyncio.gather(
+        *(gateway.report(delivery_id, "ACCEPTED", seq=1) for _ in range(5))
+    )
+
+    assert {answer.status_code for answer in answers} == {204}
+    assert len(gateway.composition.asked) == 1
+    assert (await gateway.event_types(delivery_id)).count("delivery.planned") == 1
+
+
+async def test_a_report_is_refused_for_now_while_composition_cannot_be_asked(
+    gateway: Gateway, mission: Callable[..., Any]
+) -> None:
+    delivery_id = await _booked_without_an_answer(gateway, mission)
+    gateway.composition.is_away = True
     answer = await gateway.report(delivery_id, "ACCEPTED", seq=1)
-    assert answer.status_code == 409
-    await gateway.book_next()
-    assert (await gateway.report(delivery_id, "ACCEPTED", seq=1)).status_code == 204
+    assert (answer.status_code, answer.json()["code"]) == (409, "NOT_YET")
+
+    gateway.composition.is_away = False
+    await _reports(gateway, delivery_id, "ACCEPTED")
     assert (await gateway.get(delivery_id))["state"] == "DISPATCHED"
+
+
+async def test_a_report_does_not_plan_a_delivery_that_is_being_cancelled(
+    gateway: Gateway, mission: Callable[..., Any]
+) -> None:
+    delivery_id = await _booked_without_an_answer(gateway, mission)
+    gateway.composition.is_away = True
+    path = f"/v1/deliveries/{delivery_id}/cancel"
+    await gateway.http.post(path, headers=gateway.customer)
+    gateway.composition.is_away = False
+
+    assert (await gateway.report(delivery_id, "ACCEPTED", seq=1)).status_code == 409
+    assert "delivery.planned" not in await gateway.event_types(delivery_id)
+
+
+async def test_a_refused_report_holds_up_no_other_of_its_request(
+    gateway: Gateway, mission: Callable[..., Any]
+) -> None:
+    known_id = await gateway.planned()
+    unknown_id = await _booked_without_an_answer(gateway, mission)
+    gateway.composition.is_away = True
+    reports = [gateway.mission_report(one, "ACCEPTED", seq=1) for one in (unknown_id, known_id)]
+    answer = await gateway.report_together(*reports)
+
+    assert answer.status_code == 409
+    assert (await gateway.get(known_id))["state"] == "DISPATCHED"
 
 
 async def test_a_report_about_an_unknown_delivery_is_dropped(gateway: Gateway) -> None:

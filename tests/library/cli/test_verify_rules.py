@@ -207,3 +207,44 @@ def test_verify_reads_the_facts_of_all_cells_as_one_composition(tmp_path: Path) 
     (tmp_path / cell_name(2) / "hints.jsonl").unlink()
     (tmp_path / cell_name(2)).rmdir()
     assert not composition.has_facts
+
+
+UNLEARNT = "the gateway knows each mission soon after its first report"
+
+
+def _flown(report_seq: int, *, waiting_reports: int, tries: int) -> DeliveryFacts:
+    mission = MissionFacts(
+        mission_id=MissionId("msn_1"),
+        attempt=1,
+        trip=1,
+        provider_id=ProviderId("prv_1"),
+        drone_id=DroneId("drn_1"),
+        state="ACTIVE",
+        price=Price(amount=1, currency="USD"),
+        report_seq=report_seq,
+        waiting_reports=waiting_reports,
+        tries=tries,
+    )
+    return DeliveryFacts(delivery_id=DeliveryId("dlv_1"), is_over=False, missions=(mission,))
+
+
+@pytest.mark.parametrize(
+    ("composition", "is_broken"),
+    [
+        (_flown(3, waiting_reports=3, tries=8), True),
+        (_flown(3, waiting_reports=3, tries=7), False),  # on their way
+        (_flown(3, waiting_reports=2, tries=9), False),  # the gateway has the first report
+        (_flown(0, waiting_reports=0, tries=0), False),  # its drone has not answered yet
+    ],
+)
+def test_a_queued_delivery_does_not_explain_away_reports_that_are_refused_for_long(
+    composition: DeliveryFacts, is_broken: bool
+) -> None:
+    [rule] = [each for each in DELIVERY_RULES if each.name == UNLEARNT]
+    gateway = DeliveryFacts(delivery_id=DeliveryId("dlv_1"), is_over=False, is_queued=True)
+
+    found = list(rule.finder(composition, gateway))
+
+    assert found == (["msn_1"] if is_broken else [])
+    known = gateway.model_copy(update={"missions": composition.missions})
+    assert list(rule.finder(composition, known)) == []

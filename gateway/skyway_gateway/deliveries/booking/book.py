@@ -10,23 +10,25 @@ import logging
 import random
 from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import timedelta
-from typing import Final
+from datetime import datetime
+from functools import partial
 
 from skyway.contracts.candidate import CandidateQueries, ProviderReason
-from skyway.contracts.mission import Booking, CancelMissions, Mission
-from skyway.contracts.shortlist import Candidates
+from skyway.contracts.mission import Booking, BookMissions, Mission
+from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.ids import DeliveryId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.loops import MissingParts
 from skyway.runtime.metrics import timed
 from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import tracing
 from skyway.units import ms_to_moment
-from skyway_gateway.clients import CANCELLATIONS_PATH, Composition, Registry
+from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.deliveries.booking.booking_round import (
+    AnswerLost,
+    are_live,
     booking_request,
     candidate_query,
     has_too_many_refusals,
@@ -41,31 +43,23 @@ from skyway_gateway.deliveries.booking.queue_store import (
     hold,
     line_up,
     note_reasons,
+    read_queued,
     try_later,
     wait_longer,
 )
-from skyway_gateway.deliveries.booking.wake_waiting import Waker, next_try_at
+from skyway_gateway.deliveries.booking.wake_waiting import Waker, next_try_at, retry_at
 from skyway_gateway.deliveries.lifecycle.booking_effects import (
-    after_booking,
     after_giving_up,
-    cancelled_meanwhile,
     give_up_again_at,
 )
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.records import delivery_store
-from skyway_gateway.deliveries.records.stored_delivery import (
-    Outdated,
-    QueuedDelivery,
-    StoredDelivery,
-)
+from skyway_gateway.deliveries.records.stored_delivery import Outdated, QueuedDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
 
 log = logging.getLogger(__name__)
-
-#: Wall seconds until the next round after one that could not ask: least and most.
-_RETRY_S: Final = (0.5, 3.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +83,7 @@ class Booker:
     async def claim(self, *, limit: int) -> Sequence[QueuedDelivery]:
         """Claim deliveries whose booking is due, the longest waiting first."""
         return await claim_queued(
-            self.db,
-            limit=limit,
-            claimant=self.claimant,
-            clock=self.clock,
-            cache=self.writer.cache,
+            self.db, limit=limit, claimant=self.claimant, clock=self.clock, cache=self.writer.cache
         )
 
     async def hold(self, deliveries: Collection[DeliveryId]) -> None:
@@ -118,46 +108,79 @@ class Booker:
 
     async def book_or_retry(
         self, queued: QueuedDelivery, candidates: Candidates | None = None
-    ) -> None:
-        """One round; if a service is away, the next round comes later."""
+    ) -> bool:
+        """One round, and whether it has asked; if a service is away, the next one comes later."""
         round_time = timed("skyway_booking_round_duration_seconds", "time of a round of booking")
         with tracing(queued.traceparent, "book"), round_time:
             try:
-                await self.book(queued, candidates)
+                has_asked = await self.book(queued, candidates)
                 self.missing.are_back()
             except (ServiceUnavailable, RemoteProblem) as trouble:
                 if not self.missing.note(trouble):
                     about = {"delivery_id": queued.delivery.delivery_id, "reason": str(trouble)}
                     log.warning("booking postponed", extra=about)
+                lost_at = trouble.asked_at if isinstance(trouble, AnswerLost) else None
                 await self._try_later(
-                    queued.delivery, reasons=None, was_asked=isinstance(trouble, RemoteProblem)
+                    queued.delivery,
+                    reasons=None,
+                    was_asked=isinstance(trouble, RemoteProblem),
+                    # Composition may still book what it has not answered.
+                    asked_at=queued.asked_at or lost_at,
                 )
+                return True
+        return has_asked
 
-    async def book(self, queued: QueuedDelivery, candidates: Candidates | None = None) -> None:
+    async def learn(self, delivery_id: DeliveryId) -> bool:
+        """Write what composition has booked for a delivery; whether it has booked anything.
+
+        A report about a mission that is not known here says that the answer to the booking is lost.
+        """
+        queued = await read_queued(self.db, delivery_id)
+        if queued is None:
+            return True
+        return queued.delivery.cancel_reason is None and await self._is_booked(queued)
+
+    async def _is_booked(self, queued: QueuedDelivery) -> bool:
+        """Ask again without candidates, which plans nothing; a booking is written."""
+        booking = await self._ask(queued, booking_request(queued.delivery, Shortlist()))
+        if booking.outcome == "BOOKED":
+            await self._plan(queued, booking.missions)
+        return booking.outcome == "BOOKED"
+
+    async def _ask(self, queued: QueuedDelivery, requested: BookMissions) -> Booking:
+        asked_at = self.clock.wall_now()
+        try:
+            return await self.composition.book(queued.delivery.delivery_id, requested)
+        except ServiceUnavailable as trouble:
+            raise AnswerLost(trouble, asked_at) from trouble
+
+    async def book(self, queued: QueuedDelivery, candidates: Candidates | None = None) -> bool:
         """One round: the waiting packages are planned, wait for another round, or are given up.
 
-        Without `candidates` the registry is asked for them.
+        False if composition was not asked. Without `candidates` the registry is asked for them.
         """
         delivery = queued.delivery
         if delivery.cancel_reason is not None:  # the process that cancelled it died meanwhile
             await self.finish_cancelling(delivery)
-            return
+            return False
         if has_too_many_refusals(delivery.refusals):
             await self._give_up(queued, (), detail="too many drones refused to fly it")
-            return
+            return False
+        if queued.asked_at is not None and await self._is_booked(queued):
+            return True
         is_held = delivery.offer is not None and delivery.offer.hold is not None
         if not (queued.is_waiting or is_held) and self.waker.has_waiting(queued.network_id):
             await self._line_up(queued)
-            return
+            return False
         is_over = self.clock.now() >= queued.give_up_at
         if is_over and delivery.request.latest_at is not None:
             await self._give_up_late(queued, delivery.reasons)
-            return
+            return False
         candidates = candidates or await self.registry.candidates(candidate_query(queued))
         # Ask even without candidates: an earlier round may have booked this attempt and died.
-        requested = booking_request(delivery, candidates.shortlist)
-        booking = await self.composition.book(delivery.delivery_id, requested)
+        booking = await self._ask(queued, booking_request(delivery, candidates.shortlist))
         await self._decide(queued, booking, candidates, is_last=is_over)
+        return True
 
     async def _decide(
         self, queued: QueuedDelivery, booking: Booking, candidates: Candidates, *, is_last: bool
@@ -202,36 +225,16 @@ class Booker:
         if share is None:
             margins = [each.margins for each in missions]
             share = self.forecast.late_share(queued.network_id, missions[0].provider_id, margins)
+        at, save_plan = self.clock.now(), self.writer.save_plan
+        write = partial(save_plan, missions=missions, late_share=share, at=at, mint=self.mint)
         try:
             async with self.db.write() as tx:
-                self._write_plan(tx, stored, missions, share)
+                write(tx, stored)
         except Outdated:  # cancelled meanwhile, or planned by another replica
             async with self.db.write() as tx:
                 now = await delivery_store.lock(tx, stored.delivery.delivery_id)
                 if now.delivery.attempt == stored.delivery.attempt:
-                    self._write_plan(tx, now, missions, share)
-
-    def _write_plan(
-        self,
-        tx: Tx,
-        stored: StoredDelivery,
-        missions: Sequence[Mission],
-        late_share: float | None,
-    ) -> None:
-        """Write the missions; packages that were cancelled meanwhile are cancelled there too."""
-        delivery = stored.delivery
-        if delivery.is_queued:
-            now = self.clock.now()
-            planned = after_booking(delivery, missions, at=now, late_share=late_share)
-            self.writer.save(tx, stored, planned)
-        if package_ids := cancelled_meanwhile(delivery, missions):
-            asked = CancelMissions(
-                cancellation_id=self.mint("cxl"),
-                package_ids=package_ids,
-                reason="cancelled during booking",
-            )
-            path = CANCELLATIONS_PATH.format(delivery_id=delivery.delivery_id)
-            tx.report("composition", path, asked, stream=delivery.delivery_id)
+                    write(tx, now)
 
     async def _give_up_late(
         self, queued: QueuedDelivery, reasons: Sequence[ProviderReason]
@@ -254,7 +257,7 @@ class Booker:
         booked = [one for one in closed.missions if one.attempt == delivery.attempt]
         if booked:  # an earlier round has booked it
             await self._plan(queued, booked)
-        elif closed.is_closed or _are_live(delivery, closed.missions):
+        elif closed.is_closed or are_live(delivery, closed.missions):
             await self._write_given_up(delivery, reasons, detail=detail)
         else:  # composition has not released a refused mission yet
             await self._try_later(delivery, reasons=reasons)
@@ -276,13 +279,13 @@ class Booker:
         *,
         reasons: Sequence[ProviderReason] | None,
         was_asked: bool = True,
+        asked_at: datetime | None = None,
     ) -> None:
         """Leave it in the queue; the customer sees the reasons of this round.
 
         If registry or composition could not be asked, the waiting time starts again.
         """
-        wait_s = self.chance.uniform(*_RETRY_S)
-        next_try_at = self.clock.wall_now() + timedelta(seconds=wait_s)
+        next_try_at = retry_at(self.clock.wall_now(), asked_at=asked_at, chance=self.chance)
         give_up = None if was_asked else give_up_again_at(delivery, self.clock)
         async with self.db.write() as tx:
             await try_later(
@@ -291,10 +294,5 @@ class Booker:
                 next_try_at=next_try_at,
                 reasons=reasons,
                 give_up_at=give_up,
+                asked_at=asked_at,
             )
-
-
-def _are_live(delivery: Delivery, missions: Sequence[Mission]) -> bool:
-    """Whether all these missions fly other packages of the delivery now."""
-    live = {mission.mission_id for mission in delivery.live_missions}
-    return all(mission.mission_id in live for mission in missions)

@@ -1,18 +1,23 @@
-"""One round of booking: what it asks for, and whether a later round can help."""
+"""One round of booking: what it asks for, whether a later round can help, how fast rounds end."""
 
-from collections.abc import Iterable
+import math
+from collections import deque
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import datetime
+from statistics import fmean
+from time import perf_counter
 from typing import Final
 
 from skyway.contracts.candidate import CandidateQuery, ProviderReason, ProviderReasonCode
-from skyway.contracts.mission import Booking, BookMissions, OfferLimits
+from skyway.contracts.mission import Booking, BookMissions, Mission, OfferLimits
 from skyway.contracts.mission_reports import CALENDAR_CODES
 from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.delivery.offer import Price
 from skyway.delivery.qos import ProviderChoice
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId
+from skyway.runtime.errors import ServiceUnavailable
 from skyway_gateway.deliveries.lifecycle.booking_effects import loaded_after
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.delivery_parts import Refusal
@@ -25,6 +30,12 @@ MOST_REFUSALS: Final = 5
 #: The delivery is given up after this many attempts that lost their place in a drone's calendar,
 #: so that no delivery is booked for ever without being flown. Our own choice.
 MOST_LOST_PLACES: Final = 20
+
+#: How many of the last rounds say how fast rounds end.
+_MEASURED_ROUNDS: Final = 32
+
+#: After so many seconds of work without a pause, the pace of rounds shows what is possible.
+_PACE_KNOWN_S: Final = 3.0
 
 #: Reasons that hold for all drones of a provider.
 _ANY_DRONE: Final = ("OTHER_CURRENCY",)
@@ -99,6 +110,66 @@ def _booked_amount(delivery: Delivery) -> int:
     """The price of the booked missions, without those that were cancelled."""
     booked = (mission for mission in delivery.missions if mission.state != "CANCELLED")
     return sum(mission.price.amount for mission in booked)
+
+
+class RoundPace:
+    """How many rounds of booking end a second, of at most `most` at the same time."""
+
+    def __init__(self, most: int, *, now_s: Callable[[], float] = perf_counter) -> None:
+        self._most = most
+        self._now_s = now_s
+        self._under_way = 0
+        self._busy_since_s = 0.0
+        #: Seconds in which rounds were under way, before `_busy_since_s`.
+        self._busy_s = 0.0
+        self._took_s = deque[float](maxlen=_MEASURED_ROUNDS)
+        #: After how many busy seconds each of the last rounds has ended.
+        self._ended_s = deque[float](maxlen=_MEASURED_ROUNDS)
+
+    def begin(self) -> float:
+        """Note that a round begins; the value is for `end`."""
+        now_s = self._now_s()
+        if not self._under_way:
+            self._busy_since_s = now_s
+        self._under_way += 1
+        return now_s
+
+    def end(self, begun_s: float | None) -> None:
+        """Note that a round ends; None for one that has asked nobody, and says nothing."""
+        now_s = self._now_s()
+        if begun_s is not None:
+            self._took_s.append(now_s - begun_s)
+            self._ended_s.append(self._busy_s + now_s - self._busy_since_s)
+        self._under_way -= 1
+        if not self._under_way:
+            self._busy_s += now_s - self._busy_since_s
+
+    def per_s(self) -> float:
+        """The pace of the last rounds, counted while any was under way; infinite before the first.
+
+        After a pause that pace says how few were asked for, not how many are possible. So in the
+        first seconds all places count as taken by rounds that take as long as the last ones.
+        """
+        if not self._took_s:
+            return math.inf
+        busy_s = self._now_s() - self._busy_since_s if self._under_way else 0.0
+        if busy_s > _PACE_KNOWN_S:
+            return len(self._ended_s) / (self._busy_s + busy_s - self._ended_s[0])
+        return self._most / max(fmean(self._took_s), 1e-6)
+
+
+class AnswerLost(ServiceUnavailable):
+    """Composition was asked to book at `asked_at`, wall time, and has not answered."""
+
+    def __init__(self, trouble: ServiceUnavailable, asked_at: datetime) -> None:
+        super().__init__(trouble.service, trouble.detail, code=trouble.code)
+        self.asked_at = asked_at
+
+
+def are_live(delivery: Delivery, missions: Iterable[Mission]) -> bool:
+    """Whether all these missions fly other packages of the delivery now."""
+    live = {mission.mission_id for mission in delivery.live_missions}
+    return all(mission.mission_id in live for mission in missions)
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,8 +38,10 @@ _WOKEN: Final = 4
 _CLAIMING: Final = Claiming.of(
     deliveries,
     where=and_(deliveries.c.is_queued, deliveries.c.next_try_wall_ms <= NOW_MS),
-    # New requests and woken ones are due at 0: they are tried in the order of class and asking.
+    # A lost answer comes first: its mission may fly, and the customer does not know. New requests
+    # and woken ones are due at 0: they are tried in the order of class and asking.
     order_by=[
+        deliveries.c.asked_wall_ms.asc().nulls_last(),
         deliveries.c.next_try_wall_ms,
         deliveries.c.queue_rank,
         deliveries.c.created_ms,
@@ -64,6 +66,19 @@ _HOLDING: Final = (
 )
 
 _waits = deliveries.c.waits_since_ms.is_not(None)
+
+#: A request that waits for a drone has its answer: the reasons why it waits. One that only stands
+#: behind such requests has none yet.
+_UNANSWERED: Final = select(func.count()).where(
+    deliveries.c.is_queued,
+    or_(
+        deliveries.c.asked_wall_ms.is_not(None),
+        and_(
+            deliveries.c.next_try_wall_ms == 0,
+            or_(~_waits, deliveries.c.reasons == reasons_text(())),
+        ),
+    ),
+)
 
 _place = func.row_number().over(
     partition_by=deliveries.c.network_id,
@@ -92,6 +107,15 @@ async def claim_queued(
             for row, delivery in zip(unknown, await with_parts(connection, unknown), strict=True):
                 found[delivery.delivery_id] = stored_of(row, delivery)
     return [queued_of(row, found[row.delivery_id]) for row in due]
+
+
+async def read_queued(db: Database, delivery_id: DeliveryId) -> QueuedDelivery | None:
+    """A delivery with packages that wait, not claimed; None if no package waits."""
+    this = select(deliveries).where(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)
+    async with db.read() as connection:
+        found = (await connection.execute(this)).all()
+        parts = await with_parts(connection, found)
+    return queued_of(found[0], stored_of(found[0], parts[0])) if found else None
 
 
 async def hold(
@@ -131,12 +155,16 @@ async def try_later(
     next_try_at: datetime,
     reasons: Sequence[ProviderReason] | None,
     give_up_at: datetime | None = None,
+    asked_at: datetime | None = None,
 ) -> None:
     """Leave a delivery in the queue until a moment of wall time; None keeps what is stored.
 
-    `give_up_at` replaces the moment of fleet time at which booking gives up.
+    `give_up_at` replaces the moment of fleet time at which booking gives up. `asked_at` is since
+    when an answer of composition is missing, wall time.
     """
     values: dict[str, object] = {"next_try_wall_ms": moment_to_ms(next_try_at), **FREE}
+    if asked_at is not None:
+        values["asked_wall_ms"] = moment_to_ms(asked_at)
     if give_up_at is not None:
         values["give_up_ms"] = moment_to_ms(give_up_at)
     if reasons is not None:
@@ -170,6 +198,7 @@ async def wait_longer(
         "next_try_wall_ms": case((is_as_claimed, moment_to_ms(next_try_at)), else_=0),
         "waits_since_ms": func.coalesce(deliveries.c.waits_since_ms, moment_to_ms(now)),
         "reasons": reasons_text(reasons),
+        "asked_wall_ms": None,
         **NEXT_VERSION,
         **FREE,
     }
@@ -182,6 +211,12 @@ async def line_up(tx: Tx, queued: QueuedDelivery, *, now: datetime) -> None:
     values = {"waits_since_ms": moment_to_ms(now), "next_try_wall_ms": 0, **FREE}
     this = deliveries.c.delivery_id == queued.delivery.delivery_id
     await tx.execute(update(deliveries).where(this, deliveries.c.is_queued).values(values))
+
+
+async def unanswered(db: Database) -> int:
+    """How many requests nobody has tried to book yet, and how many answers are lost."""
+    async with db.read() as connection:
+        return int((await connection.execute(_UNANSWERED)).scalar_one())
 
 
 async def waiting_networks(db: Database) -> frozenset[NetworkId | None]:

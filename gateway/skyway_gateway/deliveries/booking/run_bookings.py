@@ -8,7 +8,8 @@ counts from the next look on, for deliveries that wait already too.
 import asyncio
 import logging
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Final, Never
@@ -18,11 +19,13 @@ from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, NetworkId
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import Overloaded, RemoteProblem, ServiceUnavailable
 from skyway.runtime.loops import MissingParts, Wake, always, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.sql.database import Database
 from skyway_gateway.deliveries.booking.book import Booker
-from skyway_gateway.deliveries.booking.queue_store import scheduled_until
+from skyway_gateway.deliveries.booking.booking_round import RoundPace
+from skyway_gateway.deliveries.booking.queue_store import scheduled_until, unanswered
 from skyway_gateway.deliveries.lifecycle.booking_effects import give_up_at
 from skyway_gateway.deliveries.lifecycle.progress import Progress, changed
 from skyway_gateway.deliveries.records import delivery_store
@@ -36,6 +39,13 @@ _LOOK_EVERY_S: Final = 0.5
 
 #: Seconds of wall time between two renewals of the claims: a failed renewal is soon repeated.
 _HOLD_EVERY_S: Final = 1.0
+
+#: A request is refused when it would wait longer than this for its first round of booking, wall
+#: seconds. A fifth of the 30 s within which an accepted request has its answer: the pace may fall
+#: after the request was accepted, and the round itself takes time too.
+_LONGEST_WAIT_S: Final = 6.0
+#: How many deliveries are asked about at the same time because of reports about their missions.
+_LEARNT_AT_ONCE: Final = 4
 
 #: How many SCHEDULED deliveries one step requests.
 _BATCH: Final = 100
@@ -56,6 +66,7 @@ class BookingLoop:
     def __init__(self, queued: Wake, *, claimant: str, most: int) -> None:
         self.queued = queued
         self.claimant = claimant
+        self.pace = RoundPace(most)
         self._most = most
         self._places = asyncio.Semaphore(most)
         self._booker: Booker | None = None
@@ -63,6 +74,58 @@ class BookingLoop:
         self._under_way: dict[asyncio.Task[None], Sequence[QueuedDelivery]] = {}
         self._is_behind = False
         self._missing = MissingParts("bookings")
+        self._unanswered = 0
+        self._arriving = 0
+        self._asking = asyncio.Semaphore(_LEARNT_AT_ONCE)
+        self._learning: dict[DeliveryId, asyncio.Future[bool]] = {}
+
+    def must_have_room(self, *, replicas: int) -> None:
+        """Go on only if a request that comes now would soon be booked.
+
+        Before it come the requests that have no answer yet, at the pace of the last rounds. Lost
+        answers count; requests that wait for a drone do not. `replicas` share the work.
+
+        Raises
+        ------
+        Overloaded
+            It would wait longer than `_LONGEST_WAIT_S`.
+        """
+        wait_s = (self._unanswered + self._arriving) / self.pace.per_s() / replicas
+        if wait_s > _LONGEST_WAIT_S:
+            count("skyway_requests_shed", "delivery requests refused because of the load")
+            raise Overloaded(wait_s, limit_s=_LONGEST_WAIT_S)
+
+    @contextmanager
+    def arriving(self) -> Iterator[None]:
+        """Count a request for the block, in which it is checked and written."""
+        self._arriving += 1
+        try:
+            yield
+        finally:
+            self._arriving -= 1
+
+    def note_accepted(self) -> None:
+        """Count a request that was written, until the next look at the queue."""
+        self._unanswered += 1
+
+    async def learn(self, booker: Booker, delivery_id: DeliveryId) -> bool:
+        """Write what composition has booked for a delivery; False if it cannot be asked now.
+
+        All who ask about one delivery meanwhile get the same answer.
+        """
+        if (running := self._learning.get(delivery_id)) is not None:
+            return await asyncio.shield(running)
+        outcome = self._learning[delivery_id] = asyncio.get_running_loop().create_future()
+        is_booked = False
+        try:
+            async with self._asking:
+                is_booked = await booker.learn(delivery_id)
+        except (ServiceUnavailable, RemoteProblem) as trouble:
+            self._missing.note(trouble)
+        finally:
+            del self._learning[delivery_id]
+            outcome.set_result(is_booked)
+        return is_booked
 
     @property
     def is_free(self) -> bool:
@@ -74,6 +137,8 @@ class BookingLoop:
         """Book until the process ends; look at the queue unasked only while it `polls`."""
         async with self._group as group:
             group.create_task(repeat("hold", lambda: self._hold(booker), every_s=_HOLD_EVERY_S))
+            backlog = repeat("backlog", lambda: self._look_back(booker), every_s=_HOLD_EVERY_S)
+            group.create_task(backlog)
             self._booker = booker
             try:
                 await repeat(
@@ -106,6 +171,12 @@ class BookingLoop:
         held = [queued.delivery.delivery_id for line in self._under_way.values() for queued in line]
         if held:
             await booker.hold(frozenset(held))
+        return False
+
+    async def _look_back(self, booker: Booker) -> bool:
+        """Count what has no answer yet; always False. Other replicas accept and book too."""
+        if self._unanswered:
+            self._unanswered = await unanswered(booker.db)
         return False
 
     def _begin(self, booker: Booker, line: Sequence[QueuedDelivery]) -> None:
@@ -142,14 +213,17 @@ class BookingLoop:
         self, booker: Booker, queued: QueuedDelivery, candidates: Candidates | None
     ) -> None:
         """Book one delivery; if it fails, its claim runs out."""
+        begun_s, has_asked = self.pace.begin(), True
         try:
-            await booker.book_or_retry(queued, candidates)
+            has_asked = await booker.book_or_retry(queued, candidates)
         except Exception as error:
             count("skyway_loop_failures", "steps of loops that failed", loop="book")
             if not self._missing.note(error):
                 log.exception("booking failed", extra={"delivery_id": queued.delivery.delivery_id})
         else:
             self._missing.are_back()
+        finally:
+            self.pace.end(begun_s if has_asked else None)
 
 
 def _lines(due: Sequence[QueuedDelivery]) -> list[list[QueuedDelivery]]:

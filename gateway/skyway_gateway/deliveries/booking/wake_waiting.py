@@ -5,6 +5,7 @@ changed something through this gateway. A wake that is lost costs seconds, becau
 request is also tried again by and by.
 """
 
+import random
 from collections.abc import AsyncIterator
 from datetime import datetime, timedelta
 from typing import Final, Never
@@ -25,6 +26,12 @@ from skyway_gateway.quotes.store import has_hold_ended
 _FIRST_TRIES: Final = tuple(timedelta(seconds=each) for each in (0.5, 1, 2, 4, 8))
 _LONGEST: Final = timedelta(seconds=10)
 
+#: Seconds until the next round after one that could not ask: least and most. After a lost answer
+#: the most grows to this share of the time since composition was first asked, and no further than
+#: `_LONGEST`.
+_RETRY_S: Final = (0.5, 3.0)
+_SHARE_OF_AGE: Final = 0.5
+
 #: Composition holds an offer so much longer than its quote says.
 _GRACE: Final = timedelta(seconds=HOLD_GRACE_S)
 
@@ -42,6 +49,18 @@ def next_try_at(*, woken_at: datetime, now: datetime) -> datetime:
             return woken_at + wait
     tens = (since - _FIRST_TRIES[-1]) // _LONGEST + 1
     return woken_at + _FIRST_TRIES[-1] + tens * _LONGEST
+
+
+def retry_at(now: datetime, *, asked_at: datetime | None, chance: random.Random) -> datetime:
+    """When a request is tried again that could not be booked because a service did not answer.
+
+    `asked_at` is since when an answer of composition is missing, wall time.
+    """
+    least_s, most_s = _RETRY_S
+    if asked_at is not None:
+        longest_s = min((now - asked_at) * _SHARE_OF_AGE, _LONGEST).total_seconds()
+        least_s, most_s = max(least_s, longest_s / 2), max(most_s, longest_s)
+    return now + timedelta(seconds=chance.uniform(least_s, most_s))
 
 
 class Waker:

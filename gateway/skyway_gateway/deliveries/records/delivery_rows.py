@@ -122,6 +122,7 @@ def queued_of(row: AnyRow, stored: StoredDelivery) -> QueuedDelivery:
         has_idempotency_key=row.has_idempotency_key,
         network_id=row.network_id,
         is_waiting=row.waits_since_ms is not None,
+        asked_at=None if row.asked_wall_ms is None else ms_to_moment(row.asked_wall_ms),
         woken_wall_ms=row.woken_wall_ms,
     )
 

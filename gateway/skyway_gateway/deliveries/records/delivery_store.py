@@ -271,7 +271,7 @@ def save(
     values = changing(after)
     if (old.attempt, old.is_queued) != (new.attempt, new.is_queued):
         # What has to be booked has changed: look at it immediately.
-        values |= {"next_try_wall_ms": 0, "waits_since_ms": None, **FREE}
+        values |= {"next_try_wall_ms": 0, "waits_since_ms": None, "asked_wall_ms": None, **FREE}
     if give_up_at is not None:
         values["give_up_ms"] = moment_to_ms(give_up_at)
     expected = {

@@ -95,6 +95,8 @@ class QueuedDelivery:
     network_id: NetworkId | None = None
     #: Whether it has found no drone yet, or stands behind requests that have found none.
     is_waiting: bool = False
+    #: Since when composition was asked and has not answered, wall time; None otherwise.
+    asked_at: datetime | None = None
     #: When something last changed that may help it, wall time in ms since 1970.
     woken_wall_ms: int = 0
 

@@ -4,10 +4,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
+from skyway.contracts.mission import CancelMissions, Mission
 from skyway.contracts.mission_reports import MissionReport
-from skyway.ids import DeliveryId
+from skyway.ids import DeliveryId, PackageId
+from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import in_trace_of
+from skyway_gateway.clients import CANCELLATIONS_PATH
+from skyway_gateway.deliveries.lifecycle.booking_effects import after_booking, cancelled_meanwhile
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.records import delivery_store
@@ -21,6 +25,20 @@ from skyway_gateway.notifications.event_store import NumberedEvent
 
 #: What a change makes of the delivery as it is now; None when the change no longer applies.
 Change = Callable[[Delivery], Progress | None]
+
+
+def report_cancellation(
+    tx: Tx,
+    delivery: Delivery,
+    package_ids: tuple[PackageId, ...],
+    *,
+    reason: str,
+    cancellation_id: str,
+) -> None:
+    """Ask composition to cancel packages of a mission that was booked too late for them."""
+    body = CancelMissions(cancellation_id=cancellation_id, package_ids=package_ids, reason=reason)
+    path = CANCELLATIONS_PATH.format(delivery_id=delivery.delivery_id)
+    tx.report("composition", path, body, stream=delivery.delivery_id)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +102,24 @@ class DeliveryWriter:
             after = before.then(delivery, events)
             delivery_store.save(tx, before, after, report=report, give_up_at=give_up_at)
             self._record(tx, after, events)
+
+    def save_plan(
+        self,
+        tx: Tx,
+        stored: StoredDelivery,
+        *,
+        missions: Sequence[Mission],
+        late_share: float | None,
+        at: datetime,
+        mint: Mint,
+    ) -> None:
+        """Save booked missions; packages that were cancelled meanwhile are cancelled there too."""
+        delivery = stored.delivery
+        if delivery.is_queued:
+            self.save(tx, stored, after_booking(delivery, missions, at=at, late_share=late_share))
+        if package_ids := cancelled_meanwhile(delivery, missions):
+            reason, number = "cancelled during booking", mint("cxl")
+            report_cancellation(tx, delivery, package_ids, reason=reason, cancellation_id=number)
 
     def _record(self, tx: Tx, now: StoredDelivery, new: Sequence[NumberedEvent]) -> None:
         self.events.record(tx, new, customer_id=now.delivery.customer_id)

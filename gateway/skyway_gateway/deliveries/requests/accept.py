@@ -272,6 +272,8 @@ class Acceptance:
         is_ours = delivery.is_queued and self.booking.is_free
         claim = held_by(self.booking.claimant, self.clock) if is_ours else FREE
         queued = self.writer.add(tx, accepted, self._first_events(delivery), claim=claim)
+        if delivery.is_queued:
+            tx.after_commit(self.booking.note_accepted)
         if is_ours:
             tx.after_commit(partial(self.booking.begin, queued))
         elif delivery.is_queued:

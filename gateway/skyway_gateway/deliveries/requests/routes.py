@@ -17,9 +17,12 @@ from skyway.ids import DeliveryId
 from skyway.runtime.http.answers import NOT_FOUND, IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.request_boundary import Admission
 from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.replicas.membership import Membership
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.deliveries.apply_reports import ReportApplier
+from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.lifecycle.customer_forms import (
     OfferChoice,
     RequestedDelivery,
@@ -40,6 +43,20 @@ RequestOrOffer = Annotated[
     Annotated[DeliveryRequest, Tag("a request")] | Annotated[OfferChoice, Tag("an offer")],
     Discriminator(_form),
 ]
+
+
+def shedding(entrance: Admission, booking: BookingLoop, replicas: Membership) -> Admission:
+    """The entrance that first refuses new delivery requests while there is no room for them.
+
+    Such a refusal looks up no key and reads no body: many refusals must cost little.
+    """
+
+    async def admit(request: Request) -> Mapping[str, str]:
+        if request.method == "POST" and request.scope["path"] == "/v1/deliveries":
+            booking.must_have_room(replicas=replicas.alive)
+        return await entrance(request=request)
+
+    return admit
 
 
 def delivery_routes(
@@ -76,13 +93,14 @@ def delivery_routes(
         """
         # An operator has stranded packages collected.
         caller.must_be("customer", "operator")
-        answer = await acceptance.accept(
-            caller,
-            wanted,
-            idempotency_key=idempotency_key,
-            body=await request.body(),
-            base_url=str(request.base_url),
-        )
+        with acceptance.booking.arriving():
+            answer = await acceptance.accept(
+                caller,
+                wanted,
+                idempotency_key=idempotency_key,
+                body=await request.body(),
+                base_url=str(request.base_url),
+            )
         return response_of(answer)
 
     @router.post("/v1/deliveries/{delivery_id}/cancel", responses=conflicts("TOO_LATE"))

@@ -65,6 +65,7 @@ class Bookings:
     turns: Turns = field(default_factory=Turns)
     pause: Pause = asyncio.sleep
     shared: SharedTrips | None = None
+    under_way: dict[tuple[DeliveryId, int], asyncio.Task[Booking]] = field(default_factory=dict)
 
     @property
     def rounds(self) -> Rounds:
@@ -77,15 +78,20 @@ class Bookings:
         Bookings of one network are committed one at a time, in the order of the requests. A held
         offer is booked without waiting for others.
         """
+        key = delivery_id, requested.attempt
+        if (running := self.under_way.get(key)) is not None:
+            return await asyncio.shield(running)  # the caller has given up the first call
+        if requested.shortlist.is_empty:  # only a question: its answer is not that of a real call
+            return await self._timed(delivery_id, requested)
+        running = self.under_way[key] = asyncio.create_task(self._timed(delivery_id, requested))
+        running.add_done_callback(lambda _: self.under_way.pop(key))
+        return await asyncio.shield(running)
+
+    async def _timed(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
         began_at = perf_counter()
         booking = await self._book(delivery_id, requested)
-        about = "time of a booking, from the request to its outcome"
-        observe(
-            "skyway_booking_duration_seconds",
-            about,
-            perf_counter() - began_at,
-            outcome=booking.outcome,
-        )
+        about, took_s = "time of a booking, from request to outcome", perf_counter() - began_at
+        observe("skyway_booking_duration_seconds", about, took_s, outcome=booking.outcome)
         return booking
 
     async def _book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:

@@ -4,6 +4,7 @@ import asyncio
 import itertools
 import logging
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from datetime import timedelta
 from typing import Any
 
@@ -127,6 +128,38 @@ async def test_concurrent_puts_of_one_attempt_book_once(composition: Any, make: 
         bookings[0].missions[0].mission_id
     }
     assert await count(composition, "missions") == 1
+
+
+async def test_a_call_that_comes_while_the_same_one_is_planned_plans_nothing(
+    composition: Any, make: Any
+) -> None:
+    """The gateway has given up the first call, and asks again without candidates."""
+    begun, goes_on = asyncio.Event(), asyncio.Event()
+    rounds = list[str]()
+
+    class SlowTrips:
+        async def find(self, delivery_id: str, *_: object) -> None:
+            rounds.append(delivery_id)
+            begun.set()
+            await goes_on.wait()
+
+    trips: Any = SlowTrips()
+    bookings = replace(composition.parts.bookings, shared=trips)
+    asked = BookMissions(
+        attempt=1, request=make.request("c"), shortlist=Shortlist.of([make.candidate()])
+    )
+    first = asyncio.create_task(bookings.book("dlv_1", asked))
+    await begun.wait()
+    first.cancel()
+    await asyncio.wait({first})
+    again = asked.model_copy(update={"shortlist": Shortlist()})
+    second = asyncio.create_task(bookings.book("dlv_1", again))
+    await asyncio.sleep(0)
+    goes_on.set()
+
+    assert (await second).outcome == "BOOKED"
+    assert rounds == ["dlv_1"]
+    assert bookings.under_way == {}
 
 
 async def test_twelve_bookings_of_one_drone_send_one_mission(composition: Any) -> None:

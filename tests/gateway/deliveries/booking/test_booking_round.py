@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 from skyway_gateway.deliveries.booking.booking_round import (
+    RoundPace,
     drones_that_refused,
     has_too_many_refusals,
     why_infeasible,
@@ -15,6 +16,7 @@ from skyway.contracts.mission import Booking, OfferLimits
 from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.delivery.offer import Price
 from skyway.ids import DroneId, ProviderId
+from tests.gateway.deliveries.booking.slow_pace import Seconds, slow_pace
 
 TEMPORARY, LASTING = True, False
 
@@ -113,3 +115,48 @@ def test_a_request_is_given_up_after_so_many_refusals(code: str, most: int) -> N
 
     assert not has_too_many_refusals(refusals[:-1])
     assert has_too_many_refusals(refusals)
+
+
+def test_after_a_pause_all_places_count_as_taken() -> None:
+    pace = slow_pace(2.0, most=4)
+
+    assert pace.per_s() == 4 / 2.0
+
+
+def test_the_pace_is_what_ends_while_rounds_are_under_way() -> None:
+    seconds = Seconds()
+    pace = RoundPace(16, now_s=seconds)
+    for _ in range(10):  # two places are used, and a pause follows each pair
+        begun = [pace.begin(), pace.begin()]
+        seconds.now_s += 4.0
+        for each in begun:
+            pace.end(each)
+        seconds.now_s += 100.0
+    pace.begin()
+    seconds.now_s += 3.5
+
+    # 20 rounds ended in 40 busy seconds; the first at 4 s, and 3.5 s have passed since the last.
+    assert pace.per_s() == pytest.approx(20 / 39.5)
+
+
+def test_the_pace_falls_while_nothing_ends() -> None:
+    seconds = Seconds()
+    pace = RoundPace(4, now_s=seconds)
+    begun_s = pace.begin()
+    pace.begin()
+    seconds.now_s += 1.0
+    pace.end(begun_s)
+    seconds.now_s += 50.0
+    at_50_s = pace.per_s()
+    seconds.now_s += 50.0
+
+    assert pace.per_s() == pytest.approx(at_50_s / 2)
+
+
+def test_a_round_that_asks_nobody_says_nothing_about_the_pace() -> None:
+    pace = slow_pace(2.0)
+    before = pace.per_s()
+    pace.begin()
+    pace.end(None)
+
+    assert pace.per_s() == before

@@ -1,6 +1,7 @@
 """The booking loops: bookings run at the same time; later pickups wait and hold nothing."""
 
 import asyncio
+import math
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
@@ -42,7 +43,7 @@ class Booker:
             raise RuntimeError(line)
         return {}
 
-    async def book_or_retry(self, queued: Any, candidates: Any) -> None:
+    async def book_or_retry(self, queued: Any, candidates: Any) -> bool:
         name = queued.delivery.delivery_id
         self.under_way.add(name)
         if name.startswith("slow"):
@@ -51,6 +52,7 @@ class Booker:
             raise RuntimeError(name)
         self.under_way.discard(name)
         self.booked.append(name)
+        return True
 
 
 Until = Callable[[Callable[[], bool]], Awaitable[None]]
@@ -232,6 +234,16 @@ async def test_a_line_is_booked_when_its_candidates_cannot_be_read(until: Until)
         await until(lambda: len(booker.booked) == 3)
 
     await _run(booker, 5, test)
+
+
+async def test_the_loop_measures_its_rounds(until: Until) -> None:
+    booker = Booker(["a", "broken b"])
+    loop = BookingLoop(booker.queued, claimant="bkr_1", most=4)
+
+    async def test() -> None:
+        await until(lambda: loop.pace.per_s() < math.inf)
+
+    await _run(booker, 4, test, loop=loop)
 
 
 async def test_claims_of_running_bookings_are_renewed() -> None:

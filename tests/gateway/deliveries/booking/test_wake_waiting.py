@@ -1,11 +1,12 @@
 """Requests that find no drone wait in order, and are woken by what may help them."""
 
+import random
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from skyway_gateway.deliveries.booking.wake_waiting import next_try_at
+from skyway_gateway.deliveries.booking.wake_waiting import next_try_at, retry_at
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.ids import DeliveryId, ProviderId
@@ -271,3 +272,17 @@ async def test_changes_are_kept_while_the_database_is_away(gateway: Gateway) -> 
     await waker.step()
 
     assert await gateway.book_next()
+
+
+def test_the_pause_after_a_lost_answer_grows_with_its_age() -> None:
+    chance = random.Random(1)
+
+    def longest_s(age_s: float) -> float:
+        asked_at = NOON - timedelta(seconds=age_s)
+        tries = [retry_at(NOON, asked_at=asked_at, chance=chance) - NOON for _ in range(200)]
+        assert min(tries).total_seconds() >= min(age_s / 4, 5.0)
+        return max(tries).total_seconds()
+
+    assert longest_s(1) <= 3.0
+    assert 5.5 < longest_s(12) <= 6.0
+    assert 9.0 < longest_s(3600) <= 10.0

@@ -362,7 +362,13 @@ async def test_a_delivery_that_this_process_books_is_claimed_when_it_is_added(
     """No other process books it meanwhile; if this process dies, another one does later."""
     gateway = gateway_on_both
     handed: list[Any] = []
-    booking: Any = SimpleNamespace(claimant="bkr_1", is_free=True, begin=handed.append)
+    accepted: list[None] = []
+    booking: Any = SimpleNamespace(
+        claimant="bkr_1",
+        is_free=True,
+        begin=handed.append,
+        note_accepted=lambda: accepted.append(None),
+    )
     acceptance = replace(gateway.parts.acceptance, booking=booking)
 
     for _ in range(2):  # the second call repeats the first
@@ -374,7 +380,7 @@ async def test_a_delivery_that_this_process_books_is_claimed_when_it_is_added(
             base_url="http://gateway/",
         )
 
-    [queued] = handed
+    [queued], [_] = handed, accepted
     assert await gateway.parts.booker.claim(limit=9) == []
     gateway.clock.advance(timedelta(seconds=3))
     [found] = await gateway.parts.booker.claim(limit=9)
@@ -393,7 +399,7 @@ async def test_a_running_loop_books_an_accepted_delivery_without_a_look_at_the_q
 
     booking, booker = gateway.parts.booking, gateway.parts.booker
     blind: Any = SimpleNamespace(
-        claim=find_nothing, hold=booker.hold, book_or_retry=booker.book_or_retry
+        claim=find_nothing, hold=booker.hold, book_or_retry=booker.book_or_retry, db=booker.db
     )
     running = asyncio.create_task(booking.run(blind))
     try:

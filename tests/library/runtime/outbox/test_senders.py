@@ -5,6 +5,7 @@ import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from datetime import timedelta
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -33,6 +34,7 @@ class InMemoryService:
 
     def __init__(self, *refusals: Exception) -> None:
         self.refusals = list(refusals)
+        self.alone: list[Exception] = []
         self.calls: list[tuple[str, Any]] = []
 
     async def call(self, method: str, path: str, *, body: bytes) -> None:
@@ -40,6 +42,8 @@ class InMemoryService:
         await asyncio.sleep(0)
         if path == "/reports/many" and self.refusals:
             raise self.refusals.pop(0)
+        if path != "/reports/many" and self.alone:
+            raise self.alone.pop(0)
 
 
 @pytest.fixture
@@ -69,6 +73,18 @@ async def report(db: Database, *texts: str, path: str = "/reports") -> None:
         for text in texts:
             with tracing(None):
                 tx.report("gateway", path, Note(text=text), stream=text)
+
+
+def make_row(path: str, *, attempts: int) -> Any:
+    """A row of the outbox that was sent so often."""
+    return SimpleNamespace(
+        address=path,
+        channel="gateway",
+        payload=b"{}",
+        stored_wall_ms=0,
+        traceparent=None,
+        attempts=attempts,
+    )
 
 
 async def until_sent(db: Database, clock: ManualClock) -> None:
@@ -169,6 +185,45 @@ async def test_reports_of_a_refused_batch_are_sent_again_one_by_one(
 
     assert [path for path, _ in service.calls] == ["/reports/many", "/reports", "/reports"]
     assert sorted(body["text"] for _, body in service.calls[1:]) == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("attempts", "paths"),
+    [(0, ["/reports/many"]), (1, ["/reports", "/reports"]), (2, ["/reports/many"])],
+)
+async def test_reports_travel_alone_in_every_second_try(
+    db: Database, clock: ManualClock, attempts: int, paths: list[str]
+) -> None:
+    service = InMemoryService()
+    sender = ReportSender(db, {"gateway": service}, clock, together=TOGETHER)
+    rows = [make_row("/reports", attempts=attempts) for _ in range(2)]
+
+    await asyncio.gather(*(sender._post(row) for row in rows))
+
+    assert [path for path, _ in service.calls] == paths
+
+
+@pytest.mark.parametrize(
+    ("refusal", "longest_s"),
+    [
+        (RemoteProblem(409, {"code": "NOT_YET"}), 30.0),
+        (ServiceUnavailable("gateway", "away"), 10.0),
+    ],
+    ids=["refused for now", "not answered"],
+)
+async def test_the_pause_of_a_report_grows_with_each_try(
+    db: Database, clock: ManualClock, refusal: Exception, longest_s: float
+) -> None:
+    service = InMemoryService()
+    service.alone = [refusal] * 12
+    sender = ReportSender(db, {"gateway": service}, clock)
+    pauses = []
+    for attempts in range(12):
+        retry = await sender._post(make_row("/a", attempts=attempts))
+        assert retry is not None
+        pauses.append(retry.after_s)
+
+    assert pauses == [min(0.2 * 2**number, longest_s) for number in range(12)]
 
 
 async def test_a_report_that_does_not_fit_travels_in_another_request(
