@@ -1,9 +1,8 @@
 """The parts of the registry; nothing is opened here."""
 
 import secrets
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Final
 
 from skyway.announced_networks import NetworkLearner, stations_from
@@ -28,13 +27,13 @@ from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.cells import store as cell_store
 from skyway_provider_registry.cells.change_cells import CellChanges
-from skyway_provider_registry.enrolment.password_file import BrokerAccounts, PasswordFile
+from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.enrolment.stored_keys import StoredKeys
 from skyway_provider_registry.fleets.issue_credentials import Issuer
 from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.fleets.registration import CompositionStations, StationLookup
 from skyway_provider_registry.presence.judge_states import NoQuarantine
-from skyway_provider_registry.settings import BrokerKind, RegistrySettings
+from skyway_provider_registry.settings import RegistrySettings
 from skyway_provider_registry.tables import replicas
 
 SERVICE: Final = "registry"
@@ -42,13 +41,6 @@ SERVICE: Final = "registry"
 #: Seconds of wall time between two reads of the changes. Under load several callers share one;
 #: after a pause no caller waits.
 _REFRESH_EVERY_S: Final = 0.1
-
-
-#: How each kind of broker reads its accounts.
-_BROKERS: Final[Mapping[BrokerKind, Callable[[Path], BrokerAccounts]]] = {
-    "mosquitto": MosquittoAccounts,
-    "nats": NatsAccounts,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +99,10 @@ def parts_in_life(settings: RegistrySettings) -> Parts:
     authority = None
     if settings.drone_ca_dir is not None:
         authority = CertificateAuthority.load(settings.drone_ca_dir)
+    accounts_file = settings.broker_password_file
+    is_nats = settings.broker_kind == "nats"
     password_file = PasswordFile(
-        _BROKERS[settings.broker_kind](settings.broker_password_file),
+        NatsAccounts(accounts_file) if is_nats else MosquittoAccounts(accounts_file, authority),
         db=db,
         secrets_dir=settings.secrets_dir,
         broker_pid_file=settings.broker_pid_file,

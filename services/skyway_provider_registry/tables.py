@@ -275,6 +275,17 @@ drone_keys = Table(
     UniqueConstraint("next_key_hash", name="drone_next_key_hash"),
 )
 
+#: Certificates that ended before their time, by the SHA-256 of the drone's key that came with each.
+revoked_certificates = Table(
+    "revoked_certificates",
+    metadata,
+    Column("key_hash", Text, primary_key=True),
+    # Not the drone: its row may be gone.
+    Column("user_name", Text, nullable=False),
+    # When the certificate is over by itself, at the latest.
+    Column("ends_wall_ms", BigInteger, nullable=False),
+)
+
 #: The public keys with which drones sign; the next key takes effect with the next credentials.
 #: While `is_required`, nothing is believed without a signature: without a key nothing at all.
 drone_signing_keys = Table(

@@ -41,8 +41,14 @@ class BrokerAccounts(Protocol):
         """The hash of a password, as this broker reads it."""
         ...
 
-    def write(self, accounts: Mapping[str, str], services: Mapping[str, str]) -> None:
-        """Replace the files by these accounts, user name to hash."""
+    def write(
+        self,
+        accounts: Mapping[str, str],
+        services: Mapping[str, str],
+        revoked: Mapping[str, str],
+        /,
+    ) -> None:
+        """Replace the files by these accounts, user name to hash, and by drones' ended keys."""
         ...
 
 
@@ -120,8 +126,9 @@ class PasswordFile:
             async with self._turn():
                 async with self._db.read() as connection:
                     accounts = await credential_store.every_hash(connection)
+                    revoked = await credential_store.revoked_keys(connection)
                 accounts[DEPLOYMENT_OPERATOR] = self._operator_hash
-                await asyncio.to_thread(self._broker.write, accounts, self._service_hashes)
+                await asyncio.to_thread(self._broker.write, accounts, self._service_hashes, revoked)
         except OSError as error:
             raise ServiceUnavailable("broker accounts", f"not written: {error}") from error
         self._written = covers

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
@@ -112,20 +112,20 @@ async def test_simultaneous_calls_all_find_their_account_in_the_file(
 class SlowAccounts(MosquittoAccounts):
     """Writes its files only when it may."""
 
-    began: threading.Event
-    may_write: threading.Event
+    began: threading.Event = field(default_factory=threading.Event)
+    may_write: threading.Event = field(default_factory=threading.Event)
 
-    def write(self, accounts: Mapping[str, str], services: Mapping[str, str]) -> None:
+    def write(self, *files: Mapping[str, str]) -> None:
         self.began.set()
         assert self.may_write.wait(60)
-        MosquittoAccounts(self.password_file).write(accounts, services)
+        MosquittoAccounts(self.password_file).write(*files)
 
 
 async def test_a_slow_replica_does_not_replace_the_accounts_of_a_faster_one(
     db: Database, secrets_dir: Path, tmp_path: Path, password_file: PasswordFile
 ) -> None:
     path = tmp_path / "passwords"
-    broker = SlowAccounts(path, threading.Event(), threading.Event())
+    broker = SlowAccounts(path)
     slow = PasswordFile(broker, db=db, secrets_dir=secrets_dir, broker_pid_file=None)
     slow_write = asyncio.create_task(slow.refresh())
     assert await asyncio.to_thread(broker.began.wait, 60)
