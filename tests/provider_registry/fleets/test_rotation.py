@@ -194,7 +194,7 @@ async def test_each_end_of_a_key_revokes_the_certificate_that_came_with_it(
 ) -> None:
     drone_id, provider_id = enrolled["drone_id"], enrolled["provider_id"]
     path = f"/v1/providers/{provider_id}/drones/{drone_id}"
-    ended = []
+    ended: list[str] = []
 
     async def check(*keys: str) -> None:
         ended.extend(hashlib.sha256(key.encode()).hexdigest() for key in keys)
