@@ -231,14 +231,11 @@ _DRONES: Final = (
     ),
     Rule(
         "no certificate is revoked whose key is in use",
-        select(revoked_certificates.c.user_name).where(
+        select(revoked_certificates.c.user_name).join(
+            drone_keys,
             revoked_certificates.c.key_hash.in_(
-                select(drone_keys.c.key_hash).union_all(
-                    select(drone_keys.c.next_key_hash).where(
-                        drone_keys.c.next_key_hash.is_not(None)
-                    )
-                )
-            )
+                (drone_keys.c.key_hash, drone_keys.c.next_key_hash)
+            ),
         ),
         "Mosquitto refuses the drone. Delete the row of `revoked_certificates`, or give the drone "
         "a new enrolment token.",

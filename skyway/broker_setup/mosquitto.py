@@ -136,7 +136,7 @@ def _tls_listener(tls: TlsFiles, host: str, password_file: Path) -> str:
     # A connection that is open outlives the list of revoked certificates: client_acl denies
     # everything to a drone whose credentials have ended (decision 0026).
     return f"""
-# Drones over TLS: who a client is says its certificate, whatever name and password it sends.
+# Drones over TLS: who a client is says its certificate. The name and password count for nothing.
 listener {tls.port} {host}
 use_identity_as_username true
 use_username_as_clientid true

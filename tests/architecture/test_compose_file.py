@@ -212,7 +212,7 @@ def test_no_container_is_in_the_network_of_all() -> None:
     assert alone == {"secrets"}
 
 
-def test_whoever_is_called_by_name_is_in_a_network_of_the_caller() -> None:
+def test_each_container_that_is_called_by_name_shares_a_network_with_its_caller() -> None:
     for name, service in SERVICES.items():
         named = re.findall(r"(?:@|://)([a-z]+)[:/]", str(service.get("environment", {})))
         for other in set(named) & SERVICES.keys() - {name}:

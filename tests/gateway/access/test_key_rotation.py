@@ -169,12 +169,12 @@ async def test_a_key_without_the_scope_cannot_rotate_itself(gateway: Gateway) ->
 async def test_a_key_that_was_rotated_gives_no_right_beyond_its_own_end(gateway: Gateway) -> None:
     old = await make_key(gateway, role="operator", subject_id="dora")
     await next_key(gateway, old)
-    wanted = {"role": "operator", "subject_id": "mallory"}
+    requested = {"role": "operator", "subject_id": "mallory"}
     soon = (START + timedelta(hours=1)).isoformat()
 
-    endless = await gateway.http.post("/v1/keys", json=wanted, headers=bearer(old))
+    endless = await gateway.http.post("/v1/keys", json=requested, headers=bearer(old))
     ending = await gateway.http.post(
-        "/v1/keys", json={**wanted, "expires_at": soon}, headers=bearer(old)
+        "/v1/keys", json={**requested, "expires_at": soon}, headers=bearer(old)
     )
 
     assert endless.status_code == 403

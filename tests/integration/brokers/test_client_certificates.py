@@ -98,8 +98,8 @@ async def test_a_certificate_with_another_drones_name_and_password_is_its_own_dr
     states = [topic(drone, "state") for drone in DRONES]
     async with (
         tls_broker.connected("composition", "skyway/v1/+/+/state") as (service, said),
-        tls_broker.connected(first, *instructions) as (other, heard_by_other),
-        tls_broker.connected(first, *instructions, as_drone=second) as (thief, heard_by_thief),
+        tls_broker.connected(first, *instructions) as (other, received_by_other),
+        tls_broker.connected(first, *instructions, as_drone=second) as (thief, received_by_thief),
     ):
         for name in instructions:
             await sent(service, name)
@@ -107,8 +107,8 @@ async def test_a_certificate_with_another_drones_name_and_password_is_its_own_dr
             await sent(thief, name)
         await sent(other, topic(first, "state"))
 
-        assert heard_by_thief == [topic(second, "instructions")]
-        assert heard_by_other == [topic(first, "instructions")]
+        assert received_by_thief == [topic(second, "instructions")]
+        assert received_by_other == [topic(first, "instructions")]
         await sent(service, topic(second, "instructions"))
         assert said == [topic(second, "state"), topic(first, "state")]
         assert not other.lost.done()
@@ -137,7 +137,7 @@ async def test_a_revoked_drone_that_is_connected_reads_and_writes_nothing_any_mo
     own = topic(first, "instructions")
     async with (
         tls_broker.connected("composition", "skyway/v1/+/+/state") as (service, said),
-        tls_broker.connected(first, own, "skyway/v1/clock") as (revoked, heard),
+        tls_broker.connected(first, own, "skyway/v1/clock") as (revoked, received),
         tls_broker.connected(second, "skyway/v1/clock") as (other, _),
     ):
         await sent(service, own)
@@ -149,5 +149,5 @@ async def test_a_revoked_drone_that_is_connected_reads_and_writes_nothing_any_mo
         await sent(other, topic(second, "state"))
         await sent(service, topic(second, "instructions"))
 
-        assert heard == [own]
+        assert received == [own]
         assert said == [topic(first, "state"), topic(second, "state")]

@@ -104,13 +104,15 @@ class TlsBroker:
     async def connected(
         self, name: str, *filters: str, as_drone: str | None = None
     ) -> AsyncIterator[tuple[MqttConnection, list[str]]]:
-        """A connection with the topics that it hears; a drone shows the certificate of `as_drone`.
+        """A connection with the topics of what it receives; a drone shows the certificate of `as_drone`.
 
         Its name is a service's, or its password is its name.
         """
-        heard: list[str] = []
+        received: list[str] = []
         link = MqttConnection(
-            Login(name, name, name, 10), will=None, on_message=lambda topic, *_: heard.append(topic)
+            Login(name, name, name, 10),
+            will=None,
+            on_message=lambda topic, *_: received.append(topic),
         )
         is_service = name in SERVICES
         tls = None if is_service else self.shown_by(as_drone or name)
@@ -118,7 +120,7 @@ class TlsBroker:
             await link.open(self._address(self.service_port if is_service else self.port), tls)
             await link.subscribe(dict.fromkeys(filters, 1))
             try:
-                yield link, heard
+                yield link, received
             finally:
                 link.close()
 
