@@ -237,8 +237,7 @@ _DRONES: Final = (
                 (drone_keys.c.key_hash, drone_keys.c.next_key_hash)
             ),
         ),
-        "Mosquitto refuses the drone. Delete the row of `revoked_certificates`, or give the drone "
-        "a new enrolment token.",
+        "Mosquitto refuses the drone. Delete the row of `revoked_certificates`.",
     ),
     Rule(
         "credentials were renewed at a possible moment",
