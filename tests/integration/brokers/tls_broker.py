@@ -104,7 +104,7 @@ class TlsBroker:
     async def connected(
         self, name: str, *filters: str, as_drone: str | None = None
     ) -> AsyncIterator[tuple[MqttConnection, list[str]]]:
-        """A connection and the topics that it receives; a drone shows the certificate of `as_drone`.
+        """A connection and the topics that it receives; a drone shows that of `as_drone`.
 
         Its name is a service's, or its password is its name.
         """
