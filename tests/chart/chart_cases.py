@@ -81,7 +81,7 @@ CASES: Final[Mapping[str, Values]] = {
         "networkPolicy": {"callers": [], "broker": [{"ipBlock": {"cidr": "10.2.0.0/16"}}]},
     },
     "clusters": {
-        "database": {"host": "db-1.example.org,db-2.example.org"},
+        "database": {"host": "db-1.example.org,db-2.example.org", "sslMode": "prefer"},
         "broker": {
             "mode": "outside",
             "outside": {
