@@ -3,8 +3,9 @@
 python tools/write_chart.py
 
 The alert rules, the broker's start script and the configuration of what stands before the broker
-are copies. The broker's configuration and the rights of services are those that `skyway secrets` writes, with the paths of the chart's pods. The schema
-of the values gets the settings of each service, and Chart.yaml the version of the package.
+are copies. The broker's configuration and the rights of services are those that `skyway secrets`
+writes, with the paths of the chart's pods. The schema of the values gets the settings of each
+service, and Chart.yaml the version of the package.
 """
 
 import json
