@@ -1,8 +1,10 @@
 """The parts of the registry; nothing is opened here."""
 
+import asyncio
 import secrets
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Final
 
 from skyway.announced_networks import NetworkLearner, stations_from
@@ -18,7 +20,10 @@ from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.loops import Pace
 from skyway.runtime.metrics import Gauges
 from skyway.runtime.minting import Mint, mint
+from skyway.runtime.mqtt.address import BrokerAddress
+from skyway.runtime.mqtt.connection import Login, MqttConnection
 from skyway.runtime.mqtt.signature_check import SignatureCheck
+from skyway.runtime.peer_secrets import read_secret
 from skyway.runtime.replicas.membership import Membership
 from skyway.runtime.replicas.replica_store import ReplicaStore
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile
@@ -41,6 +46,9 @@ SERVICE: Final = "registry"
 #: Seconds of wall time between two reads of the changes. Under load several callers share one;
 #: after a pause no caller waits.
 _REFRESH_EVERY_S: Final = 0.1
+
+#: The most wall seconds for ending a drone's connection.
+_TAKE_OVER_S: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +114,7 @@ def parts_in_life(settings: RegistrySettings) -> Parts:
         db=db,
         secrets_dir=settings.secrets_dir,
         broker_pid_file=settings.broker_pid_file,
+        end_connection=None if is_nats or authority is None else partial(take_over, settings),
     )
     own_id = f"{SERVICE}-{secrets.token_hex(8)}"
     membership = Membership(ReplicaStore(db, replicas), own_id=own_id, clock=clock)
@@ -130,3 +139,17 @@ def parts_in_life(settings: RegistrySettings) -> Parts:
         servers=servers,
         cell_hosts=settings.cell_hosts,
     )
+
+
+async def take_over(settings: RegistrySettings, account: str) -> None:
+    """End the connection of a drone: Mosquitto does that when its client id connects again.
+
+    A service may choose its client id, and a drone's is its user name.
+    """
+    login = Login(account, SERVICE, read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"), 10)
+    link = MqttConnection(login, will=None, on_message=lambda *_: None)
+    try:
+        async with asyncio.timeout(_TAKE_OVER_S):
+            await link.open(BrokerAddress.parse(settings.mqtt_url), settings.mqtt_tls)
+    finally:
+        link.close()

@@ -5,13 +5,13 @@ import fcntl
 import logging
 import os
 import signal
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Set
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Final, Protocol
 
 from skyway.contracts.broker_rules import DEPLOYMENT_OPERATOR
-from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.errors import MqttUnavailable, ServiceUnavailable
 from skyway.runtime.peer_secrets import account_file, read_secret
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment import credential_store
@@ -27,6 +27,10 @@ _LOOKS_UNTIL_REMINDER: Final = 2
 #: Wall seconds between two tries to lock the files, and the most tries: 10 s.
 _TRY_EVERY_S: Final = 0.02
 _MOST_TRIES: Final = 500
+
+
+#: Ends the connection of a client with this user name.
+EndConnection = Callable[[str], Awaitable[None]]
 
 
 class BrokerAccounts(Protocol):
@@ -64,6 +68,9 @@ class PasswordFile:
     broker_pid_file
         The file with the process id of a broker that reads the password file again on SIGHUP.
         None when the broker watches the password file by itself.
+    end_connection
+        Ends the connection of a drone with this account, which outlives its certificate. None where
+        the broker ends it by itself.
     """
 
     def __init__(
@@ -73,12 +80,17 @@ class PasswordFile:
         db: Database,
         secrets_dir: Path,
         broker_pid_file: Path | None,
+        end_connection: EndConnection | None = None,
     ) -> None:
         self.hash_password = broker.hash_password
         self._broker = broker
         self._db = db
         self._secrets_dir = secrets_dir
         self._broker_pid_file = broker_pid_file
+        self._end_connection = end_connection
+        #: The drones without credentials, once the files say so.
+        self._locked_out: Set[str] | None = None
+        self._to_end: Set[str] = frozenset()
         self._service_hashes: Mapping[str, str] = {}
         self._operator_hash = ""
         self._writing = asyncio.Lock()
@@ -113,7 +125,9 @@ class PasswordFile:
                 await self._write()
             elif self._looks_until_reminder:
                 self._looks_until_reminder -= 1
+                await self._end_connections()
                 if not self._looks_until_reminder:
+                    self._to_end = frozenset()
                     self._notify_broker()
         return False
 
@@ -131,9 +145,20 @@ class PasswordFile:
                 await asyncio.to_thread(self._broker.write, accounts, self._service_hashes, revoked)
         except OSError as error:
             raise ServiceUnavailable("broker accounts", f"not written: {error}") from error
+        locked_out = set(revoked.values()) - set(accounts)
+        if self._locked_out is not None:
+            self._to_end |= locked_out - self._locked_out
+        self._locked_out = locked_out
         self._written = covers
         self._looks_until_reminder = _LOOKS_UNTIL_REMINDER
         self._notify_broker()
+
+    async def _end_connections(self) -> None:
+        """End the connections of drones whose credentials have ended since the last look."""
+        if self._end_connection is not None:
+            for account in sorted(self._to_end):
+                with suppress(MqttUnavailable, OSError):
+                    await self._end_connection(account)
 
     @asynccontextmanager
     async def _turn(self) -> AsyncIterator[None]:

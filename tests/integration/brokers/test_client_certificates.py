@@ -6,6 +6,8 @@ import ssl
 from pathlib import Path
 
 import pytest
+from skyway_provider_registry.parts import take_over
+from skyway_provider_registry.settings import RegistrySettings
 
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.runtime.mqtt.address import BrokerAddress
@@ -151,3 +153,27 @@ async def test_a_revoked_drone_that_is_connected_reads_and_writes_nothing_any_mo
 
         assert received == [own]
         assert said == [topic(first, "state"), topic(second, "state")]
+
+
+async def test_the_registry_ends_the_connection_of_a_revoked_drone(tls_broker: TlsBroker) -> None:
+    (tls_broker.folder / "mqtt_registry").write_text("registry\n")
+    settings = RegistrySettings(
+        database_url="sqlite:///none.db",
+        mqtt_url=f"mqtt://127.0.0.1:{tls_broker.service_port}",
+        secrets_dir=tls_broker.folder,
+        broker_password_file=tls_broker.folder / "passwords",
+    )
+    first, second = DRONES
+    async with (
+        tls_broker.connected(first, "skyway/v1/clock") as (revoked, _),
+        tls_broker.connected(second, "skyway/v1/clock") as (other, _),
+    ):
+        await tls_broker.revoke(first)
+
+        await take_over(settings, first)
+
+        async with asyncio.timeout(60):
+            await revoked.lost
+        assert not other.lost.done()
+        shown = tls_broker.shown_by(first)
+        assert not await tls_broker.is_let_in(shown, name=first, password=first)
