@@ -2,9 +2,10 @@
 
 python tools/write_chart.py
 
-The alert rules and the broker's start script are copies. The broker's configuration and the rights
-of services are those that `skyway secrets` writes, with the paths of the chart's pods. The schema
-of the values gets the settings of each service, and Chart.yaml the version of the package.
+The alert rules, the broker's start script and the configuration of what stands before the broker
+are copies. The broker's configuration and the rights of services are those that `skyway secrets`
+writes, with the paths of the chart's pods. The schema of the values gets the settings of each
+service, and Chart.yaml the version of the package.
 """
 
 import json
@@ -71,6 +72,7 @@ def files() -> Mapping[Path, str]:
     return {
         CHART / "files/alerts.yml": (ROOT / "deploy/prometheus/alerts.yml").read_text(),
         CHART / "files/broker/start.sh": (ROOT / "deploy/mosquitto/start.sh").read_text(),
+        CHART / "files/broker/haproxy.cfg": (ROOT / "deploy/haproxy/broker.cfg").read_text(),
         CHART / "files/broker/mosquitto.conf": broker_configuration(),
         CHART / "files/broker/service_acl": BrokerRules().service_acl(),
         CHART / "values.schema.json": schema_of_values(),

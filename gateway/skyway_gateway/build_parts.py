@@ -94,7 +94,7 @@ def build_parts(
     cached_keys, queued = CachedKeys(db, clock), Wake()
     services = ServiceGate(settings.secrets_dir, allowed=("composition",))
     meters = _meters(settings)
-    public_url = None if settings.public_url is None else str(settings.public_url)
+    public_url = str(settings.public_url)
     links = TrackingLinks(settings.secrets_dir, public_url)
     streams = Slots("STREAMS", settings.streams_per_tenant)
     cached_sessions = CachedKeys(db, clock, session_store.shown)

@@ -1,10 +1,12 @@
 """The settings that the gateway reads from its environment."""
 
-from ipaddress import IPv4Network, IPv6Network, ip_network
+import os
+from ipaddress import IPv4Network, IPv6Network, ip_address, ip_network
 from pathlib import Path
+from socket import socket
 from typing import Annotated
 
-from pydantic import AnyHttpUrl, Field, field_validator
+from pydantic import AnyHttpUrl, Field, ValidationInfo, field_validator
 from pydantic_settings import NoDecode
 
 from skyway.contracts.candidate import MOST_QUERIES
@@ -30,8 +32,10 @@ class GatewaySettings(ServiceSettings):
     ] = ()
     public_url: AnyHttpUrl | None = Field(
         default=None,
+        validate_default=True,
         description="How people reach the gateway, as links to tracking pages and to the console "
-        "begin. Without it links begin with the address of the request that asked for them.",
+        "begin. Without it they begin with the address on which the gateway listens, which has to "
+        "be a loopback address.",
     )
     small_world_file: Path | None = Field(
         default=None,
@@ -215,9 +219,34 @@ class GatewaySettings(ServiceSettings):
         "provider may follow together at each replica of the gateway.",
     )
 
+    @field_validator("public_url")
+    @classmethod
+    def _begin_links(cls, value: AnyHttpUrl | None, info: ValidationInfo) -> AnyHttpUrl:
+        if value is not None:
+            return value
+        host, port = info.data.get("host", ""), info.data.get("port", 0)
+        if (socket_fd := info.data.get("socket_fd")) is not None:
+            with socket(fileno=os.dup(socket_fd)) as passed:
+                host, port = passed.getsockname()[:2]
+        shown = f"[{host}]" if ":" in host else host
+        # Links that follow the Host header of a request can be made to lead anywhere.
+        if port == 0 or not (host == "localhost" or _is_loopback(host)):
+            raise ValueError(
+                f"is needed where the gateway listens on {shown}:{port}: say how people reach it, "
+                "such as https://skyway.example.org"
+            )
+        return AnyHttpUrl(f"http://{shown}:{port}")
+
     @field_validator("webhook_allow_networks", mode="before")
     @classmethod
     def _read_networks(cls, value: object) -> object:
         if isinstance(value, str):
             return tuple(ip_network(part.strip()) for part in value.split(",") if part.strip())
         return value
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False

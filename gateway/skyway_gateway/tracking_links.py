@@ -25,14 +25,14 @@ _TOKEN_BYTES: Final = 24
 
 @dataclass(frozen=True)
 class TrackingLinks:
-    """Makes and recognises links; without `public_url` they begin as the request's own address."""
+    """Makes and recognises links, which begin as `public_url`."""
 
     secrets_dir: Path
-    public_url: str | None = None
+    public_url: str
 
-    def url_of(self, delivery_id: DeliveryId, *, number: int, base_url: str) -> str:
+    def url_of(self, delivery_id: DeliveryId, *, number: int) -> str:
         """The link with this number."""
-        base = (self.public_url or base_url).rstrip("/")
+        base = self.public_url.rstrip("/")
         return f"{base}{TRACKING_PATHS}{delivery_id}/{self._token(delivery_id, number)}"
 
     def is_genuine(self, delivery_id: DeliveryId, token: str, *, number: int) -> bool:

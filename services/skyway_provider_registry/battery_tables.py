@@ -1,10 +1,11 @@
-"""The batteries of providers, and the rules for the maintenance of drones.
+"""The batteries of providers, rules for maintenance, and what the flights of drones have shown.
 
 `_ms` is fleet time, in ms since 1970. `tables` has all other tables of the registry.
 """
 
 from sqlalchemy import (
     BigInteger,
+    Boolean,
     Column,
     Double,
     ForeignKey,
@@ -62,4 +63,28 @@ past_installations = Table(
     Column("removed_ms", BigInteger, nullable=False),
     Column("drone_id", Text, nullable=False),
     Column("used_soc", Double, nullable=False),
+)
+
+#: What the flights of a drone have shown about it: means, which begin at 1. No row: nothing yet.
+#: With a battery in `batteries` the health is there: here it is the health of an unknown battery.
+learned_values = Table(
+    "learned_values",
+    metadata,
+    Column("drone_id", Text, ForeignKey("drones.drone_id", ondelete="CASCADE"), primary_key=True),
+    Column("flights", BigInteger, nullable=False),
+    Column("recharges", BigInteger, nullable=False),
+    Column("still_air_factor", Double, nullable=False),
+    # The mean square of the distance from that mean. The default is that of a new drone.
+    Column("still_air_variance", Double, nullable=False, server_default="0.0064"),
+    Column("state_of_health", Double, nullable=False),
+    Column("charge_rate_factor", Double, nullable=False),
+    # How many of the flights and recharges the health rests on.
+    Column("health_observations", BigInteger, nullable=False, server_default="0"),
+    # Whether the alarm for maintenance was raised, and the drone has not become better since.
+    Column("is_maintenance_due", Boolean, nullable=False),
+    # The last state that was learned from, and when it was received.
+    Column("learned_session", BigInteger, nullable=False),
+    Column("learned_seq", BigInteger, nullable=False),
+    Column("learned_ms", BigInteger, nullable=False),
+    Column("since_ms", BigInteger, nullable=False),
 )

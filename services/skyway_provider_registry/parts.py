@@ -1,9 +1,10 @@
 """The parts of the registry; nothing is opened here."""
 
+import asyncio
 import secrets
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import partial
 from typing import Final
 
 from skyway.announced_networks import NetworkLearner, stations_from
@@ -19,7 +20,10 @@ from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.loops import Pace
 from skyway.runtime.metrics import Gauges
 from skyway.runtime.minting import Mint, mint
+from skyway.runtime.mqtt.address import BrokerAddress
+from skyway.runtime.mqtt.connection import Login, MqttConnection
 from skyway.runtime.mqtt.signature_check import SignatureCheck
+from skyway.runtime.peer_secrets import read_secret
 from skyway.runtime.replicas.membership import Membership
 from skyway.runtime.replicas.replica_store import ReplicaStore
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile
@@ -28,13 +32,13 @@ from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.cells import store as cell_store
 from skyway_provider_registry.cells.change_cells import CellChanges
-from skyway_provider_registry.enrolment.password_file import BrokerAccounts, PasswordFile
+from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.enrolment.stored_keys import StoredKeys
 from skyway_provider_registry.fleets.issue_credentials import Issuer
 from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.fleets.registration import CompositionStations, StationLookup
 from skyway_provider_registry.presence.judge_states import NoQuarantine
-from skyway_provider_registry.settings import BrokerKind, RegistrySettings
+from skyway_provider_registry.settings import RegistrySettings
 from skyway_provider_registry.tables import replicas
 
 SERVICE: Final = "registry"
@@ -43,12 +47,8 @@ SERVICE: Final = "registry"
 #: after a pause no caller waits.
 _REFRESH_EVERY_S: Final = 0.1
 
-
-#: How each kind of broker reads its accounts.
-_BROKERS: Final[Mapping[BrokerKind, Callable[[Path], BrokerAccounts]]] = {
-    "mosquitto": MosquittoAccounts,
-    "nats": NatsAccounts,
-}
+#: The most wall seconds for ending a drone's connection.
+_TAKE_OVER_S: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,11 +107,14 @@ def parts_in_life(settings: RegistrySettings) -> Parts:
     authority = None
     if settings.drone_ca_dir is not None:
         authority = CertificateAuthority.load(settings.drone_ca_dir)
+    accounts_file = settings.broker_password_file
+    is_nats = settings.broker_kind == "nats"
     password_file = PasswordFile(
-        _BROKERS[settings.broker_kind](settings.broker_password_file),
+        NatsAccounts(accounts_file) if is_nats else MosquittoAccounts(accounts_file, authority),
         db=db,
         secrets_dir=settings.secrets_dir,
         broker_pid_file=settings.broker_pid_file,
+        end_connection=None if is_nats or authority is None else partial(take_over, settings),
     )
     own_id = f"{SERVICE}-{secrets.token_hex(8)}"
     membership = Membership(ReplicaStore(db, replicas), own_id=own_id, clock=clock)
@@ -136,3 +139,17 @@ def parts_in_life(settings: RegistrySettings) -> Parts:
         servers=servers,
         cell_hosts=settings.cell_hosts,
     )
+
+
+async def take_over(settings: RegistrySettings, account: str) -> None:
+    """End the connection of a drone: Mosquitto does that when its client id connects again.
+
+    A service may choose its client id, and a drone's is its user name.
+    """
+    login = Login(account, SERVICE, read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"), 10)
+    link = MqttConnection(login, will=None, on_message=lambda *_: None)
+    try:
+        async with asyncio.timeout(_TAKE_OVER_S):
+            await link.open(BrokerAddress.parse(settings.mqtt_url), settings.mqtt_tls)
+    finally:
+        link.close()

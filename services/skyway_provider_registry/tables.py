@@ -1,6 +1,6 @@
 """The tables of the registry; `_ms` is fleet time, `_wall_ms` wall time, in ms since 1970.
 
-`battery_tables` has the tables of batteries and of maintenance.
+`battery_tables` has the tables of batteries, of maintenance and of what flights have shown.
 """
 
 from sqlalchemy import (
@@ -23,6 +23,7 @@ from skyway.runtime.replicas.replica_store import replicas_table
 from skyway_provider_registry import battery_tables
 
 metadata = battery_tables.metadata
+learned_values = battery_tables.learned_values
 replicas = replicas_table(metadata)
 _STANDBYS = "standby IN ('HOME', 'STAY', 'PARKING', 'NEXT_PICKUP')"
 
@@ -138,30 +139,6 @@ presence = Table(
     Index("presence_by_change", "changed"),
 )
 
-#: What the flights of a drone have shown about it: means, which begin at 1. No row: nothing yet.
-#: With a battery in `batteries` the health is there: here it is the health of an unknown battery.
-learned_values = Table(
-    "learned_values",
-    metadata,
-    Column("drone_id", Text, ForeignKey("drones.drone_id", ondelete="CASCADE"), primary_key=True),
-    Column("flights", BigInteger, nullable=False),
-    Column("recharges", BigInteger, nullable=False),
-    Column("still_air_factor", Double, nullable=False),
-    # The mean square of the distance from that mean. The default is that of a new drone.
-    Column("still_air_variance", Double, nullable=False, server_default="0.0064"),
-    Column("state_of_health", Double, nullable=False),
-    Column("charge_rate_factor", Double, nullable=False),
-    # How many of the flights and recharges the health rests on.
-    Column("health_observations", BigInteger, nullable=False, server_default="0"),
-    # Whether the alarm for maintenance was raised, and the drone has not become better since.
-    Column("is_maintenance_due", Boolean, nullable=False),
-    # The last state that was learned from, and when it was received.
-    Column("learned_session", BigInteger, nullable=False),
-    Column("learned_seq", BigInteger, nullable=False),
-    Column("learned_ms", BigInteger, nullable=False),
-    Column("since_ms", BigInteger, nullable=False),
-)
-
 #: Alarms about drones on their way to composition.
 waiting_alarms = Table(
     "waiting_alarms",
@@ -273,6 +250,17 @@ drone_keys = Table(
     Column("next_password_hash", Text),
     UniqueConstraint("key_hash", name="drone_key_hash"),
     UniqueConstraint("next_key_hash", name="drone_next_key_hash"),
+)
+
+#: Certificates that ended before their time, by the SHA-256 of the drone's key that came with each.
+revoked_certificates = Table(
+    "revoked_certificates",
+    metadata,
+    Column("key_hash", Text, primary_key=True),
+    # Not the drone: its row may be gone.
+    Column("user_name", Text, nullable=False),
+    # When the certificate is over by itself, at the latest.
+    Column("ends_wall_ms", BigInteger, nullable=False),
 )
 
 #: The public keys with which drones sign; the next key takes effect with the next credentials.

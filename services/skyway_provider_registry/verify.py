@@ -46,6 +46,7 @@ from skyway_provider_registry.tables import (
     providers,
     renewals,
     replicas,
+    revoked_certificates,
     telemetry_samples,
     waiting_alarms,
 )
@@ -140,6 +141,7 @@ _FORMS: Final = form_rule(
         broker_accounts.c.password_hash: _read_password_hash,
         enrolment_tokens.c.token_hash: read_sha256,
         drone_keys.c.key_hash: read_sha256,
+        revoked_certificates.c.key_hash: read_sha256,
         drone_keys.c.next_key_hash: read_sha256,
         drone_keys.c.next_password_hash: _read_password_hash,
         drone_signing_keys.c.public_key: public_key_bytes,
@@ -226,6 +228,16 @@ _DRONES: Final = (
             )
         ),
         "Set the home to the place of the station `home_station_id`: see GET /v1/networks.",
+    ),
+    Rule(
+        "no certificate is revoked whose key is in use",
+        select(revoked_certificates.c.user_name).join(
+            drone_keys,
+            revoked_certificates.c.key_hash.in_(
+                (drone_keys.c.key_hash, drone_keys.c.next_key_hash)
+            ),
+        ),
+        "Mosquitto refuses the drone. Delete the row of `revoked_certificates`.",
     ),
     Rule(
         "credentials were renewed at a possible moment",

@@ -29,6 +29,11 @@ def service_files(password_file: Path) -> AccountFiles:
     )
 
 
+def revoked_file(password_file: Path) -> Path:
+    """The file beside it that lists the drones' certificates that ended before their time (PEM)."""
+    return password_file.with_name("revoked.pem")
+
+
 def refused_logins_file(password_file: Path) -> Path:
     """The file beside it in which the embedded broker counts the logins that it refused."""
     return password_file.with_name("refused_logins")

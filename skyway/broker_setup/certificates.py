@@ -1,9 +1,10 @@
 """A deployment's own certificate authority: it signs only its broker and its drones.
 
-A certificate alone is not enough to connect: the broker asks for the password too. So removing the
-account from the password file locks a drone out, without a list of revoked certificates.
+Mosquitto believes the name in a drone's certificate. Certificates whose credentials have ended are
+on a list that the authority signs.
 """
 
+import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -27,7 +28,7 @@ from skyway.runtime.errors import InvalidSettings
 
 _AUTHORITY_LIFE: Final = timedelta(days=3650)
 #: A drone gets another one with each rotation of its credentials.
-_CLIENT_LIFE: Final = timedelta(days=730)
+CLIENT_LIFE: Final = timedelta(days=730)
 #: Clocks of drones may be behind.
 _BACKDATED: Final = timedelta(days=1)
 
@@ -38,7 +39,7 @@ _SIGNS_CERTIFICATES: Final = x509.KeyUsage(
     data_encipherment=False,
     key_agreement=False,
     key_cert_sign=True,
-    crl_sign=False,
+    crl_sign=True,
     encipher_only=False,
     decipher_only=False,
 )
@@ -89,6 +90,7 @@ class CertificateAuthority:
             builder = _builder(subject, key.public_key(), issuer=subject, life=_AUTHORITY_LIFE)
             builder = builder.add_extension(x509.BasicConstraints(True, 0), critical=True)
             builder = builder.add_extension(_SIGNS_CERTIFICATES, critical=True)
+            builder = builder.serial_number(x509.random_serial_number())
             signed = _signed(builder, key, by=key)
             # The certificate is written last: its presence means that both files exist.
             write_private(folder / _KEY, signed.private_key_pem)
@@ -100,9 +102,31 @@ class CertificateAuthority:
         """The certificate by which all certificates of this deployment are checked."""
         return self._certificate.public_bytes(Encoding.PEM).decode()
 
-    def sign_drone(self, drone_id: str) -> SignedKey:
-        """A new key for a drone, valid only for connecting as a client."""
-        return self._sign(drone_id, [ExtendedKeyUsageOID.CLIENT_AUTH], (), life=_CLIENT_LIFE)
+    def sign_drone(self, account: str, *, key_hash: str | None = None) -> SignedKey:
+        """A new key for a drone with this account, valid only for connecting as a client.
+
+        `key_hash` is that of the drone's key for REST: the certificate ends with it.
+        """
+        serial = None if key_hash is None else _serial(key_hash)
+        usages = [ExtendedKeyUsageOID.CLIENT_AUTH]
+        return self._sign(account, usages, (), life=CLIENT_LIFE, serial=serial)
+
+    def revoked_pem(self, key_hashes: Iterable[str] = ()) -> str:
+        """The signed list of the certificates that came with these keys; it is valid for ten years.
+
+        Who reads it must not be locked out by its end: the registry replaces it when it changes.
+        """
+        now = datetime.now(UTC)
+        builder = (
+            x509.CertificateRevocationListBuilder()
+            .issuer_name(self._certificate.subject)
+            .last_update(now - _BACKDATED)
+            .next_update(now + _AUTHORITY_LIFE)
+        )
+        for key_hash in sorted(key_hashes):
+            revoked = x509.RevokedCertificateBuilder().serial_number(_serial(key_hash))
+            builder = builder.add_revoked_certificate(revoked.revocation_date(now).build())
+        return builder.sign(self._key, hashes.SHA256()).public_bytes(Encoding.PEM).decode()
 
     def sign_broker(self, names: Iterable[str]) -> SignedKey:
         """A new key for a broker under these host names and addresses."""
@@ -126,11 +150,12 @@ class CertificateAuthority:
         names: Iterable[str],
         *,
         life: timedelta,
+        serial: int | None = None,
     ) -> SignedKey:
         key = ec.generate_private_key(ec.SECP256R1())
         builder = _builder(
             _name(subject), key.public_key(), issuer=self._certificate.subject, life=life
-        )
+        ).serial_number(serial or x509.random_serial_number())
         builder = builder.add_extension(x509.BasicConstraints(False, None), critical=True)
         authority = x509.AuthorityKeyIdentifier.from_issuer_public_key(self._key.public_key())
         builder = builder.add_extension(authority, critical=False)
@@ -141,6 +166,11 @@ class CertificateAuthority:
                 x509.SubjectAlternativeName(alternatives), critical=False
             )
         return _signed(builder, key, by=self._key)
+
+
+def _serial(key_hash: str) -> int:
+    """The serial number of the certificate that came with a key: 159 bits, so nothing is stored."""
+    return int.from_bytes(hashlib.sha256(f"certificate {key_hash}".encode()).digest()[:20]) >> 1
 
 
 def _name(text: str) -> x509.Name:
@@ -164,7 +194,6 @@ def _builder(
         .subject_name(subject)
         .issuer_name(issuer)
         .public_key(key)
-        .serial_number(x509.random_serial_number())
         .not_valid_before(now - _BACKDATED)
         .not_valid_after(now + life)
     )

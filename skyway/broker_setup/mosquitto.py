@@ -4,7 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from skyway.broker_setup.account_files import AccountFiles, client_files, service_files
+from skyway.broker_setup.account_files import (
+    AccountFiles,
+    client_files,
+    revoked_file,
+    service_files,
+)
 
 #: Connections of a listener. Each takes a file; `systemd` and Docker allow far more.
 CLIENT_CONNECTIONS: Final = 20_000
@@ -73,7 +78,7 @@ def mosquitto_conf(
     host
         The address of all listeners.
     tls
-        A third listener, for drones that have a certificate beside their password.
+        A third listener, for drones with a certificate: it believes the certificate's name.
 
     Notes
     -----
@@ -115,7 +120,7 @@ use_username_as_clientid true
 # Services: replicas share an account and differ in their client id.
 listener {service_port} {host}
 {_accounts(services, SERVICE_CONNECTIONS)}\
-{"" if tls is None else _tls_listener(tls, host, clients)}"""
+{"" if tls is None else _tls_listener(tls, host, password_file)}"""
 
 
 def _accounts(files: AccountFiles, connections: int) -> str:
@@ -127,18 +132,22 @@ max_connections {connections}
 """
 
 
-def _tls_listener(tls: TlsFiles, host: str, clients: AccountFiles) -> str:
-    # Not `use_identity_as_username`: it would let in by the certificate alone, and a revoked drone
-    # would stay connected (decision 0026).
+def _tls_listener(tls: TlsFiles, host: str, password_file: Path) -> str:
+    # A connection that is open outlives the list of revoked certificates: client_acl denies
+    # everything to a drone whose credentials have ended (decision 0026).
     return f"""
-# Drones over TLS: a certificate of this deployment, and the password too.
+# Drones over TLS: who a client is says its certificate. The name and password count for nothing.
 listener {tls.port} {host}
+use_identity_as_username true
 use_username_as_clientid true
-{_accounts(clients, CLIENT_CONNECTIONS)}\
+allow_anonymous false
+acl_file {client_files(password_file).acl_file}
+max_connections {CLIENT_CONNECTIONS}
 cafile {tls.ca_file}
 certfile {tls.certificate_file}
 keyfile {tls.key_file}
 require_certificate true
+crlfile {revoked_file(password_file)}
 tls_version tlsv1.2
 ciphers {":".join(_TLS_1_2)}
 ciphers_tls1.3 {":".join(_TLS_1_3)}

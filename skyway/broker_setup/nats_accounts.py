@@ -57,8 +57,14 @@ class NatsAccounts:
         """The hash that is stored of a password."""
         return hash_for_nats(password)
 
-    def write(self, accounts: Mapping[str, str], services: Mapping[str, str]) -> None:
-        """Replace the file by these accounts, user name to hash.
+    def write(
+        self,
+        accounts: Mapping[str, str],
+        services: Mapping[str, str],
+        _revoked: Mapping[str, str] | None = None,
+        /,
+    ) -> None:
+        """Replace the file by these accounts, user name to hash; NATS asks for no certificates.
 
         Accounts with a hash for another broker are left out and counted in the log: they need new
         credentials.

@@ -106,13 +106,15 @@ class BrokerRules:
         ]
         return tuple(dict.fromkeys(filters))
 
-    def client_acl(self, operators: Iterable[str] = ()) -> str:
+    def client_acl(self, operators: Iterable[str] = (), locked_out: Iterable[str] = ()) -> str:
         """The rights of drones, customers and operators as an ACL file of Mosquitto.
 
         Parameters
         ----------
         operators
             The user names of all operators: Mosquitto knows roles by names only.
+        locked_out
+            The user names of drones that may do nothing any more, even if they are connected.
         """
         everyone = dict.fromkeys(self._drones + self._customers)
         lines = [_GENERATED, *(f"pattern {access} {allowed}" for access, allowed in everyone)]
@@ -125,6 +127,8 @@ class BrokerRules:
         for name in sorted(operators):
             lines += self._section(name)
             lines += [f"topic {access} {topic}" for access, topic in self._operators]
+        for name in sorted(locked_out):
+            lines += ["", f"user {name}", "topic deny #"]
         return "\n".join(lines) + "\n"
 
     def service_acl(self) -> str:

@@ -3,7 +3,8 @@
 SkywayError
 ├── Unauthenticated         the caller is unknown
 ├── AccessDenied            the caller may not do this
-│   └── ScopeMissing        the caller's key does not have the scope that this needs
+│   ├── ScopeMissing        the caller's key does not have the scope that this needs
+│   └── KeyNeeded           a browser's session may not do this, its key may
 ├── NotFound                also for things of other callers
 ├── Conflict                the present state forbids it; `code` names the reason
 ├── Misdirected             another server serves what was asked for
@@ -52,6 +53,16 @@ class ScopeMissing(AccessDenied):
     def __init__(self, scope: str) -> None:
         super().__init__(f"this key does not have the scope {scope}")
         self.scope = scope
+
+
+class KeyNeeded(AccessDenied):
+    """A browser's session may not do this: what it gives would outlive the session."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "this call gives a right that outlives a browser's session: show the API key itself "
+            "(Authorization: Bearer sk_...)"
+        )
 
 
 class NotFound(SkywayError):

@@ -153,7 +153,7 @@ def test_the_image_holds_no_tools_of_developers() -> None:
 def test_only_gateway_and_broker_are_published_and_only_on_loopback() -> None:
     published = {name: s["ports"] for name, s in SERVICES.items() if "ports" in s}
 
-    assert set(published) == {"gateway", "mosquitto"}
+    assert set(published) == {"gateway", "broker-front"}
     assert all(p.startswith("127.0.0.1:") for ports in published.values() for p in ports)
 
 
@@ -189,3 +189,45 @@ def test_the_dockerfile_copies_what_exists() -> None:
 
     assert copied
     assert all((ROOT / path).exists() for line in copied for path in line.split())
+
+
+def members(network: str) -> set[str]:
+    return {name for name, service in SERVICES.items() if network in service.get("networks", ())}
+
+
+def test_each_network_holds_only_those_who_need_it() -> None:
+    assert {network: members(network) for network in COMPOSE["networks"]} == {
+        "data": {"postgres", *SETTINGS},
+        "broker": {"mosquitto", *SETTINGS},
+        "drones": {"mosquitto", "broker-front", "fleet"},
+        "front": {"gateway", "network", "fleet"},
+    }
+    assert all(COMPOSE["networks"][name]["internal"] for name in ("data", "broker"))
+
+
+def test_no_container_is_in_the_network_of_all() -> None:
+    alone = {name for name, s in SERVICES.items() if s.get("network_mode") == "none"}
+
+    assert {name for name, service in SERVICES.items() if "networks" not in service} == alone
+    assert alone == {"secrets"}
+
+
+def test_each_container_that_is_called_by_name_shares_a_network_with_its_caller() -> None:
+    for name, service in SERVICES.items():
+        named = re.findall(r"(?:@|://)([a-z]+)[:/]", str(service.get("environment", {})))
+        for other in set(named) & SERVICES.keys() - {name}:
+            assert set(service["networks"]) & set(SERVICES[other]["networks"]), (name, other)
+
+
+def test_the_gateway_knows_its_public_address() -> None:
+    published = SERVICES["gateway"]["ports"][0].rpartition(":")[0]
+
+    assert f"http://{published}" in SERVICES["gateway"]["environment"]["SKYWAY_PUBLIC_URL"]
+
+
+def test_the_front_of_the_broker_is_configured_by_its_variables() -> None:
+    front = SERVICES["broker-front"]
+    configuration = (ROOT / "deploy/haproxy/broker.cfg").read_text()
+
+    assert set(re.findall(r"\$\{(\w+)\}", configuration)) == set(front["environment"])
+    assert front["environment"]["MQTT_BROKER"] in SERVICES

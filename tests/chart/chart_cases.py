@@ -28,7 +28,11 @@ EVERYTHING: Final[Values] = {
     "imagePullSecrets": ["login"],
     "database": {"host": "db.example.org", "sslMode": "verify-full", "caSecret": "database-ca"},
     "gateway": {
-        "settings": {"SKYWAY_HTTP_CONNECTIONS": 1_000_000, "SKYWAY_HOLD_S": 30.5},
+        "settings": {
+            "SKYWAY_HTTP_CONNECTIONS": 1_000_000,
+            "SKYWAY_HOLD_S": 30.5,
+            "SKYWAY_TRUSTED_PROXIES": "10.244.0.0/16",
+        },
         "autoscaling": _SCALED,
         "nodeSelector": {"disk": "fast"},
         "tolerations": [{"key": "cloud", "operator": "Exists"}],
@@ -77,7 +81,7 @@ CASES: Final[Mapping[str, Values]] = {
         "networkPolicy": {"callers": [], "broker": [{"ipBlock": {"cidr": "10.2.0.0/16"}}]},
     },
     "clusters": {
-        "database": {"host": "db-1.example.org,db-2.example.org"},
+        "database": {"host": "db-1.example.org,db-2.example.org", "sslMode": "prefer"},
         "broker": {
             "mode": "outside",
             "outside": {
@@ -122,7 +126,10 @@ WRONG: Final[Mapping[str, Values]] = {
         "registry": {"settings": {"SKYWAY_DATABASE_URL": "sqlite:///a.db"}}
     },
     "/database/port: got string": {"database": {"port": "5432"}},
-    "/database/caSecret: minLength": {"database": {"sslMode": "verify-full"}},
+    "/database/caSecret: minLength": {"database": {"caSecret": ""}},
+    "SKYWAY_TRUSTED_PROXIES is needed with the ingress": {
+        "ingress": {"enabled": True, "host": "skyway.example.org", "tlsSecret": "skyway-tls"}
+    },
     "/database/host: db-1, db-2 does not match": {"database": {"host": "db-1, db-2"}},
     "/broker/outside/kind: value must be one of": {"broker": {"outside": {"kind": "rabbit"}}},
     "/broker/mode: value must be one of": {"broker": {"mode": "embedded"}},

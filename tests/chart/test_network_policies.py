@@ -132,7 +132,7 @@ def test_drones_come_from_their_networks_only(outcomes: Outcomes) -> None:
     rule = next(
         each
         for each in rules(outcomes["everything"], registry, "ingress")
-        if each["ports"] == [{"protocol": "TCP", "port": 8883}]
+        if each["ports"] == [{"protocol": "TCP", "port": 18883}]
     )
 
     assert rule["from"] == [{"ipBlock": {"cidr": "198.51.100.0/24"}}]

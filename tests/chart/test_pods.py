@@ -238,7 +238,7 @@ def test_commands_exist(found: Documents) -> None:
                 assert next(ROOT.glob(f"*/{command[2]}/__main__.py"))
                 assert command[3:] in ([], ["migrate"])
             else:
-                assert command[0] in ("skyway", "sh", "install", "cp")
+                assert command[0] in ("skyway", "sh", "install", "cp", "haproxy")
 
 
 def test_migrations_run_before_anything_else_and_end_for_good_when_they_must(

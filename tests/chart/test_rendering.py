@@ -56,6 +56,51 @@ def test_the_broker_is_the_one_of_docker_compose(outcomes: Outcomes) -> None:
     assert broker["image"] == compose["services"]["mosquitto"]["image"]
 
 
+def test_what_stands_before_the_broker_is_the_one_of_docker_compose(outcomes: Outcomes) -> None:
+    front = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]["broker-front"]
+    containers = outcomes["everything"].running()["registry"].spec["containers"]
+    service = outcomes["everything"].one("Service", "sky-drones")
+
+    own = next(each for each in containers if each["name"] == "broker-front")
+
+    assert own["image"] == front["image"]
+    assert {each["name"] for each in own["env"]} == set(front["environment"])
+    ports = [port["name"] for port in own["ports"]]
+    assert [port["targetPort"] for port in service["spec"]["ports"]] == ports
+
+
+@pytest.mark.parametrize(
+    ("case", "expected"),
+    [
+        ("default", "http://skyway-gateway:8000"),
+        ("everything", "https://skyway.example.org"),
+        ("bare", "http://skyway-gateway:8000"),
+    ],
+)
+def test_the_gateway_knows_its_public_address(outcomes: Outcomes, case: str, expected: str) -> None:
+    container = outcomes[case].running()["gateway"].spec["containers"][0]
+
+    [found] = [each["value"] for each in container["env"] if each["name"] == "SKYWAY_PUBLIC_URL"]
+
+    assert found == expected
+
+
+def test_the_notes_warn_of_a_database_whose_certificate_is_not_verified(
+    outcomes: Outcomes,
+) -> None:
+    assert "WARNING: database.sslMode is prefer" in outcomes.findings("clusters", "notes")
+    assert "WARNING" not in outcomes.findings("default", "notes")
+
+
+def test_the_certificate_of_the_database_is_verified_by_default(outcomes: Outcomes) -> None:
+    for pod in outcomes["default"].pods():
+        for container in pod.containers:
+            env = {each["name"]: each.get("value") for each in container.get("env", ())}
+            if "SKYWAY_DATABASE_URL" in env:
+                assert env["PGSSLMODE"] == "verify-full"
+                assert env["PGSSLROOTCERT"] == "/var/run/database-ca/ca.crt"
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_every_object_points_at_what_exists(outcomes: Outcomes, case: str) -> None:
     found = outcomes[case]

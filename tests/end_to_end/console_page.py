@@ -14,10 +14,12 @@ class ConsolePage(WatchedPage):
     def __init__(self, browser: Browser, system: Any) -> None:
         self.gateway_url: str = system.keys["SKYWAY_GATEWAY_URL"]
         self._system = system
+        self._key = ""
         super().__init__(browser, self.gateway_url, viewport={"width": 1280, "height": 800})
 
     def open_with(self, key: str) -> "ConsolePage":
         """Log in by a link of this key, as `skyway console` prints it."""
+        self._key = key
         link = self._system.call("POST", "/v1/session-links", key=key).json()["url"]
         self.page.goto(f"{self.gateway_url}/console#{urlsplit(link).fragment}")
         expect(self.page.get_by_role("navigation", name="Views")).to_be_visible()
@@ -58,6 +60,13 @@ class ConsolePage(WatchedPage):
         dialog = self.page.get_by_role("dialog")
         expect(dialog).to_contain_text(after)
         dialog.locator("button.danger").click()
+        expect(dialog).to_have_count(0)
+
+    def show_key(self, key: str | None = None) -> None:
+        """Type the API key where the console asks for it again: that of the login, or another."""
+        dialog = self.page.get_by_role("dialog", name="Your API key again")
+        dialog.get_by_label("API key").fill(key or self._key)
+        dialog.get_by_role("button", name="Go on").click()
         expect(dialog).to_have_count(0)
 
     def open_again(self, closed: Locator) -> None:

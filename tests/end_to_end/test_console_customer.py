@@ -95,10 +95,13 @@ def test_a_customer_takes_an_offer_and_follows_its_delivery(
 
     expect(page.get_by_role("heading", name="Delivery …")).to_be_visible()
     expect(page.get_by_label("What happened")).to_contain_text("Delivery requested")
+    page.get_by_role("button", name="Show the link").click()
+    customer.show_key()
     link = page.get_by_role("link", name="this link")
     earlier = link.get_attribute("href")
     expect(page.get_by_role("img", name="The link as a QR code")).to_be_visible()
     page.get_by_role("button", name="Another link").click()
+    customer.show_key()
     expect(link).not_to_have_attribute("href", str(earlier))
     recipient = WatchedPage(browser, customer.gateway_url)
     recipient.page.goto(str(link.get_attribute("href")))
@@ -149,6 +152,10 @@ def test_a_key_is_made_shown_once_and_deleted(operator: ConsolePage, system: Any
     page.get_by_text("Allow only some calls").click()
     page.get_by_label("account:read").check()
     page.get_by_role("button", name="Make the key").click()
+    operator.show_key("sk_a_wrong_key")
+    expect(page.get_by_text("this API key is not known")).to_be_visible()
+    page.get_by_role("button", name="Make the key").click()
+    operator.show_key()
     made = page.get_by_role("textbox", name="Key", exact=True).input_value()
     assert system.call("GET", "/v1/clock", key=made).status_code == 200
     assert system.call("GET", "/v1/deliveries", key=made).status_code == 403
@@ -167,9 +174,11 @@ def test_a_customer_gets_the_next_key_and_the_session_ends_with_the_first(
     browser: Browser, system: Any
 ) -> None:
     made = system.operate("POST", "/v1/keys", {"role": "customer", "subject_id": "hill-books"})
-    page = ConsolePage(browser, system).open_with(made["key"]).show("account").page
+    console = ConsolePage(browser, system).open_with(made["key"])
+    page = console.show("account").page
     page.get_by_role("button", name="Get the next key").click()
     page.get_by_role("button", name="Yes, get the next key").click()
+    console.show_key()
     following = page.get_by_role("textbox", name="Key", exact=True).input_value()
 
     assert system.call("GET", "/v1/clock", key=following).status_code == 200
@@ -183,6 +192,7 @@ def test_a_customer_tests_a_webhook_and_sees_the_attempt(
     page = customer.show("account").page
     page.get_by_label("URL", exact=True).fill("http://127.0.0.1:9/nobody-listens")
     page.get_by_role("button", name="Add the webhook").click()
+    customer.show_key()
     expect(page.get_by_role("textbox", name="Secret")).to_have_value(re.compile("whsec_.+"))
     row = page.get_by_role("row", name="nobody-listens").first
     row.get_by_role("button", name="Test").click()

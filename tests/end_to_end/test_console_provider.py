@@ -69,6 +69,7 @@ def test_a_provider_registers_a_drone_and_sees_its_token(
     page.get_by_label("Home station").select_option("enrolled-s2")
     page.get_by_label("Name (optional)").fill(MARKUP)
     page.get_by_role("button", name="Register the drone").click()
+    console.show_key()
 
     token = page.get_by_role("textbox", name="Token", exact=True)
     first = token.input_value()
@@ -82,6 +83,7 @@ def test_a_provider_registers_a_drone_and_sees_its_token(
     page.get_by_role("button", name="I have kept it").click()
     expect(token).to_have_count(0)
     row.get_by_role("button", name="Another enrolment token").click()
+    console.show_key()
     expect(token).not_to_have_value(first)
     assert page.locator("main img, main b").count() == 0
     assert len(drones_of(system, provider)) == 2

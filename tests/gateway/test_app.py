@@ -51,6 +51,57 @@ def test_settings_read_networks_and_name_what_is_missing(
         GatewaySettings.load()
 
 
+@pytest.mark.parametrize(
+    ("host", "port", "expected"),
+    [
+        ("127.0.0.1", 8000, "http://127.0.0.1:8000/"),
+        ("localhost", 9000, "http://localhost:9000/"),
+        ("::1", 8000, "http://[::1]:8000/"),
+        ("0.0.0.0", 8000, None),
+        ("::", 8000, None),
+        ("192.0.2.7", 8000, None),
+        ("skyway.example.org", 8000, None),
+        ("127.0.0.1", 0, None),
+    ],
+)
+def test_the_public_address_is_demanded_where_the_gateway_is_not_on_loopback(
+    host: str, port: int, expected: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = {
+        "DATABASE_URL": "sqlite:///x.db",
+        "MQTT_URL": "mqtt://127.0.0.1",
+        "SECRETS_DIR": "secrets",
+        "HOST": host,
+        "PORT": str(port),
+    }
+    for name, value in given.items():
+        monkeypatch.setenv(f"SKYWAY_{name}", value)
+    monkeypatch.delenv("SKYWAY_PUBLIC_URL", raising=False)
+
+    if expected is None:
+        with pytest.raises(InvalidSettings, match=r"SKYWAY_PUBLIC_URL: .*is needed where the"):
+            GatewaySettings.load()
+    else:
+        assert str(GatewaySettings.load().public_url) == expected
+
+    monkeypatch.setenv("SKYWAY_PUBLIC_URL", "https://skyway.example.org")
+    assert str(GatewaySettings.load().public_url) == "https://skyway.example.org/"
+
+
+def test_links_begin_with_the_address_of_a_passed_socket() -> None:
+    needed = {"database_url": "sqlite:///x.db", "mqtt_url": "mqtt://x", "secrets_dir": "x"}
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        passed = GatewaySettings.model_validate({**needed, "socket_fd": listener.fileno()})
+
+        assert str(passed.public_url) == f"http://127.0.0.1:{listener.getsockname()[1]}/"
+
+    with (
+        socket.create_server(("0.0.0.0", 0)) as listener,
+        pytest.raises(ValueError, match="is needed where the gateway listens on"),
+    ):
+        GatewaySettings.model_validate({**needed, "socket_fd": listener.fileno()})
+
+
 class Process:
     """The gateway on a socket of the test, as the supervisor runs it; its peers are away."""
 

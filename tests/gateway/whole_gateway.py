@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-from pydantic import TypeAdapter, ValidationError
+from pydantic import AnyHttpUrl, TypeAdapter, ValidationError
 from skyway_gateway.access.api_key import ApiKey
 from skyway_gateway.access.recognise import secret_hash
 from skyway_gateway.access.store import add as add_key
@@ -257,6 +257,7 @@ async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gatew
         mqtt_url="mqtt://127.0.0.1:1",
         secrets_dir=secrets_dir,
         webhook_allow_networks=(ip_network("127.0.0.0/8"),),
+        public_url=AnyHttpUrl("http://gateway"),
     )
     clock = ManualClock(START)
     around = Peers(FakeRegistry(), FakeComposition(clock))

@@ -58,6 +58,16 @@ _REGISTRY: Final = (
         " WHERE drone_id = :flying_drone",
     ),
     Corruption(
+        "the certificate of a key in use revoked",
+        "no certificate is revoked whose key is in use",
+        registry="INSERT INTO drone_keys (drone_id, key_hash)"
+        " SELECT drone_id, replace(hex(zeroblob(32)), '0', 'a') FROM drones"
+        " WHERE drone_id = :flying_drone AND drone_id NOT IN (SELECT drone_id FROM drone_keys);"
+        " INSERT INTO revoked_certificates (key_hash, user_name, ends_wall_ms)"
+        " SELECT key_hash, 'prv_1/drn_1', 1893456000000 FROM drone_keys"
+        " WHERE drone_id = :flying_drone",
+    ),
+    Corruption(
         "the presence of a drone deleted",
         "every drone has one presence",
         registry="DELETE FROM presence WHERE drone_id = :flying_drone",

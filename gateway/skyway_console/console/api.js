@@ -7,6 +7,9 @@ export const LOGIN = "/v1/sessions";
 // Counts the calls that were refused because there is no session any more.
 export const refusedCalls = signal(0);
 
+// What waits for the API key itself, because a session may not do it: called with the key, or null.
+export const keyWanted = signal(null);
+
 // What the gateway answered instead of doing it, in a sentence; `problem` is its answer.
 export class Refusal extends Error {
   constructor(status, problem) {
@@ -15,6 +18,12 @@ export class Refusal extends Error {
     this.problem = problem;
   }
 }
+
+// The key that somebody types, or null. A question that waits already is given up.
+const askForKey = () => new Promise((give) => {
+  keyWanted.value?.(null);
+  keyWanted.value = give;
+});
 
 // The answer of a call as JSON, or null where it has no content. Throws a Refusal.
 export async function call(method, path, body, headers = {}) {
@@ -29,9 +38,13 @@ export async function call(method, path, body, headers = {}) {
     throw new Refusal(0, {title: "The gateway does not answer. Try again."});
   }
   if (answer.ok) return answer.status === 204 ? null : answer.json();
-  // A login that is refused says nothing of the session that this browser has.
-  if (answer.status === 401 && path !== LOGIN) refusedCalls.value += 1;
-  throw new Refusal(answer.status, await answer.json().catch(() => ({})));
+  // A key or a login that is refused says nothing of the session that this browser has.
+  if (answer.status === 401 && path !== LOGIN && !headers.Authorization) refusedCalls.value += 1;
+  const problem = await answer.json().catch(() => ({}));
+  // The key is sent with this one call, and kept nowhere.
+  const key = problem.code === "KEY_NEEDED" && (await askForKey());
+  if (key) return call(method, path, body, {...headers, Authorization: `Bearer ${key}`});
+  throw new Refusal(answer.status, problem);
 }
 
 export const get = (path) => call("GET", path);

@@ -203,6 +203,7 @@ class Keys:
                 is_next=True,
             )
             issued = IssuedKey(**dict(key), key=secret, mqtt=login)
+            tx.after_commit(self._cached.forget)
             return Answer(201, issued.model_dump_json().encode())
 
         answer = await once(

@@ -22,14 +22,11 @@ _SECRET_BYTES: Final = 32
 
 
 class LoginCodes:
-    """Makes, recognises and uses codes; only their hashes are stored.
+    """Makes, recognises and uses codes; only hashes are stored. Links begin as `public_url`."""
 
-    Without `public_url` links begin as the address of the request that asks for one.
-    """
-
-    def __init__(self, db: Database, clock: FleetClock, public_url: str | None = None) -> None:
+    def __init__(self, db: Database, clock: FleetClock, public_url: str) -> None:
         self._clock = clock
-        self._public_url = public_url
+        self._public_url = public_url.rstrip("/")
         self._codes = CachedKeys(db, clock, session_link_store.shown)
         self._in_use = KeysInUse(db, clock, session_link_store.hashes_in_use)
 
@@ -40,10 +37,9 @@ class LoginCodes:
         await session_link_store.add(tx, secret_hash(code), key_id, expires_at=expires_at)
         return code, expires_at
 
-    def url_of(self, code: str, *, base_url: str) -> str:
+    def url_of(self, code: str) -> str:
         """The link with this code."""
-        base = (self._public_url or base_url).rstrip("/")
-        return f"{base}{_LOGIN_PATH}{code}"
+        return f"{self._public_url}{_LOGIN_PATH}{code}"
 
     async def use(self, tx: Tx, code: str) -> bool:
         """Use a code; False if it was used before or has expired."""

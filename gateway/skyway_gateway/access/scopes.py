@@ -1,4 +1,4 @@
-"""The scopes of API keys, and the calls that each scope allows.
+"""The scopes of API keys, the calls that each scope allows, and those that need the key itself.
 
 Every call of customers, providers and operators is listed here once. A call that is not listed is
 refused to every key with scopes.
@@ -7,7 +7,7 @@ refused to every key with scopes.
 from collections.abc import Mapping
 from typing import Any, Final, Literal, get_args
 
-from skyway.runtime.errors import ScopeMissing
+from skyway.runtime.errors import KeyNeeded, ScopeMissing
 from skyway.runtime.http.identity import KeyHolder
 
 Scope = Literal[
@@ -176,6 +176,31 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
     ),
 }
 
+#: The calls that a browser's session may not make, because their answer holds a secret, or their
+#: effect is a right, that outlives the session: the key itself must be shown.
+NEEDS_KEY: Final = frozenset(
+    {
+        # Keys, and what begins a session.
+        "POST /v1/keys",
+        "POST /v1/keys/rotations",
+        "POST /v1/providers",
+        "POST /v1/session-links",
+        # What a drone logs in with.
+        f"POST {_PROVIDER}/drones",
+        f"POST {_DRONE}/enrolment-tokens",
+        # What follows deliveries without a key.
+        "GET /v1/deliveries/{delivery_id}/tracking-link",
+        "POST /v1/deliveries/{delivery_id}/tracking-link",
+        "POST /v1/webhooks",
+        "PATCH /v1/webhooks/{webhook_id}",
+        "POST /v1/webhooks/{webhook_id}/secret-rotations",
+        # Which server receives the calls of a network.
+        "PUT /v1/cells/{network_id}",
+        "PATCH /v1/cells/{network_id}",
+        "POST /v1/cells/{network_id}/moves",
+    }
+)
+
 _SCOPE_OF: Final = {call: scope for scope, calls in CALLS.items() for call in calls}
 
 
@@ -184,9 +209,13 @@ def require_scope(holder: KeyHolder, call: str) -> None:
 
     Raises
     ------
+    KeyNeeded
+        A browser's session makes a call that needs the key itself.
     ScopeMissing
         The key has scopes, and the scope of this call is not one of them.
     """
+    if holder.is_session and call in NEEDS_KEY:
+        raise KeyNeeded
     if holder.scopes is None:
         return
     needed = _SCOPE_OF.get(call)
@@ -213,4 +242,6 @@ def _with_scope(call: str, operation: dict[str, Any]) -> dict[str, Any]:
     # OpenAPI 3.1 lets a bearer scheme name the scopes that a call needs.
     security = [{name: [scope] for name in scheme} for scheme in operation["security"]]
     about = f"{operation['description']}\n\nScope: `{scope}`."
+    if call in NEEDS_KEY:
+        about += " A browser's session is refused with KEY_NEEDED."
     return {**operation, "description": about, "security": security}

@@ -45,7 +45,8 @@ async def shown(connection: AsyncConnection, session_hash: str) -> StoredKey | N
     key = await shown_by_id(connection, row.key_id)
     expires_at = ms_to_moment(row.expires_wall_ms)
     ends_at = expires_at if key.ends_at is None else min(key.ends_at, expires_at)
-    return replace(key, ends_at=ends_at, ends_first=None)
+    holder = replace(key.holder, is_session=True)
+    return replace(key, holder=holder, ends_at=ends_at, ends_first=None)
 
 
 async def end(tx: Tx, session_hash: str) -> bool:

@@ -103,7 +103,8 @@ def _stored(row: AnyRow) -> StoredKey:
         caller=Caller(row.role, row.subject_id),
         key_id=row.key_id,
         scopes=None if row.scopes is None else frozenset(json.loads(row.scopes)),
-        expires_at=_moment(row.expires_wall_ms),
+        # A key that was rotated ends sooner than it expires, and gives no right beyond that.
+        expires_at=_moment(row.ends_wall_ms),
     )
     ends_first = row.replaces_key_id if row.is_next else None
     return StoredKey(holder, row.deleted_wall_ms is not None, _moment(row.ends_wall_ms), ends_first)

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import Depends, Request, Response
+from fastapi import Depends, Response
 from pydantic import Field
 
 from skyway.ids import DeliveryId
@@ -35,7 +35,7 @@ def link_routes(*, db: Database, gate: KeyGate, links: TrackingLinks) -> Service
 
     @router.get(path)
     async def get_tracking_link(
-        request: Request, delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
+        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
     ) -> TrackingLink:
         """Show the link to a delivery's tracking page.
 
@@ -47,11 +47,11 @@ def link_routes(*, db: Database, gate: KeyGate, links: TrackingLinks) -> Service
             link = await link_store.link_of(connection, delivery_id)
         if link.is_withdrawn:
             return TrackingLink(tracking_url=None)
-        return _link(request, delivery_id, link.number)
+        return _link(delivery_id, link.number)
 
     @router.post(path, status_code=201)
     async def renew_tracking_link(
-        request: Request, delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
+        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
     ) -> TrackingLink:
         """Make another link to a delivery's tracking page; the earlier link ends.
 
@@ -61,7 +61,7 @@ def link_routes(*, db: Database, gate: KeyGate, links: TrackingLinks) -> Service
         async with db.write() as tx:
             await delivery_store.one_of(tx.connection, caller, delivery_id)
             number = await link_store.renew(tx, delivery_id)
-        return _link(request, delivery_id, number)
+        return _link(delivery_id, number)
 
     @router.delete(path, status_code=204)
     async def withdraw_tracking_link(
@@ -77,8 +77,7 @@ def link_routes(*, db: Database, gate: KeyGate, links: TrackingLinks) -> Service
             await link_store.withdraw(tx, delivery_id)
         return Response(status_code=204)
 
-    def _link(request: Request, delivery_id: DeliveryId, number: int) -> TrackingLink:
-        url = links.url_of(delivery_id, number=number, base_url=str(request.base_url))
-        return TrackingLink(tracking_url=url)
+    def _link(delivery_id: DeliveryId, number: int) -> TrackingLink:
+        return TrackingLink(tracking_url=links.url_of(delivery_id, number=number))
 
     return router

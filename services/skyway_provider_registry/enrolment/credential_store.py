@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final, Literal
 
-from sqlalchemy import BindParameter, bindparam, delete, or_, select, update
+from sqlalchemy import BindParameter, Column, bindparam, delete, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.broker_setup.certificates import CLIENT_LIFE
 from skyway.contracts.broker_rules import drone_account
 from skyway.ids import DroneId
 from skyway.runtime.errors import AccessDenied, Conflict
@@ -29,6 +30,7 @@ from skyway_provider_registry.tables import (
     drone_keys,
     drones,
     enrolment_tokens,
+    revoked_certificates,
 )
 
 #: People with broker accounts.
@@ -121,8 +123,9 @@ class ShownKey:
     is_next: bool
 
 
-async def put_key(tx: Tx, drone_id: DroneId, *, key_hash: str) -> None:
+async def put_key(tx: Tx, drone_id: DroneId, *, key_hash: str, at: datetime) -> None:
     """Give a drone this key; it is valid immediately and replaces all others."""
+    await _revoke(tx, drone_id, drone_keys.c.key_hash, drone_keys.c.next_key_hash, at=at)
     row = {"drone_id": drone_id, "key_hash": key_hash}
     no_next = {"next_key_hash": None, "next_password_hash": None}
     statement = tx.insert(drone_keys).values(row | no_next)
@@ -130,8 +133,11 @@ async def put_key(tx: Tx, drone_id: DroneId, *, key_hash: str) -> None:
     await tx.execute(statement.on_conflict_do_update(index_elements=["drone_id"], set_=changed))
 
 
-async def put_next_key(tx: Tx, drone_id: DroneId, *, key_hash: str, password_hash: str) -> bool:
+async def put_next_key(
+    tx: Tx, drone_id: DroneId, *, key_hash: str, password_hash: str, at: datetime
+) -> bool:
     """Store the next key and password; False when the drone has no key."""
+    await _revoke(tx, drone_id, drone_keys.c.next_key_hash, at=at)
     statement = (
         update(drone_keys)
         .where(drone_keys.c.drone_id == drone_id)
@@ -154,6 +160,7 @@ async def bring_into_force(tx: Tx, key_hash: str, moment: RenewalMoment) -> None
     row = (await tx.execute(nexts.with_for_update())).one_or_none()
     if row is None:
         return
+    await _revoke(tx, DroneId(row.drone_id), drone_keys.c.key_hash, at=moment.wall_at)
     await tx.execute(
         update(drone_keys)
         .where(drone_keys.c.drone_id == row.drone_id)
@@ -168,9 +175,37 @@ async def bring_into_force(tx: Tx, key_hash: str, moment: RenewalMoment) -> None
     await renewal_store.note(tx, DroneId(row.drone_id), moment)
 
 
-async def remove_keys(tx: Tx, drone_id: DroneId) -> None:
+async def remove_keys(tx: Tx, drone_id: DroneId, *, at: datetime) -> None:
     """Delete a drone's keys; nothing happens when there are none."""
+    await _revoke(tx, drone_id, drone_keys.c.key_hash, drone_keys.c.next_key_hash, at=at)
     await tx.execute(delete(drone_keys).where(drone_keys.c.drone_id == drone_id))
+
+
+async def revoked_keys(connection: AsyncConnection) -> dict[str, str]:
+    """The hashes of keys whose certificate is revoked, each with the drone's user name."""
+    columns = revoked_certificates.c
+    rows = await connection.execute(select(columns.key_hash, columns.user_name))
+    return {row.key_hash: row.user_name for row in rows}
+
+
+async def _revoke(tx: Tx, drone_id: DroneId, *which: Column[str], at: datetime) -> None:
+    """Revoke the certificates that came with these keys of a drone, for as long as they last."""
+    now_ms, ends_ms = moment_to_ms(at), moment_to_ms(at + CLIENT_LIFE)
+    is_over = revoked_certificates.c.ends_wall_ms < now_ms
+    await tx.execute(delete(revoked_certificates).where(is_over))
+    keys = select(drones.c.provider_id, *which).join(drone_keys)
+    row = (await tx.execute(keys.where(drones.c.drone_id == drone_id))).one_or_none()
+    if row is None:
+        return
+    provider_id, *key_hashes = row
+    account = drone_account(provider_id, drone_id)
+    rows = [
+        {"key_hash": key_hash, "user_name": account, "ends_wall_ms": ends_ms}
+        for key_hash in key_hashes
+        if key_hash is not None
+    ]
+    if rows:
+        await tx.execute(tx.insert(revoked_certificates).values(rows).on_conflict_do_nothing())
 
 
 async def add_tokens(tx: Tx, hashes: Mapping[DroneId, str], *, expires_at: datetime) -> None:

@@ -5,13 +5,13 @@ import fcntl
 import logging
 import os
 import signal
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Set
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Final, Protocol
 
 from skyway.contracts.broker_rules import DEPLOYMENT_OPERATOR
-from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.errors import MqttUnavailable, ServiceUnavailable
 from skyway.runtime.peer_secrets import account_file, read_secret
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment import credential_store
@@ -29,6 +29,10 @@ _TRY_EVERY_S: Final = 0.02
 _MOST_TRIES: Final = 500
 
 
+#: Ends the connection of a client with this user name.
+EndConnection = Callable[[str], Awaitable[None]]
+
+
 class BrokerAccounts(Protocol):
     """The files in which a broker reads its accounts."""
 
@@ -41,8 +45,14 @@ class BrokerAccounts(Protocol):
         """The hash of a password, as this broker reads it."""
         ...
 
-    def write(self, accounts: Mapping[str, str], services: Mapping[str, str]) -> None:
-        """Replace the files by these accounts, user name to hash."""
+    def write(
+        self,
+        accounts: Mapping[str, str],
+        services: Mapping[str, str],
+        revoked: Mapping[str, str],
+        /,
+    ) -> None:
+        """Replace the files by these accounts, user name to hash, and by drones' ended keys."""
         ...
 
 
@@ -58,6 +68,9 @@ class PasswordFile:
     broker_pid_file
         The file with the process id of a broker that reads the password file again on SIGHUP.
         None when the broker watches the password file by itself.
+    end_connection
+        Ends the connection of a drone with this account, which outlives its certificate. None where
+        the broker ends it by itself.
     """
 
     def __init__(
@@ -67,12 +80,17 @@ class PasswordFile:
         db: Database,
         secrets_dir: Path,
         broker_pid_file: Path | None,
+        end_connection: EndConnection | None = None,
     ) -> None:
         self.hash_password = broker.hash_password
         self._broker = broker
         self._db = db
         self._secrets_dir = secrets_dir
         self._broker_pid_file = broker_pid_file
+        self._end_connection = end_connection
+        #: The drones without credentials, once the files say so.
+        self._locked_out: Set[str] | None = None
+        self._to_end: Set[str] = frozenset()
         self._service_hashes: Mapping[str, str] = {}
         self._operator_hash = ""
         self._writing = asyncio.Lock()
@@ -107,7 +125,9 @@ class PasswordFile:
                 await self._write()
             elif self._looks_until_reminder:
                 self._looks_until_reminder -= 1
+                await self._end_connections()
                 if not self._looks_until_reminder:
+                    self._to_end = frozenset()
                     self._notify_broker()
         return False
 
@@ -120,13 +140,25 @@ class PasswordFile:
             async with self._turn():
                 async with self._db.read() as connection:
                     accounts = await credential_store.every_hash(connection)
+                    revoked = await credential_store.revoked_keys(connection)
                 accounts[DEPLOYMENT_OPERATOR] = self._operator_hash
-                await asyncio.to_thread(self._broker.write, accounts, self._service_hashes)
+                await asyncio.to_thread(self._broker.write, accounts, self._service_hashes, revoked)
         except OSError as error:
             raise ServiceUnavailable("broker accounts", f"not written: {error}") from error
+        locked_out = set(revoked.values()) - set(accounts)
+        if self._locked_out is not None:
+            self._to_end |= locked_out - self._locked_out
+        self._locked_out = locked_out
         self._written = covers
         self._looks_until_reminder = _LOOKS_UNTIL_REMINDER
         self._notify_broker()
+
+    async def _end_connections(self) -> None:
+        """End the connections of drones whose credentials have ended since the last look."""
+        if self._end_connection is not None:
+            for account in sorted(self._to_end):
+                with suppress(MqttUnavailable, OSError):
+                    await self._end_connection(account)
 
     @asynccontextmanager
     async def _turn(self) -> AsyncIterator[None]:

@@ -113,7 +113,8 @@ def credential_routes(
 
         async def act(tx: Tx) -> Credentials:
             own = requested or RotationRequest()
-            return await rotate(tx, DroneId(caller.subject_id), own, issuer=issuer)
+            drone_id = DroneId(caller.subject_id)
+            return await rotate(tx, drone_id, own, issuer=issuer, wall_now=clock.wall_now())
 
         return await answer_once(request, str(caller), idempotency_key, act)
 

@@ -144,19 +144,19 @@ class Issuer:
 
     def make(self, provider_id: ProviderId, drone_id: DroneId) -> Credentials:
         """New credentials, not stored yet; this only computes."""
-        user_name = drone_account(provider_id, drone_id)
+        user_name, key = drone_account(provider_id, drone_id), _new_key()
         return Credentials(
             mqtt=MqttAccount(user_name=user_name, password=_new_password()),
             mqtt_urls=self._mqtt_urls,
-            certificate=self._certificate(drone_id),
-            key=_new_key(),
+            certificate=self._certificate(user_name, _key_hash(key)),
+            key=key,
             cloud_keys=self._cloud_keys.read(),
         )
 
-    def _certificate(self, drone_id: DroneId) -> ClientCertificate | None:
+    def _certificate(self, user_name: str, key_hash: str) -> ClientCertificate | None:
         if self._authority is None:
             return None
-        signed = self._authority.sign_drone(drone_id)
+        signed = self._authority.sign_drone(user_name, key_hash=key_hash)
         return ClientCertificate(
             certificate_pem=signed.certificate_pem,
             private_key_pem=signed.private_key_pem,
@@ -194,7 +194,7 @@ async def enrol(
     await credential_store.set_password(
         tx, drone_id, password_hash=issuer.hash_password(made.mqtt.password)
     )
-    await credential_store.put_key(tx, drone_id, key_hash=_key_hash(made.key))
+    await credential_store.put_key(tx, drone_id, key_hash=_key_hash(made.key), at=moment.wall_at)
     await signing_store.put_key(tx, drone_id, requested.public_key)
     await renewal_store.note(tx, drone_id, moment)
     return Enrolment(
@@ -215,7 +215,7 @@ async def enrol(
 
 
 async def rotate(
-    tx: Tx, drone_id: DroneId, requested: RotationRequest, *, issuer: Issuer
+    tx: Tx, drone_id: DroneId, requested: RotationRequest, *, issuer: Issuer, wall_now: datetime
 ) -> Credentials:
     """The next credentials; they replace the present ones when the drone first uses the new key.
 
@@ -233,6 +233,7 @@ async def rotate(
         drone_id,
         key_hash=_key_hash(made.key),
         password_hash=issuer.hash_password(made.mqtt.password),
+        at=wall_now,
     )
     if not has_key:
         raise AccessDenied(f"drone {drone_id} has no credentials to rotate")
@@ -245,7 +246,7 @@ async def revoke(tx: Tx, drone_id: DroneId, moment: RenewalMoment) -> None:
     await presence.cut_off(tx, drone_id)
     await renewal_store.note(tx, drone_id, moment)
     await credential_store.block_account(tx, drone_id, at=moment.wall_at)
-    await credential_store.remove_keys(tx, drone_id)
+    await credential_store.remove_keys(tx, drone_id, at=moment.wall_at)
     await credential_store.remove_token(tx, drone_id)
     await signing_store.revoke(tx, drone_id)
 

@@ -143,6 +143,7 @@ def fleet_routes(
             )
             battery_store.refuse_on_mission(drone)
             await battery_store.free(tx, drone_id, at=clock.now())
+            await credential_store.remove_keys(tx, drone_id, at=clock.wall_now())
             await store.remove(tx, caller, provider_id=provider_id, drone_id=drone_id)
             await credential_store.remove_account(tx, drone_id)
         await password_file.refresh()

@@ -5,7 +5,7 @@ import pwd
 from collections.abc import Sequence
 from urllib.parse import urlsplit
 
-from skyway.broker_setup.account_files import client_files, service_files
+from skyway.broker_setup.account_files import client_files, revoked_file, service_files
 from skyway.broker_setup.mosquitto import TlsFiles, mosquitto_conf
 from skyway.broker_setup.private_file import write_private
 from skyway.cli.data_folder import DataFolder
@@ -99,3 +99,6 @@ def make_drone_ca(folder: DataFolder, broker_names: Sequence[str]) -> None:
     write_private(files.ca_file, authority.certificate_pem)
     write_private(files.key_file, signed.private_key_pem)
     write_private(files.certificate_file, signed.certificate_pem)
+    # The registry replaces it; without the file Mosquitto does not start.
+    if not (revoked := revoked_file(folder.broker_passwords)).exists():
+        write_private(revoked, authority.revoked_pem())

@@ -87,13 +87,14 @@ class KeyHolder:
     """The holder of a valid key, and what the key allows.
 
     Without `scopes` the key allows everything that the caller's role may do. `expires_at` is wall
-    time.
+    time. `is_session` says that a browser's session was shown instead of its key.
     """
 
     caller: Caller
     key_id: str
     scopes: frozenset[str] | None = None
     expires_at: datetime | None = None
+    is_session: bool = False
 
     @property
     def is_limited(self) -> bool:

@@ -25,6 +25,7 @@ from skyway.runtime.errors import (
     BudgetSpent,
     Conflict,
     IdempotencyKeyReused,
+    KeyNeeded,
     Misdirected,
     MqttUnavailable,
     NotFound,
@@ -96,6 +97,8 @@ def problem_of(error: SkywayError) -> ProblemDetails:
     if isinstance(error, ScopeMissing):
         problem = _problem(kind, error.detail, code="SCOPE_MISSING")
         return ProblemDetails.model_validate({"scope": error.scope, **problem.model_dump()})
+    if isinstance(error, KeyNeeded):
+        return _problem(kind, error.detail, code="KEY_NEEDED")
     if isinstance(error, BudgetSpent | ServiceUnavailable):
         return _problem(kind, str(error), code=error.code)
     return _problem(kind, str(error))

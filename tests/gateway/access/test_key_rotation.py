@@ -164,3 +164,19 @@ async def test_a_key_without_the_scope_cannot_rotate_itself(gateway: Gateway) ->
     issued = await make_key(gateway, scopes=["deliveries:read"])
 
     assert (await rotate(gateway, issued)).json()["scope"] == "account:write"
+
+
+async def test_a_key_that_was_rotated_gives_no_right_beyond_its_own_end(gateway: Gateway) -> None:
+    old = await make_key(gateway, role="operator", subject_id="dora")
+    await next_key(gateway, old)
+    requested = {"role": "operator", "subject_id": "mallory"}
+    soon = (START + timedelta(hours=1)).isoformat()
+
+    endless = await gateway.http.post("/v1/keys", json=requested, headers=bearer(old))
+    ending = await gateway.http.post(
+        "/v1/keys", json={**requested, "expires_at": soon}, headers=bearer(old)
+    )
+
+    assert endless.status_code == 403
+    assert "no later end than its own" in endless.json()["detail"]
+    assert ending.status_code == 201

@@ -85,7 +85,7 @@ async def test_a_link_that_another_replica_has_just_used_begins_no_session(
     gateway: Gateway,
 ) -> None:
     code = await linked(gateway, gateway.customer)
-    other = LoginCodes(gateway.parts.db, gateway.clock)
+    other = LoginCodes(gateway.parts.db, gateway.clock, "http://gateway")
     assert await gateway.parts.login_codes.recognise(code)
 
     async with gateway.parts.db.write() as tx:

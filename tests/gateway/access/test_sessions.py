@@ -1,11 +1,15 @@
 """Sessions of browsers: they stand for a key, and no other site can use them."""
 
-from collections.abc import Mapping
+import json
+import re
+from collections.abc import Iterator, Mapping
 from datetime import timedelta
+from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+from skyway_gateway.access.scopes import NEEDS_KEY
 from skyway_gateway.access.session_routes import SESSION_LASTS
 from skyway_gateway.access.session_store import MOST_PER_KEY
 from skyway_gateway.tables import sessions
@@ -14,6 +18,27 @@ from sqlalchemy import select
 from tests.gateway.whole_gateway import Gateway, make_request
 
 CURRENT = "/v1/sessions/current"
+DELIVERIES = "/v1/deliveries"
+
+_OPENAPI = Path(__file__).parents[3] / "openapi"
+#: Names of fields that hold a secret, or a link that is one.
+_SECRET = re.compile(
+    r"(.*_)?(key|secret|token|password|credential|credentials|tracking_url|login_url)"
+    r"|private_key_pem"
+)
+#: Calls whose answer has such a field, and that no session can make or that give it none.
+_GIVE_A_SESSION_NOTHING = {
+    "POST /v1/deliveries": "its tracking_url is null for a session",
+    "POST /v1/enrolments": "an enrolment token in the body is the proof",
+    "POST /v1/enrolments/rotations": "drones only",
+}
+#: Calls that change something and leave no right behind, by what they change.
+_LEAVE_NO_RIGHT = {
+    "work": ("deliveries", "quotes", "compositions", "missions", "small-world"),
+    "the world": ("networks", "stations", "segments", "zones", "ground-stops"),
+    "repairs": ("alarms", "quarantine"),
+    "a fleet's own data": ("batteries", "maintenance", "maintenance-rules", "drone-models"),
+}
 OWN = {"Origin": "http://gateway"}
 
 
@@ -165,3 +190,141 @@ async def test_a_session_is_secure_over_https(gateway: Gateway) -> None:
 
     assert isinstance(answer, httpx.Response)
     assert "Secure" in answer.headers["set-cookie"]
+
+
+def _operations(document: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    for path, item in document["paths"].items():
+        for method, operation in item.items():
+            if method != "parameters":
+                yield f"{method.upper()} {path}", operation
+
+
+def _fields(document: dict[str, Any], schema: Any, seen: frozenset[str]) -> Iterator[str]:
+    """The names of all fields that a value of this schema can have."""
+    if isinstance(schema, list):
+        for each in schema:
+            yield from _fields(document, each, seen)
+    elif isinstance(schema, dict):
+        name = str(schema.get("$ref", "")).rpartition("/")[2]
+        if name and name not in seen:
+            named = document["components"]["schemas"][name]
+            yield from _fields(document, named, seen | {name})
+        yield from schema.get("properties", {})
+        for each in schema.values():
+            yield from _fields(document, each, seen)
+
+
+def _with_secrets(document: dict[str, Any]) -> Iterator[str]:
+    """The operations whose answers can hold a secret."""
+    for call, operation in _operations(document):
+        answers = [
+            answer.get("content", {})
+            for status, answer in operation["responses"].items()
+            if status.startswith("2")
+        ]
+        if any(_SECRET.fullmatch(name) for name in _fields(document, answers, frozenset())):
+            yield call
+
+
+def _documents() -> list[dict[str, Any]]:
+    names = ("gateway", "provider-registry", "composition")
+    return [json.loads((_OPENAPI / f"{name}.json").read_text(encoding="utf-8")) for name in names]
+
+
+def test_each_call_whose_answer_holds_a_secret_needs_the_key_itself() -> None:
+    public = {
+        call for document in _documents() for call in _with_secrets(document) if " /v1/" in call
+    }
+
+    assert {"POST /v1/keys", "POST /v1/webhooks", "POST /v1/providers"} <= public
+    assert public - NEEDS_KEY == set(_GIVE_A_SESSION_NOTHING)
+
+
+def test_each_call_that_changes_something_is_known_to_leave_a_right_or_none() -> None:
+    harmless = {word for words in _LEAVE_NO_RIGHT.values() for word in words}
+    others = {
+        "PATCH /v1/providers/{provider_id}",
+        "PATCH /v1/providers/{provider_id}/drones/{drone_id}",
+        "PUT /v1/providers/{provider_id}/drones/{drone_id}/battery",
+        "POST /v1/sessions",
+        "POST /v1/webhooks/{webhook_id}/replay",
+        "POST /v1/webhooks/{webhook_id}/test",
+    }
+    undecided = {
+        call
+        for call, _ in _operations(_documents()[0])
+        if call.split()[0] in {"POST", "PUT", "PATCH"}
+        and call not in NEEDS_KEY | others | set(_GIVE_A_SESSION_NOTHING)
+        and not harmless & set(call.split("/")[2:])
+    }
+
+    assert undecided == set()
+
+
+async def test_no_session_gets_a_right_that_outlives_it(
+    gateway: Gateway, subtests: pytest.Subtests
+) -> None:
+    gateway.is_damaged = True  # examples of bodies are not true of this gateway
+    document = _documents()[0]
+    cookies = {
+        role: await opened(gateway, getattr(gateway, role))
+        for role in ("operator", "provider", "customer")
+    }
+    for call, operation in _operations(document):
+        if call not in NEEDS_KEY:
+            continue
+        method, path = call.split()
+        url = re.sub(r"\{\w+\}", "absent", path.replace("{provider_id}", "prv_1"))
+        content = operation.get("requestBody", {}).get("content", {}).get("application/json", {})
+        stated = re.search(r"Callers: ([\w, ]+)\.", operation["description"])
+        assert stated is not None
+        for role in stated[1].split(", "):
+            with subtests.test(f"{call} as {role}"):
+                shown = {"headers": cookies[role] | OWN, "json": content.get("example")}
+                answer = await gateway.http.request(method, url, **shown)
+
+                assert (answer.status_code, answer.json()["code"]) == (403, "KEY_NEEDED")
+                assert "Authorization: Bearer" in answer.json()["detail"]
+                assert "KEY_NEEDED" in operation["description"]
+
+
+async def test_a_delivery_of_a_session_has_no_link_even_if_its_key_asked_first(
+    gateway: Gateway,
+) -> None:
+    cookie = await opened(gateway, gateway.customer)
+    once = {"Idempotency-Key": "the-same-call"}
+    body = make_request()
+    with_key = await gateway.http.post(DELIVERIES, json=body, headers=gateway.customer | once)
+
+    with_session = await gateway.http.post(DELIVERIES, json=body, headers=cookie | OWN | once)
+    another = await gateway.http.post(DELIVERIES, json=body, headers=cookie | OWN)
+
+    assert with_key.json()["tracking_url"].startswith("http://gateway/track/")
+    assert with_session.json() == {**with_key.json(), "tracking_url": None}
+    assert another.json()["tracking_url"] is None
+
+
+async def test_the_key_beside_the_cookie_gives_what_a_session_does_not(gateway: Gateway) -> None:
+    cookie = await opened(gateway, gateway.operator)
+    body = {"role": "operator", "subject_id": "dora"}
+
+    refused = await gateway.http.post("/v1/keys", json=body, headers=cookie | OWN)
+    made = await gateway.http.post("/v1/keys", json=body, headers=cookie | OWN | gateway.operator)
+
+    assert (refused.status_code, made.status_code) == (403, 201)
+
+
+@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1:1", "gateway:81"])
+async def test_links_do_not_follow_the_host_of_a_request(gateway: Gateway, host: str) -> None:
+    headers = gateway.customer | {"Host": host, "X-Forwarded-Host": host, "Forwarded": host}
+
+    delivery = await gateway.http.post(DELIVERIES, json=make_request(), headers=headers)
+    path = f"{DELIVERIES}/{delivery.json()['delivery_id']}/tracking-link"
+    links = [
+        delivery.json()["tracking_url"],
+        (await gateway.http.get(path, headers=headers)).json()["tracking_url"],
+        (await gateway.http.post(path, headers=headers)).json()["tracking_url"],
+        (await gateway.http.post("/v1/session-links", headers=headers)).json()["url"],
+    ]
+
+    assert [link.split("/")[:3] for link in links] == [["http:", "", "gateway"]] * 4

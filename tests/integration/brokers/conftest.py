@@ -18,6 +18,7 @@ from skyway_broker.hardened import HardenedBroker
 from skyway_broker.limits import Limits
 
 from skyway.broker_setup.account_files import client_files, service_files
+from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.mosquitto import mosquitto_conf
 from skyway.broker_setup.passwords import hash_password, write_password_file
 from skyway.contracts.broker_rules import BrokerRules, is_operator
@@ -27,6 +28,7 @@ from skyway.contracts.instruction import ReportInstruction
 from skyway.contracts.world import ClockAnchor, StationState
 from skyway.runtime.mqtt.client import MqttClient, Received
 from tests.integration.brokers.nats_alone import NatsAlone
+from tests.integration.brokers.tls_broker import TlsBroker, free_port
 
 SERVICES = ("gateway", "registry", "composition")
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
@@ -214,12 +216,6 @@ class BrokerProxy:
         # A silent proxy forwards nothing, not even the end of a connection.
         if not self._is_silent:
             writer.transport.abort()
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port: int = listener.getsockname()[1]
-        return port
 
 
 @pytest.fixture(name="free_port")
@@ -417,3 +413,20 @@ async def broker_proxy() -> AsyncIterator[Callable[[int], Awaitable[BrokerProxy]
             return await stack.enter_async_context(BrokerProxy(port))
 
         yield open_proxy
+
+
+@pytest.fixture
+async def tls_broker(tmp_path: Path) -> AsyncIterator[TlsBroker]:
+    program = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
+    if program is None:
+        pytest.skip("mosquitto is not installed")
+    broker = TlsBroker(tmp_path, CertificateAuthority.make(tmp_path / "ca"))
+    await broker.start(program)
+    assert broker.process is not None
+    try:
+        async with broker.client("p/drone-2") as first, asyncio.timeout(60):
+            await first.wait_connected()
+        yield broker
+    finally:
+        broker.process.terminate()
+        await broker.process.wait()

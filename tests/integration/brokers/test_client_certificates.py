@@ -1,165 +1,41 @@
-"""Mosquitto's TLS listener for drones needs both a certificate and the password."""
+"""Mosquitto's TLS listener believes the name in a drone's certificate that is not revoked."""
 
 import asyncio
-import contextlib
-import getpass
 import shutil
-import signal
-import socket
 import ssl
-import time
-from collections.abc import AsyncIterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from skyway_drone_agent.enrolment.enrolled_drone import ClientCertificate, client_tls
+from skyway_provider_registry.parts import take_over
+from skyway_provider_registry.settings import RegistrySettings
 
-from skyway.broker_setup.account_files import client_files, service_files
 from skyway.broker_setup.certificates import CertificateAuthority
-from skyway.broker_setup.mosquitto import TlsFiles, mosquitto_conf
-from skyway.broker_setup.passwords import hash_password, write_password_file
-from skyway.contracts.broker_rules import BrokerRules
-from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.address import BrokerAddress
-from skyway.runtime.mqtt.client import MqttClient
-from skyway.runtime.mqtt.connection import Login, MqttConnection
+from skyway.runtime.mqtt.connection import MqttConnection, RawMessage
+from tests.integration.brokers.tls_broker import DRONES, TlsBroker
 
 pytestmark = pytest.mark.integration
 
-DRONES = ("p/drone-1", "p/drone-2")
 
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port: int = listener.getsockname()[1]
-        return port
-
-
-@dataclass
-class TlsBroker:
-    """Mosquitto with the certificate authority of one deployment."""
-
-    folder: Path
-    authority: CertificateAuthority
-    port: int = field(default_factory=free_port)
-    process: asyncio.subprocess.Process | None = None
-    hashes: dict[str, str] = field(
-        default_factory=lambda: {name: hash_password(name) for name in DRONES}
-    )
-
-    async def start(self, program: str) -> None:
-        files = self._tls_files()
-        passwords = self.folder / "passwords"
-        client_files(passwords).acl_file.write_text(BrokerRules().client_acl())
-        service_files(passwords).acl_file.write_text(BrokerRules().service_acl())
-        service_files(passwords).password_file.touch(0o600)
-        write_password_file(passwords, self.hashes)
-        configuration = mosquitto_conf(
-            port=free_port(),
-            service_port=free_port(),
-            password_file=passwords,
-            pid_file=self.folder / "pid",
-            user=getpass.getuser(),
-            tls=files,
-        )
-        (self.folder / "mosquitto.conf").write_text(configuration)
-        self.process = await asyncio.create_subprocess_exec(
-            program, "-c", str(self.folder / "mosquitto.conf"), stderr=asyncio.subprocess.DEVNULL
-        )
-
-    def _tls_files(self) -> TlsFiles:
-        signed = self.authority.sign_broker(["127.0.0.1"])
-        files = TlsFiles(
-            port=self.port,
-            ca_file=self.folder / "ca.pem",
-            certificate_file=self.folder / "server.pem",
-            key_file=self.folder / "server-key.pem",
-        )
-        files.ca_file.write_text(self.authority.certificate_pem)
-        files.certificate_file.write_text(signed.certificate_pem)
-        files.key_file.write_text(signed.private_key_pem)
-        return files
-
-    def revoke(self, name: str) -> None:
-        del self.hashes[name]
-        write_password_file(self.folder / "passwords", self.hashes)
-        assert self.process is not None
-        self.process.send_signal(signal.SIGHUP)
-
-    def shown_by(
-        self, name: str, *, signed_by: CertificateAuthority | None = None
-    ) -> ssl.SSLContext:
-        signed = (signed_by or self.authority).sign_drone(name)
-        certificate = ClientCertificate(
-            certificate_pem=signed.certificate_pem,
-            private_key_pem=signed.private_key_pem,
-            ca_pem=self.authority.certificate_pem,
-        )
-        return client_tls(certificate, scratch=self.folder)
-
-    def client(self, name: str) -> MqttClient:
-        return MqttClient(
-            f"mqtts://127.0.0.1:{self.port}",
-            client_id=name,
-            user_name=name,
-            password=name,
-            tls=self.shown_by(name),
-        )
-
-    async def is_let_in(self, tls: ssl.SSLContext, *, name: str, password: str) -> bool:
-        link = MqttConnection(
-            Login(name, name, password, 10), will=None, on_message=lambda *_: None
-        )
-        try:
-            async with asyncio.timeout(60):
-                await link.open(BrokerAddress("127.0.0.1", self.port, is_encrypted=True), tls)
-        except (MqttUnavailable, OSError):
-            return False
-        finally:
-            link.close()
-        return True
-
-
-@pytest.fixture
-async def tls_broker(tmp_path: Path) -> AsyncIterator[TlsBroker]:
-    program = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
-    if program is None:
-        pytest.skip("mosquitto is not installed")
-    broker = TlsBroker(tmp_path, CertificateAuthority.make(tmp_path / "ca"))
-    await broker.start(program)
-    assert broker.process is not None
-    try:
-        async with broker.client("p/drone-2") as first, asyncio.timeout(60):
-            await first.wait_connected()
-        yield broker
-    finally:
-        broker.process.terminate()
-        await broker.process.wait()
-
-
-async def test_a_certificate_and_the_password_let_a_drone_in(tls_broker: TlsBroker) -> None:
+async def test_a_certificate_lets_its_drone_in(tls_broker: TlsBroker) -> None:
     tls = tls_broker.shown_by("p/drone-1")
 
     assert await tls_broker.is_let_in(tls, name="p/drone-1", password="p/drone-1")
 
 
-async def test_a_certificate_alone_or_a_password_alone_is_refused(
+async def test_a_password_without_a_certificate_of_the_deployment_is_refused(
     tls_broker: TlsBroker, tmp_path: Path
 ) -> None:
     shows_nothing = ssl.create_default_context(cadata=tls_broker.authority.certificate_pem)
     other = CertificateAuthority.make(tmp_path / "another deployment")
     from_elsewhere = tls_broker.shown_by("p/drone-1", signed_by=other)
-    own = tls_broker.shown_by("p/drone-1")
 
     let_in = [
         await tls_broker.is_let_in(shows_nothing, name="p/drone-1", password="p/drone-1"),
         await tls_broker.is_let_in(from_elsewhere, name="p/drone-1", password="p/drone-1"),
-        await tls_broker.is_let_in(own, name="p/drone-1", password="wrong"),
-        await tls_broker.is_let_in(own, name="p/drone-2", password="p/drone-1"),
     ]
 
-    assert let_in == [False] * 4
+    assert let_in == [False] * 2
 
 
 async def test_a_broker_of_another_deployment_is_not_trusted(
@@ -206,31 +82,98 @@ async def test_only_current_versions_and_suites_of_tls_are_accepted(
     assert (b"Cipher is (NONE)" not in said) == is_accepted
 
 
-async def test_another_drones_certificate_opens_no_account_without_its_password(
+def topic(drone: str, kind: str) -> str:
+    return f"skyway/v1/{drone}/{kind}"
+
+
+async def sent(link: MqttConnection, name: str) -> None:
+    """Publish, and return once the broker has passed it on to all who may read it."""
+    await link.publish(RawMessage(name, b"{}", 1, False))
+
+
+async def test_a_certificate_with_another_drones_name_and_password_is_its_own_drone(
     tls_broker: TlsBroker,
 ) -> None:
-    certificate = tls_broker.shown_by("p/drone-1")
+    """It reads and writes nothing of the other drone, and does not end its connection."""
+    first, second = DRONES
+    instructions = [topic(drone, "instructions") for drone in DRONES]
+    states = [topic(drone, "state") for drone in DRONES]
+    async with (
+        tls_broker.connected("composition", "skyway/v1/+/+/state") as (service, said),
+        tls_broker.connected(first, *instructions) as (other, received_by_other),
+        tls_broker.connected(first, *instructions, as_drone=second) as (thief, received_by_thief),
+    ):
+        for name in instructions:
+            await sent(service, name)
+        for name in states:
+            await sent(thief, name)
+        await sent(other, topic(first, "state"))
 
-    assert not await tls_broker.is_let_in(certificate, name="p/drone-2", password="p/drone-1")
-    # Mosquitto does not compare the certificate with the account: decision 0026 says why.
-    assert await tls_broker.is_let_in(certificate, name="p/drone-2", password="p/drone-2")
+        assert received_by_thief == [topic(second, "instructions")]
+        assert received_by_other == [topic(first, "instructions")]
+        await sent(service, topic(second, "instructions"))
+        assert said == [topic(second, "state"), topic(first, "state")]
+        assert not other.lost.done()
 
 
-async def test_a_revoked_drone_is_cut_off_within_a_second(tls_broker: TlsBroker) -> None:
-    async with tls_broker.client("p/drone-1") as revoked, tls_broker.client("p/drone-2") as other:
+@pytest.mark.parametrize("is_blocked", [True, False], ids=["blocked", "enrolled again"])
+async def test_a_revoked_certificate_is_refused_and_a_later_one_is_not(
+    tls_broker: TlsBroker, is_blocked: bool
+) -> None:
+    stolen = tls_broker.shown_by("p/drone-1")
+    assert await tls_broker.is_let_in(stolen, name="p/drone-1", password="p/drone-1")
+
+    await tls_broker.revoke("p/drone-1", is_blocked=is_blocked)
+    later = tls_broker.shown_by("p/drone-1", key_hash="the next key")
+    other = tls_broker.shown_by("p/drone-2")
+
+    assert not await tls_broker.is_let_in(stolen, name="p/drone-1", password="p/drone-1")
+    assert await tls_broker.is_let_in(later, name="p/drone-1", password="p/drone-1")
+    assert await tls_broker.is_let_in(other, name="p/drone-2", password="p/drone-2")
+
+
+async def test_a_revoked_drone_that_is_connected_reads_and_writes_nothing_any_more(
+    tls_broker: TlsBroker,
+) -> None:
+    first, second = DRONES
+    own = topic(first, "instructions")
+    async with (
+        tls_broker.connected("composition", "skyway/v1/+/+/state") as (service, said),
+        tls_broker.connected(first, own, "skyway/v1/clock") as (revoked, received),
+        tls_broker.connected(second, "skyway/v1/clock") as (other, _),
+    ):
+        await sent(service, own)
+        await sent(revoked, topic(first, "state"))
+
+        await tls_broker.revoke(first)
+        await sent(service, own)
+        await sent(revoked, topic(first, "state"))
+        await sent(other, topic(second, "state"))
+        await sent(service, topic(second, "instructions"))
+
+        assert received == [own]
+        assert said == [topic(first, "state"), topic(second, "state")]
+
+
+async def test_the_registry_ends_the_connection_of_a_revoked_drone(tls_broker: TlsBroker) -> None:
+    (tls_broker.folder / "mqtt_registry").write_text("registry\n")
+    settings = RegistrySettings(
+        database_url="sqlite:///none.db",
+        mqtt_url=f"mqtt://127.0.0.1:{tls_broker.service_port}",
+        secrets_dir=tls_broker.folder,
+        broker_password_file=tls_broker.folder / "passwords",
+    )
+    first, second = DRONES
+    async with (
+        tls_broker.connected(first, "skyway/v1/clock") as (revoked, _),
+        tls_broker.connected(second, "skyway/v1/clock") as (other, _),
+    ):
+        await tls_broker.revoke(first)
+
+        await take_over(settings, first)
+
         async with asyncio.timeout(60):
-            await revoked.wait_connected()
-            await other.wait_connected()
-
-        since = time.monotonic()
-        tls_broker.revoke("p/drone-1")
-        async with asyncio.timeout(60):
-            await revoked.wait_lost()
-        cut_off_s = time.monotonic() - since
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(0.5):
-                await revoked.wait_connected()
-
-        assert cut_off_s < 1.0
-        assert not revoked.is_connected
-        assert other.is_connected
+            await revoked.lost
+        assert not other.lost.done()
+        shown = tls_broker.shown_by(first)
+        assert not await tls_broker.is_let_in(shown, name=first, password=first)

@@ -6,8 +6,9 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pytest
 from skyway_provider_registry.enrolment import credential_store
@@ -16,7 +17,7 @@ from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
 from skyway.broker_setup.nats_accounts import NatsAccounts, is_nats_hash
 from skyway.broker_setup.passwords import hash_password, matches, read_password_file
-from skyway.runtime.errors import InvalidSettings, ServiceUnavailable
+from skyway.runtime.errors import InvalidSettings, MqttUnavailable, ServiceUnavailable
 from skyway.runtime.sql.database import Database
 
 #: Says that it is ready, and which signals came.
@@ -112,20 +113,20 @@ async def test_simultaneous_calls_all_find_their_account_in_the_file(
 class SlowAccounts(MosquittoAccounts):
     """Writes its files only when it may."""
 
-    began: threading.Event
-    may_write: threading.Event
+    began: threading.Event = field(default_factory=threading.Event)
+    may_write: threading.Event = field(default_factory=threading.Event)
 
-    def write(self, accounts: Mapping[str, str], services: Mapping[str, str]) -> None:
+    def write(self, *files: Mapping[str, str]) -> None:
         self.began.set()
         assert self.may_write.wait(60)
-        MosquittoAccounts(self.password_file).write(accounts, services)
+        MosquittoAccounts(self.password_file).write(*files)
 
 
 async def test_a_slow_replica_does_not_replace_the_accounts_of_a_faster_one(
     db: Database, secrets_dir: Path, tmp_path: Path, password_file: PasswordFile
 ) -> None:
     path = tmp_path / "passwords"
-    broker = SlowAccounts(path, threading.Event(), threading.Event())
+    broker = SlowAccounts(path)
     slow = PasswordFile(broker, db=db, secrets_dir=secrets_dir, broker_pid_file=None)
     slow_write = asyncio.create_task(slow.refresh())
     assert await asyncio.to_thread(broker.began.wait, 60)
@@ -280,3 +281,37 @@ async def test_a_broker_that_is_not_there_is_no_error(
     await password_file.refresh()
 
     assert (tmp_path / "passwords").exists()
+
+
+async def test_the_connection_of_a_drone_whose_credentials_end_is_ended_once_the_files_say_so(
+    db: Database, secrets_dir: Path, tmp_path: Path, api: Any
+) -> None:
+    ended: list[str] = []
+
+    async def end(account: str) -> None:
+        assert f"user {account}" in (tmp_path / "client_acl").read_text()
+        ended.append(account)
+        raise MqttUnavailable("the broker is away")
+
+    password_file = PasswordFile(
+        MosquittoAccounts(tmp_path / "passwords"),
+        db=db,
+        secrets_dir=secrets_dir,
+        broker_pid_file=None,
+        end_connection=end,
+    )
+    drones = [await api.drone(await api.provider()) for _ in range(2)]
+    accounts = [f"{drone['provider_id']}/{drone['drone_id']}" for drone in drones]
+    for drone in drones:
+        body = {"enrolment_token": drone["enrolment_token"]}
+        await api("service:gateway", "POST", "/v1/enrolments", body)
+
+    for drone in drones:
+        path = f"/v1/providers/{drone['provider_id']}/drones/{drone['drone_id']}/credentials"
+        await api(f"provider:{drone['provider_id']}", "DELETE", path)
+        await password_file.refresh()
+    for _ in range(4):
+        await password_file.step()
+
+    # What ended before the first write of this process is not ended again; all else is tried twice.
+    assert ended == [accounts[1]] * 2

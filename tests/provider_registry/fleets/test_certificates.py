@@ -1,14 +1,17 @@
 """With an authority, a drone's credentials hold a certificate that this authority signed."""
 
+import hashlib
 from pathlib import Path
 
 import pytest
 from cryptography import x509
+from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
-from skyway_provider_registry.fleets.issue_credentials import Issuer
+from skyway_provider_registry.fleets.issue_credentials import Credentials, Issuer
 
 from skyway.broker_setup.certificates import CertificateAuthority
+from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
 from skyway.broker_setup.passwords import hash_password
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.errors import InvalidSettings
@@ -34,7 +37,8 @@ def test_a_drones_certificate_names_it_and_is_signed_for_clients(tmp_path: Path)
     [name] = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     usage = certificate.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
     key = load_pem_private_key(made.private_key_pem.encode(), password=None)
-    assert name.value == DRONE
+    # Mosquitto believes this name: it is the user name of the drone's account.
+    assert name.value == "prv_1/drn_1"
     assert list(usage) == [ExtendedKeyUsageOID.CLIENT_AUTH]
     assert key.public_key() == certificate.public_key()
 
@@ -75,3 +79,32 @@ def test_a_folder_without_an_authority_is_named(tmp_path: Path, damage: str) -> 
 
     with pytest.raises(InvalidSettings, match="certificate authority"):
         CertificateAuthority.load(tmp_path)
+
+
+def test_the_list_names_the_certificates_that_came_with_ended_keys(tmp_path: Path) -> None:
+    authority = CertificateAuthority.make(tmp_path / "ca")
+    issuer = Issuer(authority, cloud_keys(tmp_path), hash_password)
+    ended, valid = issuer.make(PROVIDER, DRONE), issuer.make(PROVIDER, DRONE)
+    key_hash = hashlib.sha256(ended.key.encode()).hexdigest()
+    accounts = MosquittoAccounts(tmp_path / "passwords", authority)
+
+    accounts.write({"prv_1/drn_1": hash_password("x")}, {}, {key_hash: "prv_1/drn_2"})
+
+    revoked = x509.load_pem_x509_crl((tmp_path / "revoked.pem").read_bytes())
+    certificate = x509.load_pem_x509_certificate(authority.certificate_pem.encode())
+    public_key = certificate.public_key()
+    assert isinstance(public_key, ec.EllipticCurvePublicKey)
+    assert revoked.is_signature_valid(public_key)
+    is_listed = {
+        name: revoked.get_revoked_certificate_by_serial_number(serial_of(made)) is not None
+        for name, made in (("ended", ended), ("valid", valid))
+    }
+    assert is_listed == {"ended": True, "valid": False}
+    rights = (tmp_path / "client_acl").read_text()
+    assert "user prv_1/drn_2\ntopic deny #\n" in rights
+    assert "user prv_1/drn_1" not in rights
+
+
+def serial_of(made: Credentials) -> int:
+    assert made.certificate is not None
+    return x509.load_pem_x509_certificate(made.certificate.certificate_pem.encode()).serial_number

@@ -1,15 +1,19 @@
 """A rotation never leaves a drone without credentials; a revocation always does."""
 
 import hashlib
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
+from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.tables import presence
 from skyway_provider_registry.verify import RULES
 from sqlalchemy import update
 
+from skyway.broker_setup.certificates import CLIENT_LIFE
 from skyway.broker_setup.passwords import matches
+from skyway.runtime.clock import ManualClock
 from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
 from tests.provider_registry.broker_accounts import accounts_in
@@ -177,3 +181,50 @@ async def test_a_drone_sees_only_itself(api: Any, enrolled: Any) -> None:
 
     assert own.json()["drone_id"] == drone_id
     assert (other.status_code, elsewhere.status_code, every.status_code) == (404, 404, 403)
+
+
+async def revoked(db: Database) -> dict[str, str]:
+    """The hashes of keys whose certificate is revoked, each with the drone's account."""
+    async with db.read() as connection:
+        return await credential_store.revoked_keys(connection)
+
+
+async def test_each_end_of_a_key_revokes_the_certificate_that_came_with_it(
+    api: Any, enrolled: Any, db: Database, clock: ManualClock
+) -> None:
+    drone_id, provider_id = enrolled["drone_id"], enrolled["provider_id"]
+    path = f"/v1/providers/{provider_id}/drones/{drone_id}"
+    ended: list[str] = []
+
+    async def check(*keys: str) -> None:
+        ended.extend(hashlib.sha256(key.encode()).hexdigest() for key in keys)
+        assert await revoked(db) == dict.fromkeys(ended, f"{provider_id}/{drone_id}")
+        assert await broken_rules(db, RULES) == []
+
+    async def enrol_again() -> Any:
+        token = await api(f"provider:{provider_id}", "POST", f"{path}/enrolment-tokens")
+        body = {"enrolment_token": token.json()["enrolment_token"]}
+        return (await api(GATEWAY, "POST", "/v1/enrolments", body)).json()
+
+    unused = await rotate(api, drone_id)
+    await check()
+    following = await rotate(api, drone_id)
+    await check(unused["key"])
+    await whose(api, following["key"])
+    await check(enrolled["key"])
+    waiting = await rotate(api, drone_id)
+    again = await enrol_again()
+    await check(following["key"], waiting["key"])
+    await api(f"provider:{provider_id}", "DELETE", f"{path}/credentials")
+    await check(again["key"])
+    last = await enrol_again()
+    await api(f"provider:{provider_id}", "DELETE", path)
+    await check(last["key"])
+
+    clock.advance(CLIENT_LIFE)
+    other = await api.drone(provider_id)
+    await api(GATEWAY, "POST", "/v1/enrolments", {"enrolment_token": other["enrolment_token"]})
+    assert set(await revoked(db)) == set(ended)
+    clock.advance(timedelta(seconds=1))
+    await rotate(api, other["drone_id"])
+    assert await revoked(db) == {}

@@ -6,6 +6,7 @@ import {pathTo} from "../routes.js";
 import {endSession, session} from "../session.js";
 import {ClockText} from "./clock_text.js";
 import {ConfirmDialog} from "./confirm_dialog.js";
+import {KeyDialog} from "./login_form.js";
 import {Messages} from "./messages.js";
 
 const CONNECTIONS = {
@@ -52,5 +53,6 @@ export function Frame({views, open, children}) {
     </header>
     <main id="view" tabindex="-1">${children}</main>
     <${ConfirmDialog} />
+    <${KeyDialog} />
     <${Messages} />`;
 }

@@ -1,7 +1,8 @@
-// Asks for a key. The key is sent once, for a session; the page keeps it nowhere.
+// Asks for a key. The key is sent once, for a session or for one call; the page keeps it nowhere.
 
-import {useState} from "preact/hooks";
+import {useEffect, useRef, useState} from "preact/hooks";
 
+import {keyWanted} from "../api.js";
 import {html} from "../html.js";
 import {beginSession} from "../session.js";
 
@@ -30,4 +31,38 @@ export function LoginForm({problem}) {
       <p class="hint">A running <code>skyway up</code> prints a link that logs in, and so does
         <code>skyway console</code>.</p>
     </main>`;
+}
+
+// Asks for the key itself, for one call that a session may not make.
+export function KeyDialog() {
+  const give = keyWanted.value;
+  return give && html`<${Dialog} give=${give} />`;
+}
+
+function Dialog({give}) {
+  const element = useRef(null);
+  useEffect(() => element.current.showModal(), []);
+  function answer(key) {
+    if (keyWanted.value === give) keyWanted.value = null;
+    give(key);
+  }
+  function send(event) {
+    event.preventDefault();
+    answer(new FormData(event.target).get("key").trim());
+  }
+  return html`
+    <dialog ref=${element} aria-labelledby="key-question" onClose=${() => answer(null)}>
+      <form onSubmit=${send}>
+        <h2 id="key-question">Your API key again</h2>
+        <p>This gives something that lasts longer than your login. The key is sent with this one call, and is
+          not kept.</p>
+        <label for="key-itself">API key</label>
+        <input id="key-itself" name="key" type="password" autocomplete="off" required autofocus
+          placeholder="sk_…" />
+        <menu>
+          <button type="button" class="quiet" onClick=${() => element.current.close()}>Do nothing</button>
+          <button class="main">Go on</button>
+        </menu>
+      </form>
+    </dialog>`;
 }

@@ -14,18 +14,18 @@ async function copy(url) {
 }
 
 export function TrackingBox({path}) {
+  // The link outlives a session, so it is shown to the key alone: undefined until somebody asks.
   const [url, setUrl] = useState(undefined);
   const link = `${path}/tracking-link`;
-  useEffect(() => {
-    get(link).then(({tracking_url}) => setUrl(tracking_url), () => null);
-  }, [link]);
+  useEffect(() => setUrl(undefined), [link]);
+  const show = () => attempt(async () => setUrl((await get(link)).tracking_url));
   const renew = () => attempt(async () => setUrl((await call("POST", link)).tracking_url),
     "The new link works. The one before has ended.");
   const withdraw = () => attempt(async () => {
     await call("DELETE", link);
     setUrl(null);
   }, "The link has ended.");
-  if (url === undefined) return null;
+  const sure = html`<${SureButton} verb="Withdraw" label="Withdraw the link" kind="" onSure=${withdraw} />`;
   return html`
     <section class="tracking" aria-label="Tracking link">
       <h2>Tracking link</h2>
@@ -35,8 +35,10 @@ export function TrackingBox({path}) {
         <div class="commands">
           ${navigator.clipboard && html`<button onClick=${() => copy(url)}>Copy the link</button>`}
           <button onClick=${renew}>Another link</button>
-          <${SureButton} verb="Withdraw" label="Withdraw the link" kind="" onSure=${withdraw} />
-        </div>` : html`
+          ${sure}
+        </div>` : url === undefined ? html`
+        <p>Who has the link can follow the delivery without a key.</p>
+        <div class="commands"><button onClick=${show}>Show the link</button>${sure}</div>` : html`
         <p>There is no link. Nobody can follow the delivery without a key.</p>
         <button onClick=${renew}>Make a link</button>`}
     </section>`;

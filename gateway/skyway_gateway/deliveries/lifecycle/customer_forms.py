@@ -46,9 +46,9 @@ class RequestedDelivery(Delivery):
     """A delivery that was just requested, with the link to its tracking page."""
 
     tracking_url: Annotated[
-        str,
+        str | None,
         Field(
             description="Link to the tracking page, for everybody who may follow the delivery "
-            "without a key."
+            "without a key. Null for a browser's session, because the link outlives the session."
         ),
     ]

@@ -120,11 +120,8 @@ class Acceptance:
         *,
         idempotency_key: str | None,
         body: bytes,
-        base_url: str,
     ) -> Answer:
         """202 with the delivery, which is written together with its first event.
-
-        `base_url` is how the caller reaches the gateway.
 
         Raises
         ------
@@ -166,7 +163,7 @@ class Acceptance:
             )
             tx.after_commit(lambda: written.append(delivery.delivery_id))
             location = {"Location": f"/v1/deliveries/{delivery.delivery_id}"}
-            url = self.links.url_of(delivery.delivery_id, number=FIRST_LINK, base_url=base_url)
+            url = self.links.url_of(delivery.delivery_id, number=FIRST_LINK)
             shown = RequestedDelivery.model_construct(**dict(delivery), tracking_url=url)
             return Answer(202, shown.model_dump_json().encode(), location)
 

@@ -1,6 +1,8 @@
 """Delivery requests, cancellations, and the mission reports of composition over REST."""
 
+import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated
 
 from fastapi import Body, Depends, Request, Response
@@ -20,7 +22,7 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.request_boundary import Admission
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.replicas.membership import Membership
-from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.access.routes import KeyGate, holder_of
 from skyway_gateway.deliveries.apply_reports import ReportApplier
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.lifecycle.customer_forms import (
@@ -99,8 +101,11 @@ def delivery_routes(
                 wanted,
                 idempotency_key=idempotency_key,
                 body=await request.body(),
-                base_url=str(request.base_url),
             )
+        if holder_of(request).is_session:
+            # The stored answer may have been that to a key, so the link leaves it here.
+            shown = {**json.loads(answer.body), "tracking_url": None}
+            answer = replace(answer, body=json.dumps(shown).encode())
         return response_of(answer)
 
     @router.post("/v1/deliveries/{delivery_id}/cancel", responses=conflicts("TOO_LATE"))

@@ -377,7 +377,6 @@ async def test_a_delivery_that_this_process_books_is_claimed_when_it_is_added(
             DeliveryRequest.model_validate(request_body()),
             idempotency_key="once",
             body=b"",
-            base_url="http://gateway/",
         )
 
     [queued], [_] = handed, accepted
