@@ -6,7 +6,7 @@ import signal
 import sys
 
 from skyway.contracts.broker_rules import BrokerRules
-from skyway.runtime.errors import InvalidSettings
+from skyway.runtime.errors import exit_code_after
 from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.tracing import configure_logs
 from skyway_broker.gate import Gate
@@ -37,21 +37,16 @@ async def serve(settings: BrokerSettings) -> None:
     log.info("broker stopped")
 
 
-def main() -> int:
-    """Run the broker; 2 when the environment is wrong."""
-    try:
-        settings = BrokerSettings.load()
-    except InvalidSettings as error:
-        sys.stderr.write(f"skyway_broker: {error}\n")
-        return 2
+def main() -> None:
+    """Run the broker."""
+    settings = BrokerSettings.load()
     configure_logs("broker", settings.log_level)
     # amqtt logs every connection; this package logs the important events itself.
     for library in ("amqtt", "transitions"):
         logging.getLogger(library).setLevel(logging.WARNING)
     keep_what_is_loaded()
     asyncio.run(serve(settings))
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(exit_code_after("skyway_broker", main))

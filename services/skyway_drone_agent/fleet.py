@@ -12,7 +12,7 @@ from typing import Never
 
 from skyway.errors import SkywayError
 from skyway.ids import DroneId
-from skyway.runtime.errors import InvalidSettings
+from skyway.runtime.errors import ExitCode, InvalidSettings
 from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient, Will
@@ -235,6 +235,8 @@ def allow_open_files(drones: int) -> None:
 
 class NotDown(SkywayError):
     """The drone stands or flies, so its position cannot be set."""
+
+    exit_code = ExitCode.BAD_SETTINGS
 
     def __init__(self, drone_id: DroneId) -> None:
         super().__init__(f"{drone_id} is not down, so its position cannot be set")

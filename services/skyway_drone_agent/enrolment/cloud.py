@@ -10,6 +10,7 @@ from typing import Any, Final
 from urllib.parse import urlsplit
 
 from skyway.errors import InvalidInput, SkywayError
+from skyway.runtime.errors import ExitCode
 
 _TIMEOUT_S: Final = 10.0
 _LARGEST_ANSWER_BYTES: Final = 1 << 20
@@ -21,6 +22,8 @@ _TOO_MANY_REQUESTS: Final = 429
 class CloudRefused(SkywayError):
     """The cloud refused the call; the same call again does not help."""
 
+    exit_code = ExitCode.BAD_SETTINGS
+
     def __init__(self, status: int, code: str, detail: str) -> None:
         super().__init__(f"the cloud refused ({status} {code}): {detail}")
         self.status = status
@@ -29,6 +32,8 @@ class CloudRefused(SkywayError):
 
 class CloudUnreachable(SkywayError):
     """The cloud did not answer, or failed; the call may have taken effect."""
+
+    exit_code = ExitCode.NOT_NOW
 
 
 class _NoRedirects(urllib.request.HTTPRedirectHandler):

@@ -18,6 +18,7 @@ from typing import Final, Protocol
 
 from skyway.errors import SkywayError
 from skyway.ids import DroneId
+from skyway.runtime.errors import ExitCode
 from skyway.runtime.signing.key_pair import PrivateKey
 from skyway_drone_agent.enrolment.cloud import Cloud, CloudAccess, CloudRefused, CloudUnreachable
 from skyway_drone_agent.enrolment.enrolled_drone import (
@@ -37,6 +38,8 @@ _AGAIN_AFTER_S: Final = 10.0
 
 class NotEnrolled(SkywayError):
     """No drone has enrolled here, and there is no token to enrol one."""
+
+    exit_code = ExitCode.BAD_SETTINGS
 
     def __init__(self) -> None:
         super().__init__(

@@ -21,6 +21,7 @@ from skyway.errors import InvalidInput, SkywayError
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
 from skyway.json_model import WireModel
+from skyway.runtime.errors import ExitCode
 from skyway_drone_agent.journal.logbook import Logbook
 
 _SUFFIX: Final = ".credentials.json"
@@ -147,6 +148,8 @@ class Attempt(WireModel):
 
 class DamagedCredentials(SkywayError):
     """A file of credentials cannot be read; the drone needs another enrolment token."""
+
+    exit_code = ExitCode.BAD_SETTINGS
 
     def __init__(self, path: Path) -> None:
         super().__init__(f"{path} is damaged: enrol the drone again with another token")

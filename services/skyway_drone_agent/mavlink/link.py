@@ -14,6 +14,7 @@ from typing import Any, Final, Never, TypeVar
 
 from skyway.errors import SkywayError
 from skyway.runtime.clock import FleetClock, sleep_wall
+from skyway.runtime.errors import ExitCode
 
 log = logging.getLogger(__name__)
 
@@ -31,6 +32,8 @@ T = TypeVar("T")
 
 class NoMavlink(SkywayError):
     """MAVLink cannot be spoken: the extra is missing, or the address is wrong."""
+
+    exit_code = ExitCode.BAD_SETTINGS
 
 
 class MessageQueue:

@@ -21,7 +21,7 @@ import uvloop
 from starlette.applications import Starlette
 from starlette.types import Receive, Scope, Send
 
-from skyway.runtime.errors import DamagedDatabase, ExitCode, ServiceUnavailable
+from skyway.runtime.errors import FOR_GOOD, ExitCode, ServiceUnavailable, exit_code_of
 from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits, FrontSettings
 from skyway.runtime.http.front_protocol import FrontProtocol
@@ -218,7 +218,7 @@ class Opening:
                 await self._live_once(missing)
             except Exception as error:  # noqa: BLE001 - the outermost frame of the app's life
                 part = missing_part(error)
-                if part is None or isinstance(part, DamagedDatabase) or self._is_open:
+                if part is None or exit_code_of(error) in FOR_GOOD or self._is_open:
                     self._fail(error)
                     return
                 failures += 1

@@ -128,7 +128,7 @@ async def test_a_service_leaves_with_its_parent(parent: Parent) -> None:
     assert await asyncio.wait_for(child.wait(), WAIT_S) == 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 async def test_a_signal_ends_a_service_in_order_though_a_stream_is_open(
     parent: Parent, number: signal.Signals
 ) -> None:
@@ -245,7 +245,13 @@ async def test_an_app_that_waits_for_its_database_says_so_and_is_opened_again() 
 
 
 @pytest.mark.parametrize(
-    "error", [DamagedDatabase("broken page"), UnsafeDatabase("no WAL"), LookupError("a bug")]
+    "error",
+    [
+        DamagedDatabase("broken page"),
+        ExceptionGroup("tasks", [AWAY, DamagedDatabase("broken page")]),
+        UnsafeDatabase("no WAL"),
+        LookupError("a bug"),
+    ],
 )
 async def test_an_app_that_can_never_open_fails_and_its_server_leaves(error: Exception) -> None:
     async with started(error) as life:

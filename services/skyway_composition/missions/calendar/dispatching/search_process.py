@@ -29,6 +29,14 @@ _LONGEST_S: Final = 240.0
 #: Seconds of wall time for an idle process to end.
 _ENDS_WITHIN_S: Final = 2.0
 
+#: What the process runs.
+_PROGRAM: Final = f"""
+import sys
+from skyway.runtime.errors import exit_code_after
+from {__name__} import serve
+sys.exit(exit_code_after("search", serve))
+"""
+
 #: How much the process gives way to the others of its machine.
 _NICENESS: Final = 5
 
@@ -121,7 +129,7 @@ class SearchProcess:
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
                 "-c",
-                f"from {__name__} import serve; serve()",
+                _PROGRAM,
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
             )
