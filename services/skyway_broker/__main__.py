@@ -2,12 +2,12 @@
 
 import asyncio
 import logging
-import signal
 import sys
 
 from skyway.contracts.broker_rules import BrokerRules
 from skyway.runtime.errors import exit_code_after
 from skyway.runtime.garbage import keep_what_is_loaded
+from skyway.runtime.loops import stop_signals
 from skyway.runtime.tracing import configure_logs
 from skyway_broker.gate import Gate
 from skyway_broker.hardened import HardenedBroker
@@ -17,23 +17,22 @@ log = logging.getLogger(__name__)
 
 
 async def serve(settings: BrokerSettings) -> None:
-    """Serve until SIGTERM, SIGINT, or until the pipe to the parent closes."""
+    """Serve until a signal says stop, or until the pipe to the parent closes."""
     loop = asyncio.get_running_loop()
     stopping = asyncio.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stopping.set)
     if settings.parent_fd is not None:
         # The parent never writes into the pipe: readable means that the parent closed it.
         loop.add_reader(settings.parent_fd, stopping.set)
     listener = settings.listener()
     gate = Gate(settings.password_file)
     broker = HardenedBroker(listener, gate=gate, rules=BrokerRules(), limits=settings.limits())
-    await broker.start()
-    log.info("broker listens", extra={"port": listener.getsockname()[1]})
-    await stopping.wait()
-    if settings.parent_fd is not None:
-        loop.remove_reader(settings.parent_fd)
-    await broker.shutdown()
+    with stop_signals(lambda _reason: stopping.set()):
+        await broker.start()
+        log.info("broker listens", extra={"port": listener.getsockname()[1]})
+        await stopping.wait()
+        if settings.parent_fd is not None:
+            loop.remove_reader(settings.parent_fd)
+        await broker.shutdown()
     log.info("broker stopped")
 
 

@@ -3,11 +3,11 @@
 import asyncio
 import contextlib
 import os
-import signal
 import sys
 
 from skyway.runtime.errors import exit_code_after
 from skyway.runtime.garbage import keep_what_is_loaded
+from skyway.runtime.loops import stop_signals
 from skyway.runtime.tracing import configure_logs
 from skyway_drone_agent.enrolment.enrol import Crew, EnrolledCrew, RegisteredCrew, enrol, enrolled
 from skyway_drone_agent.enrolment.enrolled_drone import CredentialsFolder, read_fleet
@@ -83,12 +83,13 @@ async def _host(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> N
 async def _serve(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> None:
     serving = asyncio.create_task(_host(crew, folder, settings))
     loop = asyncio.get_running_loop()
-    for stop in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(stop, serving.cancel)
     if settings.parent_fd is not None:
         # Nobody writes on the parent's pipe, so it becomes readable only when the parent exits.
         loop.add_reader(settings.parent_fd, _leave, serving, settings.parent_fd)
-    with contextlib.suppress(asyncio.CancelledError):
+    with (
+        stop_signals(lambda _reason: serving.cancel()),
+        contextlib.suppress(asyncio.CancelledError),
+    ):
         await serving
 
 

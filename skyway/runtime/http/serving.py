@@ -9,7 +9,6 @@ the service would need a restart.
 import asyncio
 import logging
 import os
-import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,7 +25,7 @@ from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits, FrontSettings
 from skyway.runtime.http.front_protocol import FrontProtocol
 from skyway.runtime.http.problems import problem_of, problem_response
-from skyway.runtime.loops import MissingParts, missing_part, pause_s
+from skyway.runtime.loops import MissingParts, missing_part, pause_s, stop_signals
 
 log = logging.getLogger(__name__)
 
@@ -108,14 +107,8 @@ class _Server(uvicorn.Server):
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, self.leave)
-        try:
+        with stop_signals(lambda _reason: self.leave()):
             yield
-        finally:
-            for number in (signal.SIGINT, signal.SIGTERM):
-                loop.remove_signal_handler(number)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
