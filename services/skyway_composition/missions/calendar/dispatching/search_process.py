@@ -7,8 +7,10 @@ closed, so it does not outlive its parent.
 import asyncio
 import os
 import pickle
+import select
 import struct
 import sys
+import threading
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -180,10 +182,19 @@ def answer(search: Search, network: Network, *, rounds: int | None = None) -> Fo
     )
 
 
+def _end_with_parent() -> None:
+    """End the process when its input is closed, also in the middle of a search."""
+    closing = select.poll()
+    closing.register(sys.stdin.fileno(), 0)
+    closing.poll()
+    os._exit(0)
+
+
 def serve() -> None:
     """Answer the searches on standard input until it ends, behind the work of other processes."""
     from skyway.dispatch.warm import warm
 
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     os.nice(_NICENESS)
     # Loading the compiled search would use up the budget of the first search.
     warm()
