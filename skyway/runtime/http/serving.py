@@ -18,7 +18,7 @@ from typing import Final, Protocol
 import uvicorn
 import uvloop
 from starlette.applications import Starlette
-from starlette.types import Receive, Scope, Send
+from starlette.types import Message, Receive, Scope, Send
 
 from skyway.runtime.errors import FOR_GOOD, ExitCode, ServiceUnavailable, exit_code_of
 from skyway.runtime.garbage import keep_what_is_loaded
@@ -35,6 +35,9 @@ _GRACE_S: Final = 2
 
 #: Requests wait this long for the app to open, wall seconds. After that they are answered with 503.
 _REQUESTS_WAIT_S: Final = 3.0
+
+#: What cancelled requests are answered.
+_STOPS: Final = ServiceUnavailable("service", "it stops")
 
 #: These need nothing that has to be opened.
 _ALWAYS_ANSWERED: Final = ("/healthz", "/metrics")
@@ -94,7 +97,7 @@ def serve(app: Starlette, settings: ServingSettings) -> int:
         forwarded_allow_ips=settings.trusted_proxies,
         lifespan="on",
         ws="none",  # an Upgrade is ignored, and the request is answered
-        timeout_graceful_shutdown=_GRACE_S,
+        timeout_graceful_shutdown=_GRACE_S + 1,  # `_end_answers` comes first
     )
     server = _Server(config)
     opening.when_failed(server.leave)
@@ -113,6 +116,15 @@ class _Server(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         keep_what_is_loaded()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        ending = asyncio.get_running_loop().call_later(_GRACE_S, self._end_answers)
+        await super().shutdown(sockets)
+        ending.cancel()
+
+    def _end_answers(self) -> None:
+        for task in self.server_state.tasks:
+            task.cancel()
 
     def leave(self) -> None:
         """Stop accepting, finish what is under way, and return."""
@@ -184,9 +196,27 @@ class Opening:
         if scope["type"] == "lifespan":
             await self._live(receive, send)
         elif self._is_open or scope["path"] in _ALWAYS_ANSWERED:
-            await self._app(scope, receive, send)
+            await self._answer(scope, receive, send)
         else:
             await problem_response(problem_of(self._waits_for))(scope, receive, send)
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request; a server that stops cancels it, and it still ends as HTTP asks."""
+        has_begun, has_ended = False, False
+
+        async def note(message: Message) -> None:
+            nonlocal has_begun, has_ended
+            has_begun = True
+            await send(message)
+            has_ended = message["type"] == "http.response.body" and not message.get("more_body")
+
+        try:
+            await self._app(scope, receive, note)
+        except asyncio.CancelledError:
+            if not has_begun:
+                await problem_response(problem_of(_STOPS))(scope, receive, send)
+            elif not has_ended:
+                await send({"type": "http.response.body"})
 
     async def _live(self, receive: Receive, send: Send) -> None:
         await receive()
