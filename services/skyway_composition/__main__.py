@@ -12,9 +12,7 @@ from typing import Final
 
 from skyway.runtime.errors import InvalidSettings, exit_code_after
 from skyway.runtime.service_process import ServiceProcess
-from skyway_composition.retention.archived_tables import ARCHIVED
 from skyway_composition.settings import CompositionSettings
-from skyway_composition.verify.rules import FACTS, RULES
 
 _PACKAGE: Final = "skyway_composition"
 
@@ -63,11 +61,19 @@ def _change_database(command: str, arguments: Sequence[str]) -> int:
     return 0
 
 
+def _run() -> int:
+    # Imported here: without a folder for its kernels the planner cannot be imported.
+    from skyway_composition.retention.archived_tables import ARCHIVED
+    from skyway_composition.verify.rules import FACTS, RULES
+
+    process = ServiceProcess(
+        "composition", _PACKAGE, CompositionSettings, _serve, RULES, FACTS, ARCHIVED
+    )
+    return process.run()
+
+
 if __name__ == "__main__":
     if sys.argv[1:2] in (["copy"], ["unseal"]):
         changing = partial(_change_database, sys.argv[1], sys.argv[2:])
         sys.exit(exit_code_after(_PACKAGE, changing))
-    process = ServiceProcess(
-        "composition", _PACKAGE, CompositionSettings, _serve, RULES, FACTS, ARCHIVED
-    )
-    sys.exit(process.run())
+    sys.exit(exit_code_after(_PACKAGE, _run))

@@ -6,7 +6,7 @@ from typing import IO, Annotated, Final, cast
 import typer
 from rich.console import Console
 
-from skyway.cli.data_folder import DataFolder, DataOption, data_folder
+from skyway.cli.data_folder import DataFolder, DataOption, data_folder, keep_kernels
 from skyway.cli.system.announce import LastingOutput, announce, asked_to_stop, login_link
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import running_system
@@ -59,6 +59,7 @@ def up_command(
 ) -> None:
     """Start all processes and keep them running until Ctrl-C."""
     folder = data_folder(data)
+    keep_kernels(folder)
     ports = Ports(gateway=port, broker=mqtt_port)
     chosen_rate = rate or (_DEMO_RATE if demo else _RATE)
     asyncio.run(_up(folder, rate=chosen_rate, ports=ports, demo=demo, cells=cells))

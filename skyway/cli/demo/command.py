@@ -7,7 +7,7 @@ from typing import IO, Annotated, cast
 import typer
 from rich.console import Console
 
-from skyway.cli.data_folder import DataFolder, DataOption, data_folder, held
+from skyway.cli.data_folder import DataFolder, DataOption, data_folder, held, keep_kernels
 from skyway.cli.demo.screen import DemoScreen
 from skyway.cli.system.announce import LastingOutput, announce, asked_to_stop, login_link
 from skyway.cli.system.children import Ports
@@ -27,6 +27,7 @@ def demo_command(
 ) -> None:
     """Play the paper's scenario through real processes, and end."""
     folder = DataFolder(data_folder(data).path / "demo")
+    keep_kernels(data_folder(data))
     _empty(folder)
     asyncio.run(_demo(folder, stay=stay))
 
