@@ -69,8 +69,8 @@ class Alarm(JsonModel):
     acknowledged_by: Annotated[
         str | None,
         Field(
-            description="The operator who acknowledged the alarm first; service:composition if what "
-            "it says was over first."
+            description="The operator who acknowledged the alarm first; service:composition if "
+            "what it says was over first."
         ),
     ] = None
     note: Annotated[str | None, Field(description="What this operator wrote about the alarm.")] = (
