@@ -62,6 +62,24 @@ async def test_a_new_delivery_gets_a_p90_once_enough_packages_have_come(
     assert (answer.json()["packages_with_p90"], answer.json()["p90_share"]) == (1, 1.0)
 
 
+async def test_a_package_that_is_read_twice_counts_once(gateway: Gateway) -> None:
+    """Each read looks back, because reports may come late."""
+    gateway.is_damaged = True
+    for _ in range(FEWEST - 1):
+        await deliver(gateway, late=timedelta(minutes=10))
+    forecast = gateway.parts.forecast
+    network_id = gateway.parts.networks.cached.network_of(StationId("san-marcos"))
+
+    for _ in range(3):
+        await forecast.step()
+    too_few = forecast.late_share(network_id, ProviderId("prv_new"))
+    await deliver(gateway, late=timedelta(minutes=10))
+    await forecast.step()
+
+    assert too_few is None
+    assert forecast.late_share(network_id, ProviderId("prv_new")) is not None
+
+
 async def teach(gateway: Gateway) -> None:
     """Let the gateway learn that packages come ten minutes late."""
     gateway.is_damaged = True
