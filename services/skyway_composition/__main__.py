@@ -7,7 +7,6 @@ URL. ``unseal`` lets a sealed database accept changes again.
 import asyncio
 import sys
 from collections.abc import Sequence
-from functools import partial
 from typing import Final
 
 from skyway.runtime.errors import InvalidSettings, exit_code_after
@@ -62,6 +61,8 @@ def _change_database(command: str, arguments: Sequence[str]) -> int:
 
 
 def _run() -> int:
+    if sys.argv[1:2] in (["copy"], ["unseal"]):
+        return _change_database(sys.argv[1], sys.argv[2:])
     # Imported here: without a folder for its kernels the planner cannot be imported.
     from skyway_composition.retention.archived_tables import ARCHIVED
     from skyway_composition.verify.rules import FACTS, RULES
@@ -73,7 +74,4 @@ def _run() -> int:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] in (["copy"], ["unseal"]):
-        changing = partial(_change_database, sys.argv[1], sys.argv[2:])
-        sys.exit(exit_code_after(_PACKAGE, changing))
     sys.exit(exit_code_after(_PACKAGE, _run))

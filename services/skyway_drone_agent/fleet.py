@@ -10,9 +10,8 @@ import resource
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from typing import Never
 
-from skyway.errors import SkywayError
 from skyway.ids import DroneId
-from skyway.runtime.errors import ExitCode, InvalidSettings
+from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient, Will
@@ -233,10 +232,8 @@ def allow_open_files(drones: int) -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (limit, hard))
 
 
-class NotDown(SkywayError):
+class NotDown(InvalidSettings):
     """The drone stands or flies, so its position cannot be set."""
-
-    exit_code = ExitCode.BAD_SETTINGS
 
     def __init__(self, drone_id: DroneId) -> None:
         super().__init__(f"{drone_id} is not down, so its position cannot be set")

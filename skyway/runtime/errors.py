@@ -23,6 +23,7 @@ SkywayError
 An error that ends a process also has an `exit_code`, which `skyway up` reads.
 """
 
+import os
 import sys
 import traceback
 from collections.abc import Callable, Mapping
@@ -76,6 +77,11 @@ def exit_code_after(program: str, run: Callable[[], int | None]) -> int:
                 traceback.print_exception(error)
             sys.stderr.write(f"{program}: {said or repr(cause)}\n")
         return code
+    finally:
+        try:
+            sys.stderr.flush()
+        except OSError:  # the terminal is lost: Python's own last flush must not fail
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
 
 
 def _reason(error: BaseException) -> tuple[ExitCode, BaseException]:

@@ -4,10 +4,8 @@ One `traceparent` follows a request through REST, messages and logs. `LAST_ERROR
 warning or error of each kind for operators.
 """
 
-import errno
 import json
 import logging
-import os
 import re
 import secrets
 import sys
@@ -19,7 +17,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Final, TextIO
+from typing import Final
 
 from skyway.contracts.figures import LoggedError
 
@@ -171,7 +169,7 @@ class JsonLines(logging.Formatter):
 
 def configure_logs(service: str, level: str) -> None:
     """Write all records of this process, from `level` on, as JSON lines on standard error."""
-    handler = _StandardError(sys.stderr)
+    handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(JsonLines(service))
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
     logging.captureWarnings(capture=True)
@@ -179,16 +177,6 @@ def configure_logs(service: str, level: str) -> None:
     logging.getLogger("httpx").setLevel(logging.WARNING)
     # Alembic logs each migration and each plugin, which would hide our own lines of the start.
     logging.getLogger("alembic").setLevel(logging.WARNING)
-
-
-class _StandardError(logging.StreamHandler[TextIO]):
-    """Writes records nowhere once nobody reads them: the terminal is closed, or the pipe broken."""
-
-    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging's own name
-        if getattr(sys.exc_info()[1], "errno", None) in (errno.EIO, errno.EPIPE):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
-        else:
-            super().handleError(record)
 
 
 def _is_secret(name: str) -> bool:

@@ -59,7 +59,7 @@ MAINS: Final = {
     "unseal": ["skyway_composition", "unseal"],
     "broker": ["skyway_broker"],
     "drone agent": ["skyway_drone_agent", "--fleet", "fleet.json", "--journal", "journal"],
-    "search": [f"from {SEARCH} import _PROGRAM; exec(_PROGRAM, {{}})"],
+    "search": [f"from {SEARCH} import serve; serve()"],
     "skyway up": ["skyway.cli", "up", "--data", "data"],
     "skyway archive": ["skyway.cli", "archive", "files", "--data", "data"],
 }

@@ -10,7 +10,7 @@ from typing import Any, Final
 from urllib.parse import urlsplit
 
 from skyway.errors import InvalidInput, SkywayError
-from skyway.runtime.errors import ExitCode
+from skyway.runtime.errors import ExitCode, InvalidSettings
 
 _TIMEOUT_S: Final = 10.0
 _LARGEST_ANSWER_BYTES: Final = 1 << 20
@@ -19,10 +19,8 @@ _SERVER_ERROR: Final = 500
 _TOO_MANY_REQUESTS: Final = 429
 
 
-class CloudRefused(SkywayError):
+class CloudRefused(InvalidSettings):
     """The cloud refused the call; the same call again does not help."""
-
-    exit_code = ExitCode.BAD_SETTINGS
 
     def __init__(self, status: int, code: str, detail: str) -> None:
         super().__init__(f"the cloud refused ({status} {code}): {detail}")

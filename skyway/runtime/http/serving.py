@@ -13,7 +13,7 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import Final, Protocol
+from typing import Final
 
 import uvicorn
 import uvloop
@@ -22,10 +22,11 @@ from starlette.types import Message, Receive, Scope, Send
 
 from skyway.runtime.errors import FOR_GOOD, ExitCode, ServiceUnavailable, exit_code_of
 from skyway.runtime.garbage import keep_what_is_loaded
-from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits, FrontSettings
+from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits
 from skyway.runtime.http.front_protocol import FrontProtocol
 from skyway.runtime.http.problems import problem_of, problem_response
 from skyway.runtime.loops import MissingParts, missing_part, pause_s, stop_signals
+from skyway.runtime.settings import ServiceSettings
 
 log = logging.getLogger(__name__)
 
@@ -43,36 +44,7 @@ _STOPS: Final = ServiceUnavailable("service", "it stops")
 _ALWAYS_ANSWERED: Final = ("/healthz", "/metrics")
 
 
-class ServingSettings(FrontSettings, Protocol):
-    """Where to listen, and which parent process to end with; `ServiceSettings` has it all."""
-
-    @property
-    def host(self) -> str:
-        """The address to bind when no socket was passed."""
-        ...
-
-    @property
-    def port(self) -> int:
-        """The port to bind when no socket was passed; 0 takes any."""
-        ...
-
-    @property
-    def socket_fd(self) -> int | None:
-        """A listening socket passed by the parent."""
-        ...
-
-    @property
-    def parent_fd(self) -> int | None:
-        """The reading end of a pipe that the parent holds open while it lives."""
-        ...
-
-    @property
-    def trusted_proxies(self) -> str:
-        """Addresses and networks, separated by commas, whose `X-Forwarded-For` is trusted."""
-        ...
-
-
-def serve(app: Starlette, settings: ServingSettings) -> int:
+def serve(app: Starlette, settings: ServiceSettings) -> int:
     """Serve until a signal comes or the parent ends; returns the exit code.
 
     Raises
@@ -131,7 +103,7 @@ class _Server(uvicorn.Server):
         self.should_exit = True
 
 
-async def _serve(server: _Server, opening: "Opening", settings: ServingSettings) -> int:
+async def _serve(server: _Server, opening: "Opening", settings: ServiceSettings) -> int:
     with _leaving_with_parent(server, settings.parent_fd):
         try:
             await server.serve(_passed_sockets(settings.socket_fd))

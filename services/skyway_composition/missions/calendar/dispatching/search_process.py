@@ -16,11 +16,12 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final, Never, Self
 
 from skyway.errors import SkywayError
 from skyway.ids import DroneId, MissionId, NetworkId
 from skyway.network.network import Network
+from skyway.runtime.errors import exit_code_after
 
 #: The length of a message, before it.
 _LENGTH: Final = struct.Struct("!Q")
@@ -30,14 +31,6 @@ _LENGTH: Final = struct.Struct("!Q")
 _LONGEST_S: Final = 240.0
 #: Seconds of wall time for an idle process to end.
 _ENDS_WITHIN_S: Final = 2.0
-
-#: What the process runs.
-_PROGRAM: Final = f"""
-import sys
-from skyway.runtime.errors import exit_code_after
-from {__name__} import serve
-sys.exit(exit_code_after("search", serve))
-"""
 
 #: How much the process gives way to the others of its machine.
 _NICENESS: Final = 5
@@ -131,7 +124,7 @@ class SearchProcess:
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
                 "-c",
-                _PROGRAM,
+                f"from {__name__} import serve; serve()",
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
             )
@@ -190,8 +183,12 @@ def _end_with_parent() -> None:
     os._exit(0)
 
 
-def serve() -> None:
+def serve() -> Never:
     """Answer the searches on standard input until it ends, behind the work of other processes."""
+    sys.exit(exit_code_after("search", _serve))
+
+
+def _serve() -> None:
     from skyway.dispatch.warm import warm
 
     threading.Thread(target=_end_with_parent, daemon=True).start()
