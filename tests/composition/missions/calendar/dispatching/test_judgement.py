@@ -154,3 +154,15 @@ def test_on_a_shared_mission_no_customer_allows_lateness_for_the_others() -> Non
     )
 
     assert judge([(before, after)], tolerance_s=60).late == {"drn_1"}
+
+
+def test_no_saving_is_worth_a_promise_that_is_broken() -> None:
+    kept = make_record(eta_min=600, promised_min=600)
+    sooner = make_record(eta_min=60, promised_min=600)
+    late_before = make_record(eta_min=60, promised_min=60)
+    late_after = make_record(eta_min=62, promised_min=60, drone="drn_2")
+
+    judgement = judge([(kept, sooner), (late_before, late_after)], tolerance_s=60)
+
+    assert (judgement.saved_s > 10_000, judgement.late) == (True, {"drn_2"})
+    assert not judgement.is_better
