@@ -128,6 +128,16 @@ async def test_deliveries_of_a_silent_cell_are_kept_when_others_are_forgotten(
     assert gateway.composition.forgotten == [elsewhere]
 
 
+async def test_a_station_of_an_outdated_network_still_names_its_cell(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    """A new version was announced and not read yet, and another server is silent."""
+    gateway.parts.networks.cached.clear()
+    gateway.composition.is_away = cell.is_away = True
+
+    assert await gateway.parts.find.of_station(StationId(STATIONS[0])) == CORRIDOR
+
+
 async def test_a_closed_cell_gets_no_new_requests_and_waiting_ones_are_booked_later(
     gateway: Gateway, cell: FakeComposition
 ) -> None:
