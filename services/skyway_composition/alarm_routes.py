@@ -94,8 +94,7 @@ def drone_alarm_routes(*, db: Database, gate: ServiceGate, mint: Mint) -> Servic
                 await alarm_store.end(
                     tx,
                     alarm_store.OF_REGISTRY & {requested.code},
-                    drone_id=requested.drone_id,
-                    mission_id=None,
+                    about=(requested.drone_id, None),
                     at_ms=moment_to_ms(requested.at),
                 )
             elif not await alarm_store.is_open(

@@ -131,9 +131,10 @@ OF_REGISTRY: Final = frozenset({"MAINTENANCE_DUE"})
 
 
 async def end(
-    tx: Tx, codes: Collection[str], *, drone_id: DroneId, mission_id: MissionId | None, at_ms: int
+    tx: Tx, codes: Collection[str], *, about: tuple[DroneId, MissionId | None], at_ms: int
 ) -> None:
     """End the open alarms with these codes about a drone and its mission: what they say is over."""
+    drone_id, mission_id = about
     await tx.execute(
         update(alarms)
         .where(

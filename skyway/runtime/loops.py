@@ -108,7 +108,7 @@ def stop_signals(stop: Callable[[str], object]) -> Iterator[None]:
     async def watch(terminal: int) -> None:  # SIGHUP comes only if the terminal controls us
         poll = select.poll()
         poll.register(terminal, 0)
-        while not poll.poll(0):  # noqa: ASYNC110 - the system tells nobody
+        while not poll.poll(0):  # noqa: ASYNC110 - no event comes
             await asyncio.sleep(_LOOK_EVERY_S)
         stop_for("the terminal is closed")
 

@@ -13,7 +13,7 @@ import pytest
 UP = "from skyway.cli.entry import main; main()"
 
 
-def take_terminal() -> None:
+def control_terminal() -> None:
     """Make standard input the terminal that controls this process, as a shell does."""
     os.setsid()
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)
@@ -44,7 +44,7 @@ def test_a_closed_terminal_stops_everything_in_order(
         stderr=theirs,
         env={**os.environ, "TERM": "dumb"},
         start_new_session=not is_controlling,
-        preexec_fn=take_terminal if is_controlling else None,  # noqa: PLW1509 - no threads here
+        preexec_fn=control_terminal if is_controlling else None,  # noqa: PLW1509 - no threads here
     ) as up:
         os.close(theirs)
         read_until(ours, b"Stop: Ctrl-C")

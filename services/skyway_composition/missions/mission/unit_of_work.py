@@ -53,8 +53,7 @@ class MissionUnitOfWork:
     _alarming: dict[MissionId, frozenset[str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for record in self.missions.values():
-            self._alarming[record.mission_id] = _alarming(record)
+        self._alarming |= {each.mission_id: _alarming(each) for each in self.missions.values()}
 
     @classmethod
     async def lock(
@@ -119,22 +118,18 @@ class MissionUnitOfWork:
         """End the alarms that the mission's state no longer keeps open."""
         before, now = self._alarming.get(record.mission_id, frozenset()), _alarming(record)
         self._alarming[record.mission_id] = now
-        if before - now:
-            await alarm_store.end(
-                self.tx,
-                before - now,
-                drone_id=record.drone_id,
-                mission_id=record.mission_id,
-                at_ms=moment_to_ms(self.clock.now()),
-            )
+        if over := before - now:
+            at_ms, about = moment_to_ms(self.clock.now()), (record.drone_id, record.mission_id)
+            await alarm_store.end(self.tx, over, about=about, at_ms=at_ms)
 
 
 def _alarming(record: MissionRecord) -> frozenset[str]:
     """The codes of alarms that the mission's state keeps open."""
-    if not record.is_live:
-        return frozenset()
-    of_doubt = frozenset() if record.mission.doubt is None else alarm_store.OF_DOUBT
-    return of_doubt if record.trouble is None else of_doubt | alarm_store.OF_TROUBLE
+    of_doubt = record.is_live and record.mission.doubt is not None
+    of_trouble = record.is_live and record.trouble is not None
+    return (alarm_store.OF_DOUBT if of_doubt else frozenset()) | (
+        alarm_store.OF_TROUBLE if of_trouble else frozenset()
+    )
 
 
 async def lock_mission(
