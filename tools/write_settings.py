@@ -79,6 +79,13 @@ AGENT: Final = (
 COMMAND_LINE: Final = (
     Row("SKYWAY_DATA", "path", "`.skyway`", "The data folder, where `--data` is not given."),
     Row(
+        "NUMBA_CACHE_DIR",
+        "path",
+        "beside the planner's sources, else in the user's cache folder, else in the data folder",
+        "Where compiled kernels are kept. Services that run alone and can write to neither of the "
+        "first two need it.",
+    ),
+    Row(
         "SKYWAY_DATABASE_URL",
         "text",
         "SQLite in the data folder",

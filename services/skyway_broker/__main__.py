@@ -2,12 +2,12 @@
 
 import asyncio
 import logging
-import signal
 import sys
 
 from skyway.contracts.broker_rules import BrokerRules
-from skyway.runtime.errors import InvalidSettings
+from skyway.runtime.errors import exit_code_after
 from skyway.runtime.garbage import keep_what_is_loaded
+from skyway.runtime.loops import stop_signals
 from skyway.runtime.tracing import configure_logs
 from skyway_broker.gate import Gate
 from skyway_broker.hardened import HardenedBroker
@@ -17,41 +17,35 @@ log = logging.getLogger(__name__)
 
 
 async def serve(settings: BrokerSettings) -> None:
-    """Serve until SIGTERM, SIGINT, or until the pipe to the parent closes."""
+    """Serve until a signal says stop, or until the pipe to the parent closes."""
     loop = asyncio.get_running_loop()
     stopping = asyncio.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, stopping.set)
     if settings.parent_fd is not None:
         # The parent never writes into the pipe: readable means that the parent closed it.
         loop.add_reader(settings.parent_fd, stopping.set)
     listener = settings.listener()
     gate = Gate(settings.password_file)
     broker = HardenedBroker(listener, gate=gate, rules=BrokerRules(), limits=settings.limits())
-    await broker.start()
-    log.info("broker listens", extra={"port": listener.getsockname()[1]})
-    await stopping.wait()
-    if settings.parent_fd is not None:
-        loop.remove_reader(settings.parent_fd)
-    await broker.shutdown()
+    with stop_signals(lambda _reason: stopping.set()):
+        await broker.start()
+        log.info("broker listens", extra={"port": listener.getsockname()[1]})
+        await stopping.wait()
+        if settings.parent_fd is not None:
+            loop.remove_reader(settings.parent_fd)
+        await broker.shutdown()
     log.info("broker stopped")
 
 
-def main() -> int:
-    """Run the broker; 2 when the environment is wrong."""
-    try:
-        settings = BrokerSettings.load()
-    except InvalidSettings as error:
-        sys.stderr.write(f"skyway_broker: {error}\n")
-        return 2
+def main() -> None:
+    """Run the broker."""
+    settings = BrokerSettings.load()
     configure_logs("broker", settings.log_level)
     # amqtt logs every connection; this package logs the important events itself.
     for library in ("amqtt", "transitions"):
         logging.getLogger(library).setLevel(logging.WARNING)
     keep_what_is_loaded()
     asyncio.run(serve(settings))
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(exit_code_after("skyway_broker", main))

@@ -9,12 +9,9 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
-from skyway.errors import SkywayError
-from skyway.runtime.errors import exit_code_of
+from skyway.runtime.errors import InvalidSettings, exit_code_after
 from skyway.runtime.service_process import ServiceProcess
-from skyway_composition.retention.archived_tables import ARCHIVED
 from skyway_composition.settings import CompositionSettings
-from skyway_composition.verify.rules import FACTS, RULES
 
 _PACKAGE: Final = "skyway_composition"
 
@@ -53,25 +50,28 @@ def _change_database(command: str, arguments: Sequence[str]) -> int:
     """Run `copy URL` or `unseal`; the exit code."""
     from skyway.runtime.settings import DatabaseSettings
 
-    try:
-        own_url = DatabaseSettings.load().database_url
-        if command == "copy" and len(arguments) == 1:
-            asyncio.run(_copy(own_url, arguments[0]))
-        elif command == "unseal" and not arguments:
-            asyncio.run(_unseal(own_url))
-        else:
-            sys.stderr.write(f"{_PACKAGE}: copy needs the URL of the other database, unseal none\n")
-            return 2
-    except SkywayError as error:
-        sys.stderr.write(f"{_PACKAGE}: {error}\n")
-        return exit_code_of(error)
+    own_url = DatabaseSettings.load().database_url
+    if command == "copy" and len(arguments) == 1:
+        asyncio.run(_copy(own_url, arguments[0]))
+    elif command == "unseal" and not arguments:
+        asyncio.run(_unseal(own_url))
+    else:
+        raise InvalidSettings("copy needs the URL of the other database, unseal none")
     return 0
 
 
-if __name__ == "__main__":
+def _run() -> int:
     if sys.argv[1:2] in (["copy"], ["unseal"]):
-        sys.exit(_change_database(sys.argv[1], sys.argv[2:]))
+        return _change_database(sys.argv[1], sys.argv[2:])
+    # Imported here: without a folder for its kernels the planner cannot be imported.
+    from skyway_composition.retention.archived_tables import ARCHIVED
+    from skyway_composition.verify.rules import FACTS, RULES
+
     process = ServiceProcess(
         "composition", _PACKAGE, CompositionSettings, _serve, RULES, FACTS, ARCHIVED
     )
-    sys.exit(process.run())
+    return process.run()
+
+
+if __name__ == "__main__":
+    sys.exit(exit_code_after(_PACKAGE, _run))

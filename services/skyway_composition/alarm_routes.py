@@ -87,10 +87,17 @@ def drone_alarm_routes(*, db: Database, gate: ServiceGate, mint: Mint) -> Servic
         caller: Annotated[Caller, Depends(gate)],
         requested: Annotated[DroneAlarm, Depends(internal_body(DroneAlarm))],
     ) -> Response:
-        """Raise an alarm about a drone, unless one with its code is open already."""
+        """Raise an alarm about a drone, unless one with its code is open already; or end it."""
         caller.must_be_service("registry")
         async with db.write() as tx:
-            if not await alarm_store.is_open(
+            if requested.is_over:
+                await alarm_store.end(
+                    tx,
+                    alarm_store.OF_REGISTRY & {requested.code},
+                    about=(requested.drone_id, None),
+                    at_ms=moment_to_ms(requested.at),
+                )
+            elif not await alarm_store.is_open(
                 tx.connection, requested.drone_id, code=requested.code
             ):
                 await alarm_store.add(

@@ -1,7 +1,7 @@
 """Alarms: problems that an operator must look at and acknowledge, with all their SQL."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated, Any, Final, Literal
@@ -44,7 +44,10 @@ class Alarm(JsonModel):
     detail: Annotated[str, Field(description="The reason in words, with the values in question.")]
     at: Annotated[datetime, Field(description="Moment of the problem, fleet time.")]
     state: Annotated[
-        AlarmState, Field(description="OPEN until an operator acknowledges the alarm.")
+        AlarmState,
+        Field(
+            description="OPEN until an operator acknowledges the alarm, or what it says is over."
+        ),
     ]
     provider_id: Annotated[
         ProviderId | None, Field(description="Provider that the problem concerns, if any.")
@@ -67,7 +70,11 @@ class Alarm(JsonModel):
         datetime | None, Field(description="Moment of the acknowledgement, fleet time.")
     ] = None
     acknowledged_by: Annotated[
-        str | None, Field(description="The operator who acknowledged the alarm first.")
+        str | None,
+        Field(
+            description="The operator who acknowledged the alarm first; service:composition if "
+            "what it says was over first."
+        ),
     ] = None
     note: Annotated[str | None, Field(description="What this operator wrote about the alarm.")] = (
         None
@@ -99,7 +106,7 @@ async def add(
     station_id: StationId | None = None,
     data: Mapping[str, Any] | None = None,  # numbers and names behind the code
 ) -> AlarmId:
-    """Raise an alarm; it stays open until an operator acknowledges it."""
+    """Raise an alarm; it stays open until an operator acknowledges it, or `end` ends it."""
     alarm_id = AlarmId(mint("alm"))
     await tx.execute(
         insert(alarms).values(
@@ -116,6 +123,35 @@ async def add(
         )
     )
     return alarm_id
+
+
+#: Alarms that end by themselves, with what their missions had as long as they stood: a mission in
+#: doubt, a mission that needs another plan. docs/reference/operations.md says why no others do.
+OF_DOUBT: Final = frozenset({"MISSION_IN_DOUBT"})
+OF_TROUBLE: Final = frozenset({"REVISIONS_REFUSED", "DIVERSION_IMPOSSIBLE", "FAILSAFE_ACTIVE"})
+#: Alarms of the registry, which says when they end.
+OF_REGISTRY: Final = frozenset({"MAINTENANCE_DUE"})
+
+
+async def end(
+    tx: Tx, codes: Collection[str], *, about: tuple[DroneId, MissionId | None], at_ms: int
+) -> None:
+    """End the open alarms with these codes about a drone and its mission: what they say is over."""
+    drone_id, mission_id = about
+    await tx.execute(
+        update(alarms)
+        .where(
+            alarms.c.acknowledged_ms.is_(None),
+            alarms.c.drone_id == drone_id,
+            alarms.c.mission_id.is_not_distinct_from(mission_id),
+            alarms.c.code.in_(sorted(codes)),
+        )
+        .values(
+            acknowledged_ms=at_ms,
+            acknowledged_by="service:composition",
+            note="this is over; the alarm has ended by itself",
+        )
+    )
 
 
 async def has_room(

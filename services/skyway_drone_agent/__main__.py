@@ -3,11 +3,11 @@
 import asyncio
 import contextlib
 import os
-import signal
 import sys
 
-from skyway.errors import SkywayError
+from skyway.runtime.errors import exit_code_after
 from skyway.runtime.garbage import keep_what_is_loaded
+from skyway.runtime.loops import stop_signals
 from skyway.runtime.tracing import configure_logs
 from skyway_drone_agent.enrolment.enrol import Crew, EnrolledCrew, RegisteredCrew, enrol, enrolled
 from skyway_drone_agent.enrolment.enrolled_drone import CredentialsFolder, read_fleet
@@ -16,27 +16,22 @@ from skyway_drone_agent.journal.journal import JournalFolder
 from skyway_drone_agent.settings import AgentSettings, read_settings
 
 
-def main() -> int:
-    """Serve until a signal says stop. The exit code is 2 if the settings or the fleet are wrong."""
-    try:
-        settings = read_settings(sys.argv[1:], os.environ)
-        configure_logs("drone_agent", settings.log_level)
-        crew = _crew(settings)
-        allow_open_files(len(crew.drones))
-        with JournalFolder(settings.journal, (drone.drone_id for drone in crew.drones)) as folder:
-            # We hold the locks of the journals now: no other process serves these drones.
-            crew.settle()
-            if settings.placed is not None:
-                place(crew.drones, folder, settings.placed)
-            if settings.enrolment.is_rotation_requested:
-                crew.rotate()
-            keep_what_is_loaded()
-            with _runner(len(crew.drones)) as runner:
-                runner.run(_serve(crew, folder, settings))
-    except (SkywayError, OSError) as error:
-        sys.stderr.write(f"{error}\n")
-        return 2
-    return 0
+def main() -> None:
+    """Serve until a signal says stop."""
+    settings = read_settings(sys.argv[1:], os.environ)
+    configure_logs("drone_agent", settings.log_level)
+    crew = _crew(settings)
+    allow_open_files(len(crew.drones))
+    with JournalFolder(settings.journal, (drone.drone_id for drone in crew.drones)) as folder:
+        # We hold the locks of the journals now: no other process serves these drones.
+        crew.settle()
+        if settings.placed is not None:
+            place(crew.drones, folder, settings.placed)
+        if settings.enrolment.is_rotation_requested:
+            crew.rotate()
+        keep_what_is_loaded()
+        with _runner(len(crew.drones)) as runner:
+            runner.run(_serve(crew, folder, settings))
 
 
 def _crew(settings: AgentSettings) -> Crew:
@@ -88,12 +83,13 @@ async def _host(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> N
 async def _serve(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> None:
     serving = asyncio.create_task(_host(crew, folder, settings))
     loop = asyncio.get_running_loop()
-    for stop in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(stop, serving.cancel)
     if settings.parent_fd is not None:
         # Nobody writes on the parent's pipe, so it becomes readable only when the parent exits.
         loop.add_reader(settings.parent_fd, _leave, serving, settings.parent_fd)
-    with contextlib.suppress(asyncio.CancelledError):
+    with (
+        stop_signals(lambda _reason: serving.cancel()),
+        contextlib.suppress(asyncio.CancelledError),
+    ):
         await serving
 
 
@@ -104,4 +100,4 @@ def _leave(serving: asyncio.Task[None], parent_fd: int) -> None:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(exit_code_after("skyway_drone_agent", main))

@@ -10,7 +10,6 @@ import resource
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from typing import Never
 
-from skyway.errors import SkywayError
 from skyway.ids import DroneId
 from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.garbage import keep_what_is_loaded
@@ -233,7 +232,7 @@ def allow_open_files(drones: int) -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (limit, hard))
 
 
-class NotDown(SkywayError):
+class NotDown(InvalidSettings):
     """The drone stands or flies, so its position cannot be set."""
 
     def __init__(self, drone_id: DroneId) -> None:

@@ -12,7 +12,7 @@ import typer
 from skyway.cli.data_folder import DataOption, data_folder
 from skyway.cli.system.children import PACKAGES
 from skyway.cli.system.databases import database_urls
-from skyway.errors import SkywayError
+from skyway.cli.system.supervisor import ProcessEnded
 from skyway.runtime.archive.export import WrittenDay
 
 #: The services that archive; the registry keeps its own history of telemetry.
@@ -38,7 +38,8 @@ def archive_command(
             check=False,
         )
         if done.returncode != 0:
-            raise SkywayError(f"{service} was not archived:\n{done.stderr}")
+            detail = f"{service} was not archived:\n{done.stderr}"
+            raise ProcessEnded(detail, exit_code=done.returncode)
         for line in done.stdout.splitlines():
             day = WrittenDay.read(line)
             typer.echo(f"{service} {day.table} {day.day}: {day.rows} rows")

@@ -103,7 +103,7 @@ def _run_composition(*arguments: str, database: str, failed: str) -> str:
         check=False,
     )
     if done.returncode != 0:
-        fail(f"{failed}: {done.stderr.strip()}")
+        fail(f"{failed}: {done.stderr.strip()}", exit_code=done.returncode)
     return done.stdout.rstrip()
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, Never
 
 import typer
 
+from skyway.cli.data_folder import data_folder, keep_kernels
 from skyway.delivery.plan import Plan, PlanStatus
 from skyway.errors import FieldFault, InvalidInput
 
@@ -60,6 +61,7 @@ def compose_command(
     ] = None,
 ) -> None:
     """Compose a plan for each problem in a file."""
+    keep_kernels(data_folder())
     from skyway.cli.problem_composer import ProblemComposer
 
     composer = ProblemComposer(_overrides(strategy, time_limit))

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from tempfile import TemporaryFile
+from typing import Annotated, Final
 
 import typer
 
@@ -110,6 +111,32 @@ class DataFolder:
         """Make the missing folders; other users cannot read them."""
         for folder in (self.path, self.secrets, self.logs, self.broker, self.journals):
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+
+
+#: Where compiled kernels are kept, if it can be written to: the installation.
+_INSTALLED: Final = Path(__file__).parents[1] / "planner/kernels/__pycache__"
+
+
+def keep_kernels(folder: DataFolder, *, installed: Path = _INSTALLED) -> None:
+    """Have this process and its children compile into the data folder where they could not else."""
+    home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    usual = (installed, home / "numba")
+    if "NUMBA_CACHE_DIR" not in os.environ and not any(map(_can_be_written, usual)):
+        os.environ["NUMBA_CACHE_DIR"] = str(folder.path.resolve() / "kernels")
+        typer.echo(
+            f"The planner is compiled into {os.environ['NUMBA_CACHE_DIR']}, because neither the "
+            "installation nor your home can be written to. NUMBA_CACHE_DIR names another folder.",
+            err=True,
+        )
+
+
+def _can_be_written(folder: Path) -> bool:
+    try:
+        folder.expanduser().mkdir(parents=True, exist_ok=True)
+        TemporaryFile(dir=folder.expanduser()).close()
+    except (OSError, RuntimeError):  # RuntimeError: this user has no home
+        return False
+    return True
 
 
 def data_folder(given: Path | None = None) -> DataFolder:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skyway.cli.compose import NotJson, documents
+from skyway.cli.data_folder import data_folder, keep_kernels
 from skyway.errors import InvalidInput
 from skyway.workers import RAY_ADDRESS, open_workers
 
@@ -55,6 +56,7 @@ def dispatch_command(
     ray_address: RayAddress = None,
 ) -> None:
     """Plan all open requests of a fleet together."""
+    keep_kernels(data_folder())
     from skyway.dispatch import optimise, read_fleet_problem
     from skyway.dispatch.warm import warm
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skyway.cli.data_folder import data_folder, keep_kernels
 from skyway.cli.dispatch import RayAddress
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ def experiment_command(
     ray_address: RayAddress = None,
 ) -> None:
     """Measure the planner against the paper's strategies; write a page, figures and CSV files."""
+    keep_kernels(data_folder())
     # Late: matplotlib, numpy and numba are heavy, and other commands do without them.
     from skyway.experiments.figures import require_matplotlib
     from skyway.experiments.page import PARTS

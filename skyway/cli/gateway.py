@@ -63,10 +63,10 @@ def call_gateway(
     return answer.json() if answer.content else None
 
 
-def fail(message: str) -> NoReturn:
+def fail(message: str, *, exit_code: int = EXIT_REFUSED) -> NoReturn:
     """End the command with this message on standard error."""
     typer.echo(message, err=True)
-    raise typer.Exit(EXIT_REFUSED)
+    raise typer.Exit(exit_code)
 
 
 def _problem(answer: httpx.Response) -> str:

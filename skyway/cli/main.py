@@ -3,11 +3,11 @@
 import sys
 from collections.abc import Iterable
 from importlib import import_module
-from typing import Annotated, Final, NoReturn
+from typing import Annotated, Final
 
 import typer
 
-from skyway.errors import SkywayError
+from skyway.runtime.errors import exit_code_after
 
 #: Each subcommand, and what runs it.
 _COMMANDS: Final = {
@@ -83,22 +83,9 @@ def make_app(commands: Iterable[str] = tuple(_COMMANDS)) -> typer.Typer:
 def main() -> None:
     """Run a subcommand.
 
-    An error that Skyway reports ends it with a message and exit code 1. So does a file that cannot
-    be used, because a wrong path is the most frequent mistake.
+    An error that Skyway reports ends it with a message and the error's own exit code, or 1. So does
+    a file that cannot be used, because a wrong path is the most frequent mistake.
     """
     # One subcommand needs a third of the time to start that all of them need.
     given = [name for name in sys.argv[1:2] if name in _COMMANDS]
-    app = make_app(given or _COMMANDS)
-    try:
-        app()
-    except SkywayError as error:
-        _end(str(error))
-    except OSError as error:
-        if error.filename is None:
-            raise
-        _end(f"{error.filename}: {error.strerror}")
-
-
-def _end(message: str) -> NoReturn:
-    typer.echo(f"skyway: {message}", err=True)
-    sys.exit(1)
+    sys.exit(exit_code_after("skyway", make_app(given or _COMMANDS)))

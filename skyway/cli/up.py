@@ -1,13 +1,13 @@
 """`skyway up`: the whole system on this machine, until Ctrl-C."""
 
 import asyncio
-from typing import Annotated, Final
+from typing import IO, Annotated, Final, cast
 
 import typer
 from rich.console import Console
 
-from skyway.cli.data_folder import DataFolder, DataOption, data_folder
-from skyway.cli.system.announce import announce, asked_to_stop, login_link
+from skyway.cli.data_folder import DataFolder, DataOption, data_folder, keep_kernels
+from skyway.cli.system.announce import LastingOutput, announce, asked_to_stop, login_link
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import running_system
 from skyway.cli.system.supervisor import first_of
@@ -59,14 +59,15 @@ def up_command(
 ) -> None:
     """Start all processes and keep them running until Ctrl-C."""
     folder = data_folder(data)
+    keep_kernels(folder)
     ports = Ports(gateway=port, broker=mqtt_port)
     chosen_rate = rate or (_DEMO_RATE if demo else _RATE)
     asyncio.run(_up(folder, rate=chosen_rate, ports=ports, demo=demo, cells=cells))
 
 
 async def _up(folder: DataFolder, *, rate: float, ports: Ports, demo: bool, cells: int) -> None:
-    console = Console()
-    with asked_to_stop() as asked:
+    console = Console(file=cast("IO[str]", LastingOutput(folder)))
+    with asked_to_stop(console) as asked:
         running = _run(console, folder, rate=rate, ports=ports, demo=demo, cells=cells)
         await first_of(asked.wait(), running)
     console.print("Skyway has stopped; nothing is left running.")

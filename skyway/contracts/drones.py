@@ -100,6 +100,9 @@ class DroneAlarm(WireModel):
     detail: Words
     at: FleetMoment
     data: SmallObject = Field(default_factory=dict)
+    is_over: Annotated[
+        bool, Field(description="Whether this ends the open alarms with the code.")
+    ] = False
 
 
 #: Where composition asks.

@@ -21,14 +21,84 @@ SkywayError
 ├── UnsafeDatabase          a database that would lose answered writes
 └── UnknownRevision         a database with tables of another version of Skyway
 
-An error that ends a process also has an exit code, which `skyway up` reads.
+An error that ends a process also has an `exit_code`, which `skyway up` reads.
 """
 
-from collections.abc import Mapping
+import os
+import sys
+import traceback
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from enum import IntEnum
 from typing import Any, Final
 
-from skyway.errors import SkywayError
+from skyway.errors import InvalidInput, SkywayError
+
+
+class ExitCode(IntEnum):
+    """docs/reference/operations.md says what each code means."""
+
+    ENDED = 0
+    #: A bug. Python itself ends with it after an error that nothing caught.
+    FAILED = 1
+    #: The environment is incomplete or wrong.
+    BAD_SETTINGS = 2
+    #: A part that the process needs is away, such as its port or the database.
+    NOT_NOW = 3
+    #: The database is damaged, or of another version of Skyway.
+    BAD_DATABASE = 4
+
+
+#: The same process would end again with the same code until a person has done something.
+FOR_GOOD: Final = frozenset({ExitCode.BAD_SETTINGS, ExitCode.BAD_DATABASE})
+
+#: Of several errors that end a process together, the code that stands last here wins.
+_PERMANENCE: Final = tuple(map(ExitCode, (0, 3, 1, 2, 4)))
+
+
+def exit_code_of(error: BaseException) -> ExitCode:
+    """The code for an error, or a group of errors, that ends a process."""
+    return _reason(error)[0]
+
+
+def exit_code_after(program: str, run: Callable[[], int | None]) -> int:
+    """What `run` returns, or the code of the error that ends it: the outermost frame of a process.
+
+    The last line on standard error says why it ended. A bug leaves its traceback.
+    """
+    try:
+        return run() or ExitCode.ENDED
+    except (Exception, BaseExceptionGroup) as error:  # noqa: BLE001 - the outermost frame
+        code, cause = _reason(error)
+        said = str(cause) if isinstance(cause, SkywayError) else ""
+        if isinstance(cause, OSError) and cause.filename is not None:
+            said = f"{cause.filename}: {cause.strerror}"
+        with suppress(OSError):  # the terminal may be lost
+            if not said or isinstance(error, BaseExceptionGroup):
+                traceback.print_exception(error)
+            sys.stderr.write(f"{program}: {said or repr(cause)}\n")
+        return code
+    finally:
+        try:
+            sys.stderr.flush()
+        except OSError:  # the terminal is lost: Python's own last flush must not fail
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
+
+
+def _reason(error: BaseException) -> tuple[ExitCode, BaseException]:
+    """The code, and the error that it stands for: of several errors the most permanent.
+
+    An error that says nothing of its own has the code of its cause.
+    """
+    if isinstance(error, BaseExceptionGroup):
+        found = [_reason(each) for each in error.exceptions]
+    else:
+        wrong_input = ExitCode.BAD_SETTINGS if isinstance(error, InvalidInput) else None
+        own: ExitCode | None = getattr(error, "exit_code", wrong_input)
+        found = [] if own is None else [(own, error)]
+        if error.__cause__ is not None:
+            found += [each for each in [_reason(error.__cause__)] if each[0] != ExitCode.FAILED]
+    return max(found, key=lambda each: _PERMANENCE.index(each[0]), default=(ExitCode.FAILED, error))
 
 
 class Unauthenticated(SkywayError):
@@ -171,6 +241,8 @@ class ServiceUnavailable(SkywayError):
     `code` names the reason for programs, where there is one: ``CELL_SEALED``.
     """
 
+    exit_code = ExitCode.NOT_NOW
+
     def __init__(self, service: str, detail: str, *, code: str | None = None) -> None:
         super().__init__(f"{service} is unavailable: {detail}")
         self.service = service
@@ -203,6 +275,8 @@ class MqttUnavailable(ServiceUnavailable):
 class DamagedDatabase(ServiceUnavailable):
     """A database holds broken pages: it stays so until a person restores it."""
 
+    exit_code = ExitCode.BAD_DATABASE
+
     def __init__(self, detail: str) -> None:
         super().__init__("database", f"it is damaged: {detail}")
 
@@ -228,13 +302,19 @@ class RemoteProblem(SkywayError):
 class InvalidSettings(SkywayError):
     """Variables of the environment are missing or wrong; the message names each."""
 
+    exit_code = ExitCode.BAD_SETTINGS
+
 
 class UnsafeDatabase(SkywayError):
     """A database does not keep what it answered through a loss of power."""
 
+    exit_code = ExitCode.BAD_SETTINGS
+
 
 class UnknownRevision(SkywayError):
     """A newer version of Skyway has changed a database so that this version cannot use it."""
+
+    exit_code = ExitCode.BAD_DATABASE
 
     def __init__(self, revision: str, *, newest: str) -> None:
         super().__init__(
@@ -242,30 +322,3 @@ class UnknownRevision(SkywayError):
             f"{revision}, this version has {newest} and cannot use its tables. Start the newer "
             "version again, or restore the backup from before the upgrade"
         )
-
-
-class ExitCode(IntEnum):
-    """docs/reference/operations.md says what each code means."""
-
-    ENDED = 0
-    #: A bug. Python itself ends with it after an error that nothing caught.
-    FAILED = 1
-    #: The environment is incomplete or wrong.
-    BAD_SETTINGS = 2
-    #: A part that the process needs is away, such as its port or the database.
-    NOT_NOW = 3
-    #: The database is damaged, or of another version of Skyway.
-    BAD_DATABASE = 4
-
-
-#: The same process would end again with the same code until a person has done something.
-FOR_GOOD: Final = frozenset({ExitCode.BAD_SETTINGS, ExitCode.BAD_DATABASE})
-
-
-def exit_code_of(error: Exception) -> ExitCode:
-    """The code for an error that ends a process."""
-    if isinstance(error, DamagedDatabase | UnknownRevision):
-        return ExitCode.BAD_DATABASE
-    if isinstance(error, ServiceUnavailable):
-        return ExitCode.NOT_NOW
-    return ExitCode.BAD_SETTINGS

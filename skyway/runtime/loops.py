@@ -1,10 +1,13 @@
-"""Loops that run as long as their process, and how often their work may begin."""
+"""Loops that run as long as their process, what stops it, and how often work may begin."""
 
 import asyncio
 import contextlib
 import logging
+import os
 import random
-from collections.abc import Awaitable, Callable, Coroutine
+import select
+import signal
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from datetime import datetime, timedelta
 from types import TracebackType
 from typing import Any, Never, Self
@@ -80,6 +83,49 @@ def missing_part(error: Exception) -> ServiceUnavailable | None:
         return None
     parts = [missing_part(each) for each in error.exceptions]
     return None if None in parts else parts[0]
+
+
+#: Wall seconds between two looks whether the terminal is still there.
+_LOOK_EVERY_S = 0.5
+_STANDARD_ERROR = 2
+
+
+@contextlib.contextmanager
+def stop_signals(stop: Callable[[str], object]) -> Iterator[None]:
+    """Within the block SIGTERM, SIGINT and the loss of the terminal (SIGHUP) call `stop`, once.
+
+    `stop` gets the reason. A process that `nohup` started outlives its terminal.
+    """
+    loop, reasons = asyncio.get_running_loop(), list[str]()
+    numbers = [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]
+
+    def stop_for(reason: str) -> None:
+        reasons.append(reason)
+        if len(reasons) == 1:
+            log.info("asked to stop", extra={"reason": reason})
+            stop(reason)
+
+    async def watch(terminal: int) -> None:  # SIGHUP comes only if the terminal controls us
+        poll = select.poll()
+        poll.register(terminal, 0)
+        while not poll.poll(0):  # noqa: ASYNC110 - no event comes
+            await asyncio.sleep(_LOOK_EVERY_S)
+        stop_for("the terminal is closed")
+
+    watching = None
+    if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
+        numbers.remove(signal.SIGHUP)
+    elif os.isatty(_STANDARD_ERROR):
+        watching = loop.create_task(watch(_STANDARD_ERROR))
+    for number in numbers:
+        loop.add_signal_handler(number, stop_for, number.name)
+    try:
+        yield
+    finally:
+        if watching is not None:
+            watching.cancel()
+        for number in numbers:
+            loop.remove_signal_handler(number)
 
 
 def always() -> bool:

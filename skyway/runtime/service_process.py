@@ -14,10 +14,9 @@ from functools import partial
 from pathlib import Path
 from typing import Final, Generic, TypeVar
 
-from skyway.errors import SkywayError
 from skyway.runtime.archive.archived_table import ArchivedTable
 from skyway.runtime.clock import AnchoredClock, load_clock
-from skyway.runtime.errors import exit_code_of
+from skyway.runtime.errors import exit_code_after
 from skyway.runtime.garbage import load_without_collecting
 from skyway.runtime.settings import ArchiveSettings, DatabaseSettings, ServiceSettings
 from skyway.runtime.sql.database import Database
@@ -53,15 +52,14 @@ class ServiceProcess(Generic[S]):
         parser.add_argument("--facts", type=Path, help="of verify: a new folder for facts")
         parser.add_argument("--folder", type=Path, help="of archive: where the files are")
         given = parser.parse_args(arguments)
-        try:
-            if given.command == "verify":
-                return self._verify(given.facts)
-            if given.command == "archive":
-                return asyncio.run(self._archive(given.folder or Path("archive")))
-            return self._migrate() if given.command == "migrate" else self._serve()
-        except SkywayError as error:
-            sys.stderr.write(f"{self.package}: {error}\n")
-            return exit_code_of(error)
+        return exit_code_after(self.package, partial(self._run, given))
+
+    def _run(self, given: argparse.Namespace) -> int:
+        if given.command == "verify":
+            return self._verify(given.facts)
+        if given.command == "archive":
+            return asyncio.run(self._archive(given.folder or Path("archive")))
+        return self._migrate() if given.command == "migrate" else self._serve()
 
     def _serve(self) -> int:
         # Serving ends with the process, and so does the export of its spans.

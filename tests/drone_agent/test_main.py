@@ -62,12 +62,43 @@ def test_a_missing_broker_is_named_and_ends_the_process(files: list[str]) -> Non
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_the_agent_stops_on_a_signal(tmp_path: Path, files: list[str]) -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_the_agent_stops_on_a_signal(
+    tmp_path: Path, files: list[str], number: signal.Signals
+) -> None:
     with subprocess.Popen([*COMMAND, *files], stderr=subprocess.PIPE, text=True) as running:
         wait_for_journal(tmp_path, running)
-        running.send_signal(signal.SIGTERM)
+        running.send_signal(number)
 
         assert running.wait(timeout=60) == 0
+
+
+def test_the_agent_stops_when_its_terminal_is_closed(files: list[str]) -> None:
+    ours, theirs = os.openpty()
+    with subprocess.Popen(
+        [*COMMAND, *files], stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True
+    ) as running:
+        os.close(theirs)
+        seen = b""
+        while b"no connection to the broker" not in seen:
+            seen += os.read(ours, 4096)
+
+        os.close(ours)
+
+        assert running.wait(timeout=60) == 0
+
+
+def test_an_agent_under_nohup_outlives_its_terminal(tmp_path: Path, files: list[str]) -> None:
+    command = ["nohup", *COMMAND, *files]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
+        wait_for_journal(tmp_path, running)
+        running.send_signal(signal.SIGHUP)
+        running.send_signal(signal.SIGTERM)
+
+        assert running.stderr is not None
+        stops = [json.loads(line) for line in running.stderr if "asked to stop" in line]
+        assert running.wait(timeout=60) == 0
+    assert [each["reason"] for each in stops] == ["SIGTERM"]
 
 
 def test_the_agent_stops_when_its_parent_exits(

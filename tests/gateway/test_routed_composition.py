@@ -8,9 +8,12 @@ from skyway_gateway.forward import cell_routes
 from skyway_gateway.network_store import read_cells
 
 from skyway.contracts.cells import CELL_HEADER, NetworkCell
+from skyway.contracts.forgotten_deliveries import ForgetDeliveries
+from skyway.contracts.mission import CancelMissions
 from skyway.contracts.station_check import NetworkStations
 from skyway.geo import Position
-from skyway.ids import NetworkId, StationId
+from skyway.ids import HoldId, NetworkId, StationId
+from skyway.runtime.errors import ServiceUnavailable
 from tests.gateway.fake_composition import STATIONS, FakeComposition
 from tests.gateway.whole_gateway import Gateway, make_request
 
@@ -84,6 +87,55 @@ async def test_a_silent_cell_is_named(gateway: Gateway, cell: FakeComposition) -
 
     assert (answer.status_code, answer.headers["retry-after"]) == (503, "1")
     assert "the cell corridor" in answer.json()["detail"]
+
+
+async def test_a_silent_cell_is_not_an_absent_delivery(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    delivery_id = await gateway.planned()
+    routed, asked = gateway.parts.composition, cell.asked[0]
+    cell.is_away = True
+    cancel = CancelMissions(cancellation_id="c1", reason="changed my mind")
+    calls = [
+        routed.book(delivery_id, asked),
+        routed.close(delivery_id),
+        routed.cancel(delivery_id, cancel),
+        routed.track(delivery_id),
+        routed.release(HoldId("hld_1")),
+        routed.forget(ForgetDeliveries(delivery_ids=(delivery_id,))),
+    ]
+
+    for each in calls:
+        with pytest.raises(ServiceUnavailable, match="the cell corridor"):
+            await each
+
+
+async def test_deliveries_of_a_silent_cell_are_kept_when_others_are_forgotten(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    in_cell = await gateway.planned()
+    elsewhere = await gateway.planned()
+    await gateway.execute(
+        f"UPDATE deliveries SET network_id = 'north' WHERE delivery_id = '{elsewhere}'"
+    )
+    cell.is_away = True
+
+    answer = await gateway.parts.composition.forget(
+        ForgetDeliveries(delivery_ids=(in_cell, elsewhere))
+    )
+
+    assert answer.kept == (in_cell,)
+    assert gateway.composition.forgotten == [elsewhere]
+
+
+async def test_a_station_of_an_outdated_network_still_names_its_cell(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    """A new version was announced and not read yet, and another server is silent."""
+    gateway.parts.networks.cached.clear()
+    gateway.composition.is_away = cell.is_away = True
+
+    assert await gateway.parts.find.of_station(StationId(STATIONS[0])) == CORRIDOR
 
 
 async def test_a_closed_cell_gets_no_new_requests_and_waiting_ones_are_booked_later(

@@ -245,3 +245,28 @@ async def test_no_network_is_published_when_every_server_says_so(
     around.empty = {"composition", "north"}
     with pytest.raises(RemoteProblem):
         await check_stations(clients, query)
+
+
+async def test_a_table_that_stays_is_kept_once(around: Servers, clients: CellClients) -> None:
+    around.cells = [cell(NORTH, "north")]
+
+    for _ in range(3):
+        await clients.refresh()
+
+    assert len(around.kept) == 1
+
+
+async def test_a_table_is_as_old_as_the_question_for_it(around: Servers) -> None:
+    """Its answer may have taken seconds, and cells may have changed meanwhile."""
+    now_s = 0.0
+
+    async def slow_table() -> CellTable:
+        nonlocal now_s
+        now_s += 5.0
+        return await around.table()
+
+    cells = Cells(slow_table, now=lambda: now_s)
+    before = cells.age_s
+    await cells.refresh()
+
+    assert (before, cells.age_s) == (None, 5.0)

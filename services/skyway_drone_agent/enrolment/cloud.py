@@ -10,6 +10,7 @@ from typing import Any, Final
 from urllib.parse import urlsplit
 
 from skyway.errors import InvalidInput, SkywayError
+from skyway.runtime.errors import ExitCode, InvalidSettings
 
 _TIMEOUT_S: Final = 10.0
 _LARGEST_ANSWER_BYTES: Final = 1 << 20
@@ -18,7 +19,7 @@ _SERVER_ERROR: Final = 500
 _TOO_MANY_REQUESTS: Final = 429
 
 
-class CloudRefused(SkywayError):
+class CloudRefused(InvalidSettings):
     """The cloud refused the call; the same call again does not help."""
 
     def __init__(self, status: int, code: str, detail: str) -> None:
@@ -29,6 +30,8 @@ class CloudRefused(SkywayError):
 
 class CloudUnreachable(SkywayError):
     """The cloud did not answer, or failed; the call may have taken effect."""
+
+    exit_code = ExitCode.NOT_NOW
 
 
 class _NoRedirects(urllib.request.HTTPRedirectHandler):

@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterable
 from http import HTTPStatus
 from typing import Final, Protocol
 
-from skyway.errors import SkywayError
 from skyway.ids import DroneId
+from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.signing.key_pair import PrivateKey
 from skyway_drone_agent.enrolment.cloud import Cloud, CloudAccess, CloudRefused, CloudUnreachable
 from skyway_drone_agent.enrolment.enrolled_drone import (
@@ -35,7 +35,7 @@ log = logging.getLogger(__name__)
 _AGAIN_AFTER_S: Final = 10.0
 
 
-class NotEnrolled(SkywayError):
+class NotEnrolled(InvalidSettings):
     """No drone has enrolled here, and there is no token to enrol one."""
 
     def __init__(self) -> None:

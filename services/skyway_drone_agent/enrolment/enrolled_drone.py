@@ -17,10 +17,11 @@ from skyway.contracts.broker_rules import drone_account
 from skyway.contracts.message import Soc
 from skyway.contracts.signature import CloudKeys
 from skyway.drone.model import DroneModel
-from skyway.errors import InvalidInput, SkywayError
+from skyway.errors import InvalidInput
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
 from skyway.json_model import WireModel
+from skyway.runtime.errors import InvalidSettings
 from skyway_drone_agent.journal.logbook import Logbook
 
 _SUFFIX: Final = ".credentials.json"
@@ -145,7 +146,7 @@ class Attempt(WireModel):
     signing_key: str = Field(repr=False)
 
 
-class DamagedCredentials(SkywayError):
+class DamagedCredentials(InvalidSettings):
     """A file of credentials cannot be read; the drone needs another enrolment token."""
 
     def __init__(self, path: Path) -> None:

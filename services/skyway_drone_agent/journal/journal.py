@@ -18,6 +18,7 @@ from pydantic import TypeAdapter
 
 from skyway.errors import SkywayError
 from skyway.ids import DroneId
+from skyway.runtime.errors import ExitCode
 from skyway_drone_agent.journal.checksum import has_checksum, with_checksum, without_checksum
 from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.record_effects import logbook_after
@@ -57,6 +58,8 @@ class DamagedLine(SkywayError):
 
 class JournalUnwritable(SkywayError):
     """The disk is full, or writing fails for another reason."""
+
+    exit_code = ExitCode.NOT_NOW
 
     def __init__(self, path: Path, cause: OSError) -> None:
         super().__init__(f"{path}: {cause.strerror or cause}")
@@ -210,6 +213,8 @@ class MemoryJournal:
 
 class DroneInUse(SkywayError):
     """Another agent process serves this drone."""
+
+    exit_code = ExitCode.NOT_NOW
 
     def __init__(self, drone_id: DroneId, path: Path) -> None:
         super().__init__(f"{path}: another agent serves drone {drone_id}")

@@ -12,8 +12,8 @@ import os
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from typing import Any, Final, Never, TypeVar
 
-from skyway.errors import SkywayError
 from skyway.runtime.clock import FleetClock, sleep_wall
+from skyway.runtime.errors import InvalidSettings
 
 log = logging.getLogger(__name__)
 
@@ -29,7 +29,7 @@ MavlinkMessage = Any
 T = TypeVar("T")
 
 
-class NoMavlink(SkywayError):
+class NoMavlink(InvalidSettings):
     """MAVLink cannot be spoken: the extra is missing, or the address is wrong."""
 
 

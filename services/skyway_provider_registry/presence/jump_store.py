@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Final
 
-from sqlalchemy import Row, func, select, update
+from sqlalchemy import Row, func, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drones import DroneAlarm
@@ -116,16 +116,19 @@ async def put_in_maintenance(tx: Tx, alarms: Sequence[DroneAlarm]) -> None:
 
 
 async def keep_waiting(tx: Tx, alarm: DroneAlarm) -> None:
-    """Keep an alarm about a drone until composition has it; a WARNING replaces no other alarm."""
+    """Keep an alarm about a drone until composition has it.
+
+    A WARNING replaces only one with its own code, such as the one that it ends.
+    """
     statement = tx.insert(waiting_alarms).values(
         drone_id=alarm.drone_id, alarm=alarm.model_dump_json()
     )
-    if alarm.level == "WARNING":
-        await tx.execute(statement.on_conflict_do_nothing(index_elements=["drone_id"]))
-        return
+    same_code = waiting_alarms.c.alarm.contains(f'"{alarm.code}"')
     await tx.execute(
         statement.on_conflict_do_update(
-            index_elements=["drone_id"], set_={"alarm": statement.excluded.alarm}
+            index_elements=["drone_id"],
+            set_={"alarm": statement.excluded.alarm},
+            where=same_code if alarm.level == "WARNING" else true(),
         )
     )
 

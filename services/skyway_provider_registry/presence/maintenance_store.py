@@ -80,6 +80,7 @@ async def mark_due(tx: Tx, drone_ids: Collection[DroneId], *, at: datetime) -> d
 async def record_maintenance(tx: Tx, drone_id: DroneId, *, at: datetime) -> None:
     """Begin the counters of a drone at 0 again: its maintenance was done."""
     await touch(tx, drone_id)
+    await _end_alarms(tx, drones.c.drone_id == drone_id, at=at)
     counters = select(presence.c.flown_s, presence.c.used_soc)
     row = (await tx.execute(counters.where(presence.c.drone_id == drone_id))).one()
     statement = update(drones).where(drones.c.drone_id == drone_id)
@@ -150,13 +151,23 @@ async def _judge_again(
 ) -> None:
     """Compare the drones of a model with their new rule; drones that become due get an alarm."""
     these = and_(drones.c.provider_id == provider_id, drones.c.model_id == model_id)
-    is_due = drones.c.maintenance_due_ms.is_not(None)
-    no_longer = update(drones).where(these, is_due, ~IS_OVER_LIMIT)
-    await tx.execute(no_longer.values(maintenance_due_ms=None))
+    await _end_alarms(tx, and_(these, ~IS_OVER_LIMIT), at=at)
     found = (await tx.execute(_NEWLY_DUE.where(these))).all()
     for drone_id, reason in (await _mark(tx, found, at=at)).items():
         await keep_waiting(tx, maintenance_alarm(provider_id, drone_id, reason, at=at))
     await tx.execute(update(presence).where(_is_among(these)).values(changed=change))
+
+
+async def _end_alarms(tx: Tx, which: ColumnElement[bool], *, at: datetime) -> None:
+    """Drones that are due among these are so no more, and neither are their alarms."""
+    no_longer = update(drones).where(which, drones.c.maintenance_due_ms.is_not(None))
+    ended = no_longer.values(maintenance_due_ms=None).returning(
+        drones.c.provider_id, drones.c.drone_id
+    )
+    for provider_id, drone_id in (await tx.execute(ended)).all():
+        reason = "the drone is not due for maintenance any more"
+        over = maintenance_alarm(provider_id, drone_id, reason, at=at, is_over=True)
+        await keep_waiting(tx, over)
 
 
 async def _mark(tx: Tx, rows: Sequence[AnyRow], *, at: datetime) -> dict[DroneId, str]:

@@ -128,9 +128,9 @@ NEVER_FLOWN: Final = DroneMaintenance.of(Wear(), maintained_at=None, due_since_a
 
 
 def maintenance_alarm(
-    provider_id: ProviderId, drone_id: DroneId, reason: str, *, at: datetime
+    provider_id: ProviderId, drone_id: DroneId, reason: str, *, at: datetime, is_over: bool = False
 ) -> DroneAlarm:
-    """The alarm that a drone is due for maintenance."""
+    """The alarm that a drone is due for maintenance, or that it is so no more."""
     return DroneAlarm(
         provider_id=provider_id,
         drone_id=drone_id,
@@ -138,4 +138,5 @@ def maintenance_alarm(
         code="MAINTENANCE_DUE",
         detail=reason,
         at=at,
+        is_over=is_over,
     )

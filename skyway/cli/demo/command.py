@@ -2,14 +2,14 @@
 
 import asyncio
 import shutil
-from typing import Annotated
+from typing import IO, Annotated, cast
 
 import typer
 from rich.console import Console
 
-from skyway.cli.data_folder import DataFolder, DataOption, data_folder, held
+from skyway.cli.data_folder import DataFolder, DataOption, data_folder, held, keep_kernels
 from skyway.cli.demo.screen import DemoScreen
-from skyway.cli.system.announce import announce, asked_to_stop, login_link
+from skyway.cli.system.announce import LastingOutput, announce, asked_to_stop, login_link
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import running_system
 from skyway.cli.system.supervisor import first_of
@@ -27,6 +27,7 @@ def demo_command(
 ) -> None:
     """Play the paper's scenario through real processes, and end."""
     folder = DataFolder(data_folder(data).path / "demo")
+    keep_kernels(data_folder(data))
     _empty(folder)
     asyncio.run(_demo(folder, stay=stay))
 
@@ -43,7 +44,7 @@ def _empty(folder: DataFolder) -> None:
 
 
 async def _demo(folder: DataFolder, *, stay: bool) -> None:
-    console = Console()
+    console = Console(file=cast("IO[str]", LastingOutput(folder)))
     # Imported here: the planner takes a second, and other commands do not need it.
     from skyway.cli.demo.scenario import play
     from skyway.cli.demo.world import rehearse
@@ -51,7 +52,7 @@ async def _demo(folder: DataFolder, *, stay: bool) -> None:
     planned_s = rehearse()
     rate = planned_s / _WALL_S
     ports = Ports() if stay else Ports(gateway=0, broker=0)
-    with DemoScreen(console) as screen, asked_to_stop() as asked:
+    with DemoScreen(console) as screen, asked_to_stop(console) as asked:
         screen.starting(planned_s=planned_s, rate=rate)
         has_ended = asyncio.Event()
 

@@ -40,12 +40,21 @@ _MEANINGS: Final = {
 }
 
 
-class ProcessCannotRun(SkywayError):
+class ProcessEnded(SkywayError):
+    """Another process of Skyway ended by an error; this one ends with the same exit code."""
+
+    def __init__(self, detail: str, *, exit_code: int) -> None:
+        super().__init__(detail)
+        self.exit_code = ExitCode(exit_code) if exit_code in set(ExitCode) else ExitCode.FAILED
+
+
+class ProcessCannotRun(ProcessEnded):
     """A child ended for a cause that cannot pass; the message holds the child's own last words."""
 
     def __init__(self, child: "Child", *, exit_code: int) -> None:
         said = _last_line(child.log)
-        super().__init__(f"{child.name} {_cause_of(exit_code)}: {said}; its log is {child.log}")
+        detail = f"{child.name} {_cause_of(exit_code)}: {said}; its log is {child.log}"
+        super().__init__(detail, exit_code=exit_code)
 
 
 class Process(Protocol):
@@ -193,7 +202,7 @@ class Supervisor:
         if child.gives_way_by:
             await asyncio.to_thread(give_way, process.pid, by=child.gives_way_by)
         exit_code = await process.wait()
-        if not _is_for_good(exit_code):
+        if exit_code not in FOR_GOOD:
             return _cause_of(exit_code)
         if self._failure is not None and not self._failure.done():
             self._failure.set_exception(ProcessCannotRun(child, exit_code=exit_code))
@@ -287,8 +296,3 @@ def _cause_of(exit_code: int) -> str:
             return f"was ended by {signal.Signals(-exit_code).name}"
     meaning = _MEANINGS.get(ExitCode(exit_code)) if exit_code in set(ExitCode) else None
     return f"{meaning or 'ended'} (exit code {exit_code})"
-
-
-def _is_for_good(exit_code: int) -> bool:
-    """Whether the process would end again in the same way until a person does something."""
-    return exit_code in FOR_GOOD

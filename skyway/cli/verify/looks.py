@@ -21,8 +21,8 @@ from typing import Final, Generic, Literal, TypeVar
 
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.system.children import PACKAGES
+from skyway.cli.system.supervisor import ProcessEnded
 from skyway.contracts.service_facts import DeliveryFacts, DroneFacts, HintFacts, ProviderFacts
-from skyway.errors import SkywayError
 from skyway.runtime.errors import ExitCode
 from skyway.runtime.verification.fact_files import side_by_side
 from skyway.runtime.verification.rule import BrokenRule
@@ -107,7 +107,7 @@ def look(folder: DataFolder, urls: Mapping[str, str], facts: Path) -> Looks:
 
     Raises
     ------
-    SkywayError
+    ProcessEnded
         A service could not check its database.
     """
     with ThreadPoolExecutor() as threads:
@@ -140,7 +140,8 @@ def _look(service: str, folder: DataFolder, urls: Mapping[str, str], facts: Path
         return ServiceLook(service, (broken,), facts)
     found = tuple(BrokenRule(**json.loads(line)) for line in checked.stdout.splitlines())
     if checked.returncode not in (0, 1) or bool(found) != bool(checked.returncode):
-        raise SkywayError(f"{service} could not be checked:\n{checked.stderr}")
+        detail = f"{service} could not be checked:\n{checked.stderr}"
+        raise ProcessEnded(detail, exit_code=checked.returncode)
     return ServiceLook(service, found, facts)
 
 

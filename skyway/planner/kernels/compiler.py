@@ -15,6 +15,8 @@ from numba import types
 from numba.core import caching, cgutils, config
 from numba.extending import intrinsic, overload
 
+from skyway.errors import SkywayError
+
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 _OPTIONS: Final[dict[str, Any]] = {"nogil": True, "cache": True, "error_model": "numpy"}
@@ -53,6 +55,17 @@ class InHomeFolder(_StampOfAllSources, caching.UserWideCacheLocator):  # type: i
     """Keeps compiled kernels in the user's cache folder, where the source cannot be written to."""
 
 
+class NoFolderForKernels(SkywayError):
+    """Neither the folder of the sources nor the user's cache folder can be written to."""
+
+    exit_code = 2  # the environment of the process is wrong
+
+    def __init__(self) -> None:
+        super().__init__(
+            "compiled kernels need a folder that can be written to: set NUMBA_CACHE_DIR to one"
+        )
+
+
 _LOCATORS: Final = ",".join(
     f"{each.__module__}.{each.__qualname__}" for each in (InFolderGiven, BesideSource, InHomeFolder)
 )
@@ -82,6 +95,8 @@ def _compiled(function: _Function, options: dict[str, Any]) -> _Function:
     config.CACHE_LOCATOR_CLASSES = _LOCATORS
     try:
         compiled: _Function = numba.njit(**options)(function)
+    except RuntimeError as error:
+        raise NoFolderForKernels from error
     finally:
         config.CACHE_LOCATOR_CLASSES = before
     return compiled

@@ -15,45 +15,12 @@ from typing import Final, Protocol, Self
 
 from skyway.runtime.limits import network_of
 from skyway.runtime.metrics import count
+from skyway.runtime.settings import ServiceSettings
 
 #: Open files that a process needs for its databases, its calls to others and its webhooks.
 _OTHER_FILES: Final = 400
 #: Number of open files that a process asks for, if the system allows it.
 _FILES_REQUESTED: Final = 8192
-
-
-class FrontSettings(Protocol):
-    """The settings of the limits; `ServiceSettings` has them all."""
-
-    @property
-    def http_connections(self) -> int:
-        """The most connections of the process."""
-        ...
-
-    @property
-    def http_connections_per_address(self) -> int:
-        """The most connections of one address."""
-        ...
-
-    @property
-    def http_url_bytes(self) -> int:
-        """The longest path with its query."""
-        ...
-
-    @property
-    def http_head_bytes(self) -> int:
-        """The most bytes of all header lines of a request."""
-        ...
-
-    @property
-    def http_head_s(self) -> float:
-        """Seconds within which all header lines must arrive."""
-        ...
-
-    @property
-    def http_body_s(self) -> float:
-        """Seconds within which a body must arrive, plus one second for each 64 KiB."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +44,7 @@ class FrontLimits:
     unread_s: float = 30.0
 
     @classmethod
-    def of(cls, settings: FrontSettings) -> Self:
+    def of(cls, settings: ServiceSettings) -> Self:
         """The limits that these settings ask for, within the open files of the process."""
         most = max(_raise_file_limit() - _OTHER_FILES, 64)
         connections = min(settings.http_connections, most)

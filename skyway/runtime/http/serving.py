@@ -9,24 +9,24 @@ the service would need a restart.
 import asyncio
 import logging
 import os
-import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import Final, Protocol
+from typing import Final
 
 import uvicorn
 import uvloop
 from starlette.applications import Starlette
-from starlette.types import Receive, Scope, Send
+from starlette.types import Message, Receive, Scope, Send
 
-from skyway.runtime.errors import DamagedDatabase, ExitCode, ServiceUnavailable
+from skyway.runtime.errors import FOR_GOOD, ExitCode, ServiceUnavailable, exit_code_of
 from skyway.runtime.garbage import keep_what_is_loaded
-from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits, FrontSettings
+from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits
 from skyway.runtime.http.front_protocol import FrontProtocol
 from skyway.runtime.http.problems import problem_of, problem_response
-from skyway.runtime.loops import MissingParts, missing_part, pause_s
+from skyway.runtime.loops import MissingParts, missing_part, pause_s, stop_signals
+from skyway.runtime.settings import ServiceSettings
 
 log = logging.getLogger(__name__)
 
@@ -37,40 +37,14 @@ _GRACE_S: Final = 2
 #: Requests wait this long for the app to open, wall seconds. After that they are answered with 503.
 _REQUESTS_WAIT_S: Final = 3.0
 
+#: What cancelled requests are answered.
+_STOPS: Final = ServiceUnavailable("service", "it stops")
+
 #: These need nothing that has to be opened.
 _ALWAYS_ANSWERED: Final = ("/healthz", "/metrics")
 
 
-class ServingSettings(FrontSettings, Protocol):
-    """Where to listen, and which parent process to end with; `ServiceSettings` has it all."""
-
-    @property
-    def host(self) -> str:
-        """The address to bind when no socket was passed."""
-        ...
-
-    @property
-    def port(self) -> int:
-        """The port to bind when no socket was passed; 0 takes any."""
-        ...
-
-    @property
-    def socket_fd(self) -> int | None:
-        """A listening socket passed by the parent."""
-        ...
-
-    @property
-    def parent_fd(self) -> int | None:
-        """The reading end of a pipe that the parent holds open while it lives."""
-        ...
-
-    @property
-    def trusted_proxies(self) -> str:
-        """Addresses and networks, separated by commas, whose `X-Forwarded-For` is trusted."""
-        ...
-
-
-def serve(app: Starlette, settings: ServingSettings) -> int:
+def serve(app: Starlette, settings: ServiceSettings) -> int:
     """Serve until a signal comes or the parent ends; returns the exit code.
 
     Raises
@@ -95,7 +69,7 @@ def serve(app: Starlette, settings: ServingSettings) -> int:
         forwarded_allow_ips=settings.trusted_proxies,
         lifespan="on",
         ws="none",  # an Upgrade is ignored, and the request is answered
-        timeout_graceful_shutdown=_GRACE_S,
+        timeout_graceful_shutdown=_GRACE_S + 1,  # `_end_answers` comes first
     )
     server = _Server(config)
     opening.when_failed(server.leave)
@@ -108,25 +82,28 @@ class _Server(uvicorn.Server):
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, self.leave)
-        try:
+        with stop_signals(lambda _reason: self.leave()):
             yield
-        finally:
-            for number in (signal.SIGINT, signal.SIGTERM):
-                loop.remove_signal_handler(number)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         keep_what_is_loaded()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        ending = asyncio.get_running_loop().call_later(_GRACE_S, self._end_answers)
+        await super().shutdown(sockets)
+        ending.cancel()
+
+    def _end_answers(self) -> None:
+        for task in self.server_state.tasks:
+            task.cancel()
 
     def leave(self) -> None:
         """Stop accepting, finish what is under way, and return."""
         self.should_exit = True
 
 
-async def _serve(server: _Server, opening: "Opening", settings: ServingSettings) -> int:
+async def _serve(server: _Server, opening: "Opening", settings: ServiceSettings) -> int:
     with _leaving_with_parent(server, settings.parent_fd):
         try:
             await server.serve(_passed_sockets(settings.socket_fd))
@@ -191,9 +168,27 @@ class Opening:
         if scope["type"] == "lifespan":
             await self._live(receive, send)
         elif self._is_open or scope["path"] in _ALWAYS_ANSWERED:
-            await self._app(scope, receive, send)
+            await self._answer(scope, receive, send)
         else:
             await problem_response(problem_of(self._waits_for))(scope, receive, send)
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request; a server that stops cancels it, and it still ends as HTTP asks."""
+        has_begun, has_ended = False, False
+
+        async def note(message: Message) -> None:
+            nonlocal has_begun, has_ended
+            has_begun = True
+            await send(message)
+            has_ended = message["type"] == "http.response.body" and not message.get("more_body")
+
+        try:
+            await self._app(scope, receive, note)
+        except asyncio.CancelledError:
+            if not has_begun:
+                await problem_response(problem_of(_STOPS))(scope, receive, send)
+            elif not has_ended:
+                await send({"type": "http.response.body"})
 
     async def _live(self, receive: Receive, send: Send) -> None:
         await receive()
@@ -218,7 +213,7 @@ class Opening:
                 await self._live_once(missing)
             except Exception as error:  # noqa: BLE001 - the outermost frame of the app's life
                 part = missing_part(error)
-                if part is None or isinstance(part, DamagedDatabase) or self._is_open:
+                if part is None or exit_code_of(error) in FOR_GOOD or self._is_open:
                     self._fail(error)
                     return
                 failures += 1

@@ -15,6 +15,7 @@ from skyway_gateway.access.session_store import MOST_PER_KEY
 from skyway_gateway.tables import sessions
 from sqlalchemy import select
 
+from skyway.units import moment_to_ms
 from tests.gateway.whole_gateway import Gateway, make_request
 
 CURRENT = "/v1/sessions/current"
@@ -134,6 +135,18 @@ async def test_a_key_has_a_bounded_number_of_sessions(gateway: Gateway) -> None:
 
     assert await status(gateway, "GET", CURRENT, first) == 401
     assert await status(gateway, "GET", CURRENT, last) == 200
+
+
+async def test_a_session_ends_when_its_key_expires(gateway: Gateway) -> None:
+    cookie = await opened(gateway, gateway.customer)
+    soon_ms = moment_to_ms(gateway.clock.wall_now() + timedelta(minutes=10))
+    await gateway.execute(f"UPDATE api_keys SET ends_wall_ms = {soon_ms}")
+    gateway.clock.advance(timedelta(minutes=9))
+    during = await status(gateway, "GET", CURRENT, cookie)
+
+    gateway.clock.advance(timedelta(minutes=2))
+
+    assert (during, await status(gateway, "GET", CURRENT, cookie)) == (200, 401)
 
 
 async def test_a_session_cannot_be_prolonged_without_the_key(gateway: Gateway) -> None:

@@ -62,6 +62,54 @@ async def test_a_new_delivery_gets_a_p90_once_enough_packages_have_come(
     assert (answer.json()["packages_with_p90"], answer.json()["p90_share"]) == (1, 1.0)
 
 
+async def test_a_package_that_is_read_twice_counts_once(gateway: Gateway) -> None:
+    """Each read looks back, because reports may come late."""
+    gateway.is_damaged = True
+    for _ in range(FEWEST - 1):
+        await deliver(gateway, late=timedelta(minutes=10))
+    forecast = gateway.parts.forecast
+    network_id = gateway.parts.networks.cached.network_of(StationId("san-marcos"))
+
+    for _ in range(3):
+        await forecast.step()
+    too_few = forecast.late_share(network_id, ProviderId("prv_new"))
+    await deliver(gateway, late=timedelta(minutes=10))
+    await forecast.step()
+
+    assert too_few is None
+    assert forecast.late_share(network_id, ProviderId("prv_new")) is not None
+
+
+async def test_a_network_learns_from_its_own_packages_alone(gateway: Gateway) -> None:
+    gateway.is_damaged = True
+    for _ in range(FEWEST):
+        await deliver(gateway, late=timedelta(minutes=10))
+    await gateway.execute("UPDATE deliveries SET network_id = 'north'")
+    forecast = gateway.parts.forecast
+
+    await forecast.step()
+
+    new = ProviderId("prv_new")
+    shares = [forecast.late_share(each, new) for each in (NetworkId("north"), NetworkId("south"))]
+    assert (shares[0] is not None, shares[1]) == (True, None)
+    assert forecast.late_share(None, new) is None
+
+
+async def test_a_package_that_is_reported_late_still_counts(gateway: Gateway) -> None:
+    """It came before the last package that was read."""
+    gateway.is_damaged = True
+    for _ in range(FEWEST - 1):
+        await deliver(gateway, late=timedelta(minutes=10))
+    forecast = gateway.parts.forecast
+    await forecast.step()
+    await deliver(gateway, late=timedelta(minutes=5))
+
+    await forecast.step()
+
+    network_id = gateway.parts.networks.cached.network_of(StationId("san-marcos"))
+    assert forecast.late_share(network_id, ProviderId("prv_new")) is not None
+
+
 async def teach(gateway: Gateway) -> None:
     """Let the gateway learn that packages come ten minutes late."""
     gateway.is_damaged = True

@@ -3,8 +3,10 @@
 from datetime import timedelta
 
 import pytest
-from skyway_gateway.retention.prune_logs import LogPruning
+from skyway_gateway.access.session_routes import SESSION_LASTS
+from skyway_gateway.retention.prune_logs import ExpiredPruning, LogPruning
 
+from skyway.units import moment_to_ms
 from tests.gateway.whole_gateway import Gateway
 
 DAY = timedelta(days=1)
@@ -129,3 +131,21 @@ async def test_nothing_is_deleted_without_a_setting(gateway_on_both: Gateway) ->
     await LogPruning(gateway.parts.db, gateway.clock, None, None).step()
 
     assert await numbers(gateway) == [1, 2, 3]
+
+
+async def test_only_sessions_that_have_expired_are_deleted(gateway: Gateway) -> None:
+    async def opened() -> None:
+        answer = await gateway.http.post("/v1/sessions", headers=gateway.customer)
+        assert answer.status_code == 201, answer.text
+        gateway.http.cookies.clear()
+
+    await opened()
+    gateway.clock.advance(SESSION_LASTS + timedelta(seconds=1))
+    await opened()
+
+    await ExpiredPruning(gateway.parts.db, gateway.clock).step()
+
+    async with gateway.parts.db.read() as connection:
+        found = await connection.exec_driver_sql("SELECT expires_wall_ms FROM sessions")
+        [expires_wall_ms] = found.scalars()
+    assert expires_wall_ms > moment_to_ms(gateway.clock.wall_now())

@@ -65,11 +65,12 @@ async def test_the_broker_exits_when_its_parent_is_gone(process, connect):
     assert process.running.wait(timeout=60) == 0
 
 
-async def test_the_broker_exits_on_sigterm(process, connect):
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+async def test_the_broker_stops_in_order_on_a_signal(process, connect, number):
     drone = await connect(process.port, "p/drone-1")
     await drone.wait_connected()
 
-    process.running.send_signal(signal.SIGTERM)
+    process.running.send_signal(number)
 
     _, errors = process.running.communicate(timeout=60)
     assert process.running.returncode == 0

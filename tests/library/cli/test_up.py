@@ -20,7 +20,7 @@ from skyway.cli.system.supervisor import Supervisor
 from skyway.cli.up import until_requested
 
 
-@pytest.mark.parametrize("asking", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("asking", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_system_that_is_still_starting_can_be_stopped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asking: signal.Signals
 ) -> None:

@@ -44,6 +44,7 @@ def test_a_few_packages_that_lay_for_days_do_not_make_all_forecasts_days_later()
 
     assert share is not None
     assert share <= 3.0
+    assert late_share(come(90, lambda _: 3 * 86_400.0)) == 3.0
 
 
 def test_the_forecast_widens_after_misses_and_narrows_after_hits() -> None:
@@ -55,6 +56,18 @@ def test_the_forecast_widens_after_misses_and_narrows_after_hits() -> None:
     assert missed is not None
     assert hit is not None
     assert hit < usual < missed
+
+
+def test_a_long_calm_narrows_and_a_long_storm_widens_the_forecast_only_so_far() -> None:
+    calm = late_share(come(300, float, was_covered=True))
+    storm = come(150, float, was_covered=False)
+
+    assert calm is not None
+    assert calm >= 0.22  # three of four packages
+    # A few calm days later not the latest package of all decides.
+    after = late_share([*storm, *come(60, float, was_covered=True)])
+    assert after is not None
+    assert after < 0.14
 
 
 def days(chance: random.Random) -> Iterator[float]:
@@ -84,6 +97,8 @@ def test_the_largest_provider_does_not_decide_the_p90_of_a_new_one(size: int) ->
 
     # Both weigh the same, so more than one of ten packages comes late.
     assert late_share([], [large, small]) == pytest.approx(0.5)
+    if size > 20:
+        assert late_share([], [large, small[:4]]) == pytest.approx(0.5)
 
 
 def test_the_more_packages_a_provider_has_the_less_other_providers_count() -> None:

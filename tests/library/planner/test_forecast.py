@@ -12,6 +12,7 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.network.network import Network, Segment, Station
+from skyway.planner.energy_risk import CLIMATE_MPS, FORECAST_ERROR_MPS
 from skyway.planner.forecast import FADING, FADING_S, Forecast, planned_weather
 from skyway.planner.weather import Weather
 from skyway.planner.wind import SegmentWind, weights_of
@@ -124,6 +125,29 @@ def test_gusts_above_the_limit_of_the_model_close_segments(
         assert weather.closes(A, B, start_s=0.0, end_s=10.0) is closed
         # Half of 7 m/s is left after the end.
         assert not weather.closes(A, B, start_s=3601.0, end_s=3700.0)
+
+
+def test_wind_above_the_limit_closes_segments_although_the_forecast_names_no_gusts(
+    network: Network, model: DroneModel
+) -> None:
+    careful = model.model_copy(update={"max_wind_mps": 6.0})
+
+    assert weather_of(forecast(7.0), network, careful).closes(A, B, start_s=0.0, end_s=10.0)
+
+
+def test_the_strongest_wind_counts_the_error_of_the_forecast() -> None:
+    assert forecast(3.0, error_mps=2.0).strongest_mps == 5.0
+
+
+def test_the_deviation_of_the_wind_is_usual_without_an_error_and_grows_after_the_end() -> None:
+    stated, usual = (
+        forecast(3.0, error_mps=error_mps).field_with_deviations().error_mps[:, 0]
+        for error_mps in (0.5, 0.0)
+    )
+
+    assert (stated[0], usual[0]) == (0.5, FORECAST_ERROR_MPS)
+    assert (np.diff(stated) > 0).all()
+    assert stated[-1] == pytest.approx(CLIMATE_MPS, rel=0.01)
 
 
 def test_cold_air_costs_energy(network: Network, model: DroneModel) -> None:

@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 import pytest
 
 from skyway.runtime.errors import BudgetSpent
-from skyway.runtime.limits import Budget, FairQueue, Meter
+from skyway.runtime.limits import Budget, FairQueue, Meter, Slots
 
 
 class Clock:
@@ -255,3 +255,13 @@ async def test_a_caller_that_leaves_when_its_turn_has_come_passes_it_on(works: W
     await settle()
 
     assert works.begun[-1] == "bob 1"
+
+
+def test_a_slot_is_given_back_when_its_work_fails() -> None:
+    slots = Slots("STREAMS", 1)
+
+    for _ in range(2):
+        with pytest.raises(LookupError), slots.held("alice"):
+            raise LookupError("the stream broke")
+
+    assert slots.used("alice") == 0

@@ -85,6 +85,8 @@ async def test_a_drone_that_is_due_gets_no_missions_until_its_maintenance_is_rec
     done = answer.json()["maintenance"]
     assert (done["flight_hours"], done["cycles"], done["due_since_at"]) == (0.0, 0.0, None)
     assert done["maintained_at"] is not None
+    (over,) = await alarms(drone)
+    assert (over.code, over.is_over) == ("MAINTENANCE_DUE", True)
     assert len(await drone.candidates()) == 1
     assert await broken_rules(drone.db, RULES) == []
 

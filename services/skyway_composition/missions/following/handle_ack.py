@@ -229,5 +229,6 @@ async def _wait_or_give_up(work: MissionUnitOfWork, drone_id: DroneId) -> None:
         return
     code = RefusalCode.INSUFFICIENT_ENERGY
     detail = f"the drone has refused {refused} plans in a row for lack of energy"
-    await raise_alarm(work, record, level="URGENT", code="REVISIONS_REFUSED", detail=detail)
     await abort(work, record, at=work.clock.now(), code=code, detail=detail)
+    # Afterwards: this alarm stays, because people must see to a drone that stands with packages.
+    await raise_alarm(work, record, level="URGENT", code="REVISIONS_REFUSED", detail=detail)

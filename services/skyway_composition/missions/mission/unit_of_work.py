@@ -49,6 +49,11 @@ class MissionUnitOfWork:
     _staged_links: set[DroneId] = field(default_factory=set)
     _staged_missions: set[DroneId] = field(default_factory=set)
     _answered: list[InstructionId] = field(default_factory=list)
+    #: The alarms that each mission's state kept open when it was read or saved last.
+    _alarming: dict[MissionId, frozenset[str]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._alarming |= {each.mission_id: _alarming(each) for each in self.missions.values()}
 
     @classmethod
     async def lock(
@@ -87,6 +92,8 @@ class MissionUnitOfWork:
         await save_links(self.tx, [self.links[each] for each in sorted(self._staged_links)])
         staged = [self.missions[each] for each in sorted(self._staged_missions)]
         await store.save_all(self.tx, staged)
+        for record in staged:
+            await self._end_alarms(record)
         await confirm(self.tx, self._answered)
         self._staged_links.clear()
         self._staged_missions.clear()
@@ -105,6 +112,24 @@ class MissionUnitOfWork:
             self._staged_missions.discard(record.drone_id)
             del self.missions[record.drone_id]
         await store.save_all(self.tx, [record])
+        await self._end_alarms(record)
+
+    async def _end_alarms(self, record: MissionRecord) -> None:
+        """End the alarms that the mission's state no longer keeps open."""
+        before, now = self._alarming.get(record.mission_id, frozenset()), _alarming(record)
+        self._alarming[record.mission_id] = now
+        if over := before - now:
+            at_ms, about = moment_to_ms(self.clock.now()), (record.drone_id, record.mission_id)
+            await alarm_store.end(self.tx, over, about=about, at_ms=at_ms)
+
+
+def _alarming(record: MissionRecord) -> frozenset[str]:
+    """The codes of alarms that the mission's state keeps open."""
+    of_doubt = record.is_live and record.mission.doubt is not None
+    of_trouble = record.is_live and record.trouble is not None
+    return (alarm_store.OF_DOUBT if of_doubt else frozenset()) | (
+        alarm_store.OF_TROUBLE if of_trouble else frozenset()
+    )
 
 
 async def lock_mission(

@@ -15,7 +15,7 @@ from skyway.cli.demo import command
 from skyway.errors import SkywayError
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 async def test_a_demo_that_waits_for_its_services_ends_when_it_is_asked_to(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, number: signal.Signals
 ) -> None:

@@ -58,6 +58,6 @@ def test_a_drone_without_a_file_enrols_without_its_token_among_the_arguments(
         timeout=60,
     )
 
-    assert done.returncode == 2
+    assert done.returncode == 3
     assert f"{api} does not answer" in done.stderr
     assert "enr_x" not in done.stderr

@@ -1,5 +1,6 @@
 """Compiled kernels are kept until a source of any kernel changes."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -27,6 +28,29 @@ def test_every_entry_point_is_compiled_for_one_signature() -> None:
 
     entrances: list[Any] = [search.begin, search.run, trees.plant_all]
     assert [len(each.signatures) for each in entrances] == [1] * 3
+
+
+def test_kernels_without_a_folder_that_can_be_written_to_are_refused_with_the_setting(
+    tmp_path: Path,
+) -> None:
+    package = tmp_path / "kernels"
+    (source,) = skyway.planner.kernels.__path__
+    shutil.copytree(source, package, ignore=shutil.ignore_patterns("__pycache__"))
+    (package / "__pycache__").touch()  # a file: not even root can write below it
+    code = "from kernels import ways"
+    environment = {**os.environ, "XDG_CACHE_HOME": str(package / "__pycache__")}
+    environment.pop("NUMBA_CACHE_DIR", None)
+
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    assert "set NUMBA_CACHE_DIR to one" in done.stderr
 
 
 def _stamps(folder: Path, *, change: Path) -> list[str]:

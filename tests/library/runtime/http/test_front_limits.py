@@ -5,31 +5,26 @@ from dataclasses import dataclass, field
 import pytest
 
 from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits
+from skyway.runtime.settings import ServiceSettings
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What an operator asks for."""
-
-    http_connections: int = 200
-    http_connections_per_address: int = 50
-    http_url_bytes: int = 1_000
-    http_head_bytes: int = 4_000
-    http_head_s: float = 10.0
-    http_body_s: float = 20.0
+def make_settings(*, connections: int = 200, per_address: int = 50) -> ServiceSettings:
+    return ServiceSettings.model_construct(
+        http_connections=connections, http_connections_per_address=per_address
+    )
 
 
 @pytest.mark.parametrize(("asked", "given"), [(50, 50), (100, 100), (101, 100), (1_000, 100)])
 def test_no_setting_gives_one_address_more_than_half_of_the_connections(
     asked: int, given: int
 ) -> None:
-    limits = FrontLimits.of(Settings(http_connections_per_address=asked))
+    limits = FrontLimits.of(make_settings(per_address=asked))
 
     assert (limits.connections, limits.per_address) == (200, given)
 
 
 def test_a_process_has_no_more_connections_than_its_open_files_allow() -> None:
-    limits = FrontLimits.of(Settings(http_connections=10_000_000))
+    limits = FrontLimits.of(make_settings(connections=10_000_000))
 
     assert limits.connections < 10_000_000
 

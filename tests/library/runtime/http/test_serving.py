@@ -28,6 +28,7 @@ from starlette.applications import Starlette
 from starlette.responses import StreamingResponse
 from starlette.routing import Route
 from skyway.runtime.http.serving import serve
+from skyway.runtime.tracing import configure_logs
 import asyncio, os
 
 async def forever():
@@ -37,8 +38,12 @@ async def forever():
 async def answer(request):
     if request.url.path == "/stream":
         return StreamingResponse(forever())
+    if request.url.path == "/wait":
+        print("waits", flush=True)
+        await asyncio.Event().wait()
     return StreamingResponse(iter([str(os.getpid())]))
 
+configure_logs("child", "INFO")
 socket_fd, parent_fd = (int(text) if text != "-" else None for text in sys.argv[1:3])
 app = Starlette(routes=[Route("/{path:path}", answer)])
 settings = SimpleNamespace(host="127.0.0.1", port=0, socket_fd=socket_fd, parent_fd=parent_fd,
@@ -56,6 +61,7 @@ class Parent:
 
     def __init__(self, script: Path) -> None:
         self._script = script
+        self.log = script.with_suffix(".log")
         self._socket = socket.create_server(("127.0.0.1", 0))
         self._socket.set_inheritable(True)
         self._child_end, self._own_end = os.pipe()
@@ -66,9 +72,10 @@ class Parent:
         self._script.write_text(source)
         fds = (self._socket.fileno(), self._child_end)
         arguments = (sys.executable, str(self._script), *map(str, fds))
-        child = await asyncio.create_subprocess_exec(
-            *arguments, pass_fds=fds, stderr=asyncio.subprocess.DEVNULL
-        )
+        with self.log.open("w") as log:
+            child = await asyncio.create_subprocess_exec(
+                *arguments, pass_fds=fds, stdout=asyncio.subprocess.PIPE, stderr=log
+            )
         self.children.append(child)
         return child
 
@@ -128,7 +135,7 @@ async def test_a_service_leaves_with_its_parent(parent: Parent) -> None:
     assert await asyncio.wait_for(child.wait(), WAIT_S) == 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 async def test_a_signal_ends_a_service_in_order_though_a_stream_is_open(
     parent: Parent, number: signal.Signals
 ) -> None:
@@ -143,6 +150,30 @@ async def test_a_signal_ends_a_service_in_order_though_a_stream_is_open(
         child.send_signal(number)
 
         assert await asyncio.wait_for(child.wait(), WAIT_S) == 0
+
+
+async def test_a_stop_ends_what_is_under_way_as_http_asks_and_logs_no_error(
+    parent: Parent,
+) -> None:
+    child = await parent.start()
+    assert child.stdout is not None
+    async with (
+        httpx.AsyncClient(base_url=parent.url, timeout=WAIT_S, trust_env=False) as client,
+        client.stream("GET", "/stream") as stream,
+    ):
+        parts = stream.aiter_text()
+        assert await anext(parts) == "begun"
+        waiting = asyncio.create_task(client.get("/wait"))
+        assert await child.stdout.readline() == b"waits\n"
+
+        child.send_signal(signal.SIGTERM)
+
+        assert [part async for part in parts] == []
+        refused = await waiting
+        assert await asyncio.wait_for(child.wait(), WAIT_S) == 0
+    assert (refused.status_code, refused.headers["retry-after"]) == (503, "1")
+    assert "asked to stop" in parent.log.read_text()
+    assert "ERROR" not in parent.log.read_text()
 
 
 async def test_a_bug_at_the_start_ends_the_service_with_exit_code_1(parent: Parent) -> None:
@@ -245,7 +276,13 @@ async def test_an_app_that_waits_for_its_database_says_so_and_is_opened_again() 
 
 
 @pytest.mark.parametrize(
-    "error", [DamagedDatabase("broken page"), UnsafeDatabase("no WAL"), LookupError("a bug")]
+    "error",
+    [
+        DamagedDatabase("broken page"),
+        ExceptionGroup("tasks", [AWAY, DamagedDatabase("broken page")]),
+        UnsafeDatabase("no WAL"),
+        LookupError("a bug"),
+    ],
 )
 async def test_an_app_that_can_never_open_fails_and_its_server_leaves(error: Exception) -> None:
     async with started(error) as life:

@@ -332,3 +332,39 @@ async def test_a_message_that_is_too_large_does_not_wait(door: Door) -> None:
 
     assert await door.read() == [state(OLD)]
     assert door.taken.unreadable_payloads == []
+
+
+async def test_a_drone_that_the_registry_leaves_out_is_not_believed() -> None:
+    """It was removed: its messages are forgeries, with a signature and without one."""
+    clock = ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC))
+    book = KeyBook(Registry(keys={"drn_1": OLD.public_key}), clock)
+
+    await book.look_up([DroneId("drn_1"), DroneId("drn_gone")])
+
+    gone = STATE("prv_1", "drn_gone").name
+    payloads = (state(None), state(OLD, name=gone))
+    assert [book.judge("drn_gone", gone, each) for each in payloads] == ["FORGED"] * 2
+    assert book.judge("drn_1", ONE.name, state(OLD)) == "PROVEN"
+
+
+class SlowRegistry(Registry):
+    """Its answers about changed keys take 40 s."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        super().__init__(keys={"drn_1": OLD.public_key})
+        self._clock = clock
+
+    async def changed(self) -> Sequence[DroneSignature]:
+        self._clock.advance(timedelta(seconds=40))
+        return []
+
+
+async def test_keys_that_may_have_changed_during_a_slow_answer_are_looked_up_anew() -> None:
+    clock = ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC))
+    book = KeyBook(SlowRegistry(clock), clock)
+    await book.refresh()
+    await book.look_up([DroneId("drn_1")])
+
+    await book.refresh()
+
+    assert book.judge("drn_1", ONE.name, state(OLD)) == "UNKNOWN"

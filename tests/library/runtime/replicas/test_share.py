@@ -65,6 +65,15 @@ def test_a_replica_without_a_connection_leaves_the_lead_and_its_drones_to_the_ot
     assert all(second.owns(each) + third.owns(each) == 1 for each in DRONES)
 
 
+def test_a_replica_owns_its_drones_before_the_database_says_that_it_listens() -> None:
+    """Others may already count on it; a message without any owner would be lost."""
+    alone = seen_by("a", {"a"}, listening=set())
+    joining = seen_by("a", {"a", "b"}, listening={"b"})
+
+    assert all(alone.owns(each) for each in DRONES)
+    assert 50 < sum(joining.owns(each) for each in DRONES) < 150
+
+
 def test_a_replica_owns_more_only_when_another_one_is_gone() -> None:
     three, two = (seen_by("a", ids, listening=ids) for ids in ({"a", "b", "c"}, {"a", "b"}))
 

@@ -7,18 +7,21 @@ closed, so it does not outlive its parent.
 import asyncio
 import os
 import pickle
+import select
 import struct
 import sys
+import threading
 import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final, Never, Self
 
 from skyway.errors import SkywayError
 from skyway.ids import DroneId, MissionId, NetworkId
 from skyway.network.network import Network
+from skyway.runtime.errors import exit_code_after
 
 #: The length of a message, before it.
 _LENGTH: Final = struct.Struct("!Q")
@@ -172,10 +175,23 @@ def answer(search: Search, network: Network, *, rounds: int | None = None) -> Fo
     )
 
 
-def serve() -> None:
+def _end_with_parent() -> None:
+    """End the process when its input is closed, also in the middle of a search."""
+    closing = select.poll()
+    closing.register(sys.stdin.fileno(), 0)
+    closing.poll()
+    os._exit(0)
+
+
+def serve() -> Never:
     """Answer the searches on standard input until it ends, behind the work of other processes."""
+    sys.exit(exit_code_after("search", _serve))
+
+
+def _serve() -> None:
     from skyway.dispatch.warm import warm
 
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     os.nice(_NICENESS)
     # Loading the compiled search would use up the budget of the first search.
     warm()

@@ -18,9 +18,10 @@ from skyway_composition.missions.calendar.dispatching.search_process import (
 )
 from skyway_composition.missions.interventions import cancel
 from skyway_composition.missions.interventions.stop_packages import release_queued
+from skyway_composition.tables import drone_links
 from skyway_provider_registry.presence.store import store_reports
 from skyway_provider_registry.tables import drones, mission_hints, presence, providers
-from sqlalchemy import select
+from sqlalchemy import select, update
 
 from skyway.delivery.plan import Fly, Plan, Recharge
 from skyway.dispatch.problem import FleetDrone
@@ -28,6 +29,7 @@ from skyway.drone.learned_values import LearnedValues
 from skyway.ids import PackageId
 from skyway.network.network import Network
 from skyway.runtime.sql.database import Database
+from skyway.units import moment_to_ms
 from tests.composition.busy_network import NETWORK_ID
 from tests.composition.busy_world import BusyWorld
 from tests.composition.dispatched_world import (
@@ -318,6 +320,22 @@ async def test_an_order_whose_calendars_have_changed_meanwhile_is_not_adopted(
         assert await again.adopt(found) == "outdated"
     await world.check()
     await world.end()
+
+
+@_on_sqlite
+async def test_an_order_for_a_drone_that_is_held_for_a_customer_meanwhile_is_not_adopted(
+    world: BusyWorld,
+) -> None:
+    """The held offer counts on the calendar that the drone has now."""
+    await book_unevenly(world)
+    dispatcher = dispatcher_of(world)
+    found = await better_order(dispatcher)
+    async with world.db.write() as tx:
+        until_ms = moment_to_ms(world.clock.now()) + 60_000
+        held = {"held_by": "hld_1", "held_until_ms": until_ms}
+        await tx.execute(update(drone_links).values(**held))
+
+    assert await dispatcher.adopt(found) == "outdated"
 
 
 @pytest.mark.databases("postgresql")

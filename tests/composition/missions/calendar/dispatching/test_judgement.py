@@ -154,3 +154,43 @@ def test_on_a_shared_mission_no_customer_allows_lateness_for_the_others() -> Non
     )
 
     assert judge([(before, after)], tolerance_s=60).late == {"drn_1"}
+
+
+def test_each_delivery_of_a_shared_mission_counts_until_its_own_last_package() -> None:
+    price = Price(amount=100, currency="USD")
+    shares = tuple(
+        Share(
+            mission_id=MissionId(f"msn_{number}"),
+            delivery_id=DeliveryId(f"dlv_{number}"),
+            attempt=1,
+            price=price,
+            pooled_price=price,
+            packages={PackageId(f"p{number}"): PackageId(f"p{number}")},
+        )
+        for number in (1, 2)
+    )
+
+    def shared(guest_min: float) -> MissionRecord:
+        record = make_record(eta_min=60, promised_min=60)
+        guest_at = _NOON + timedelta(minutes=guest_min)
+        guest = PackageEta(package_id=PackageId("p2"), eta_at=guest_at)
+        packages = (*record.mission.packages, guest)
+        mission = record.mission.model_copy(update={"packages": packages})
+        return replace(record, mission=mission, shares=shares)
+
+    judgement = judge([(shared(50), shared(40))], tolerance_s=60)
+
+    assert judgement.saved_s == 600
+
+
+def test_no_saving_is_worth_a_promise_that_is_broken() -> None:
+    kept = make_record(eta_min=600, promised_min=600)
+    sooner = make_record(eta_min=60, promised_min=600)
+    late_before = make_record(eta_min=60, promised_min=60)
+    late_after = make_record(eta_min=62, promised_min=60, drone="drn_2")
+
+    judgement = judge([(kept, sooner), (late_before, late_after)], tolerance_s=60)
+
+    assert judgement.saved_s > 10_000
+    assert judgement.late == {"drn_2"}
+    assert not judgement.is_better

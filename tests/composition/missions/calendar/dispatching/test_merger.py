@@ -7,7 +7,12 @@ from datetime import timedelta
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from skyway_composition.missions.calendar.dispatching.merger import MOST_SHARES
+from skyway_composition.missions.calendar.dispatching.merger import (
+    MOST_SHARES,
+    Guest,
+    carrying,
+    share_of,
+)
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import missions_seen
 from skyway_composition.tables import missions
@@ -255,6 +260,20 @@ async def test_missions_that_cannot_share_a_trip_stay_apart(
     await dispatch_fairly(world)
 
     assert [len(each.shares) for each in await world.planned()] == [0, 0]
+
+
+@_on_sqlite
+async def test_a_host_carries_no_guest_from_another_pickup(world: BusyWorld) -> None:
+    """Its drone would have to go there; the search itself proposes no such trip."""
+    for number in (1, 2):
+        await book_alone(world, f"dlv{number}", asks("b"))
+    host, other = await world.planned()
+    guest = Guest(share_of(other), other.request, other.mission.packages)
+    pickup = guest.request.pickup.model_copy(update={"station_id": "elsewhere"})
+    elsewhere = guest.request.model_copy(update={"pickup": pickup})
+
+    assert carrying(host, guest) is not None
+    assert carrying(host, replace(guest, request=elsewhere)) is None
 
 
 @_on_sqlite

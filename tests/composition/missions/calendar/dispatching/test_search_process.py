@@ -1,7 +1,11 @@
 """The process that searches: it answers, is replaced when it dies, and ends with its owner."""
 
+import asyncio
+import pickle
+
 import pytest
 from skyway_composition.missions.calendar.dispatching.search_process import (
+    _LENGTH,
     Search,
     SearchFailed,
     SearchProcess,
@@ -13,6 +17,18 @@ from skyway.ids import NetworkId
 from skyway.planner.warm import MODEL, STATIONS, line_network
 
 _FIRST, _MIDDLE, _LAST = STATIONS
+
+
+TWO_REQUESTS = tuple(
+    FleetRequest.model_validate(
+        {
+            "request_id": request_id,
+            "source": source,
+            "packages": [{"package_id": request_id, "mass_kg": 0.3, "destination": to}],
+        }
+    )
+    for request_id, source, to in (("msn_1", _FIRST, _LAST), ("msn_2", _MIDDLE, _FIRST))
+)
 
 
 def make_search(*, budget_s: float = 0.01, **fields: object) -> Search:
@@ -61,19 +77,26 @@ async def test_the_process_answers_dies_and_is_replaced() -> None:
     assert last.returncode is not None
 
 
+async def test_a_process_in_the_middle_of_a_search_ends_with_its_owner() -> None:
+    """An owner that was killed closes nothing itself: the system closes its end of the pipe."""
+    long_search = make_search(budget_s=3_600.0, requests=TWO_REQUESTS)
+    async with SearchProcess() as process:
+        await process.find(make_search(), line_network())
+        running = process._process
+        assert running is not None
+        assert running.stdin is not None
+        text = pickle.dumps((long_search, None))
+        running.stdin.write(_LENGTH.pack(len(text)) + text)
+        await running.stdin.drain()
+
+        running.stdin.close()
+
+        assert await asyncio.wait_for(running.wait(), timeout=60) == 0
+
+
 async def test_the_first_search_of_a_new_process_has_its_whole_budget() -> None:
     """The later request lies on the drone's way to the earlier one, which only a round finds."""
-    requests = tuple(
-        FleetRequest.model_validate(
-            {
-                "request_id": request_id,
-                "source": source,
-                "packages": [{"package_id": request_id, "mass_kg": 0.3, "destination": to}],
-            }
-        )
-        for request_id, source, to in (("msn_1", _FIRST, _LAST), ("msn_2", _MIDDLE, _FIRST))
-    )
     async with SearchProcess() as process:
-        found = await process.find(make_search(budget_s=0.1, requests=requests), line_network())
+        found = await process.find(make_search(budget_s=0.1, requests=TWO_REQUESTS), line_network())
 
     assert found.orders == {"d": ("msn_2", "msn_1")}
