@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
-from sqlalchemy import ColumnElement, Row, and_, delete, exists, func, insert, select, update
+from sqlalchemy import ColumnElement, Row, delete, exists, func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import AlarmLevel
@@ -27,7 +27,7 @@ MOST_OPEN_OF_DRONE: Final = 50
 MOST_OPEN_OF_PROVIDER: Final = 1_000
 
 #: Who acknowledges an alarm whose cause has passed.
-_ENDED_BY: Final = "skyway"
+_ENDED_BY: Final = "service:composition"
 
 #: The alarms that one transaction deletes at most.
 _DELETED_TOGETHER: Final = 500
@@ -129,26 +129,31 @@ async def add(
 #: doubt, a mission that needs another plan. docs/reference/operations.md says why no others do.
 OF_DOUBT: Final = frozenset({"MISSION_IN_DOUBT"})
 OF_TROUBLE: Final = frozenset({"REVISIONS_REFUSED", "DIVERSION_IMPOSSIBLE", "FAILSAFE_ACTIVE"})
+#: Alarms about no mission, which end at the look that finds nothing.
+OF_SYSTEM: Final = frozenset({"MISSIONS_UNKNOWN"})
 #: Alarms of the registry, which says when they end.
 OF_REGISTRY: Final = frozenset({"MAINTENANCE_DUE"})
 
 
 async def end(
-    tx: Tx, codes: Collection[str], *, about: tuple[DroneId, MissionId | None], at_ms: int
+    tx: Tx, codes: Collection[str], *, about: tuple[DroneId | None, MissionId | None], at_ms: int
 ) -> None:
-    """End the open alarms with these codes about a drone and its mission: what they say is over."""
+    """End the open alarms with these codes about a drone and its mission, or about none.
+
+    What they say is over.
+    """
     drone_id, mission_id = about
     await tx.execute(
         update(alarms)
         .where(
             alarms.c.acknowledged_ms.is_(None),
-            alarms.c.drone_id == drone_id,
+            alarms.c.drone_id.is_not_distinct_from(drone_id),
             alarms.c.mission_id.is_not_distinct_from(mission_id),
             alarms.c.code.in_(sorted(codes)),
         )
         .values(
             acknowledged_ms=at_ms,
-            acknowledged_by="service:composition",
+            acknowledged_by=_ENDED_BY,
             note="this is over; the alarm has ended by itself",
         )
     )
@@ -187,13 +192,6 @@ async def is_open(connection: AsyncConnection, drone_id: DroneId | None, *, code
         alarms.c.acknowledged_ms.is_(None), alarms.c.drone_id == drone_id, alarms.c.code == code
     )
     return (await connection.execute(query.limit(1))).first() is not None
-
-
-async def end(tx: Tx, *, code: str, at_ms: int) -> None:
-    """End the open alarms with this code that concern no drone: their cause has passed."""
-    these = and_(alarms.c.acknowledged_ms.is_(None), alarms.c.code == code)
-    values = {"acknowledged_ms": at_ms, "acknowledged_by": _ENDED_BY, "note": "the cause is gone"}
-    await tx.execute(update(alarms).where(these, alarms.c.drone_id.is_(None)).values(values))
 
 
 async def acknowledge(

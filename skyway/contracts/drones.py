@@ -108,9 +108,6 @@ class DroneAlarm(WireModel):
 #: Where composition asks.
 OUT_OF_SERVICE: Final = "/internal/drones-out-of-service"
 
-#: The most drones that one call registers.
-MOST_NEW_DRONES: Final = 500
-
 #: The most drones of one question.
 MOST_DRONES: Final = 1_000
 

@@ -77,7 +77,8 @@ def test_each_code_either_ends_by_itself_or_says_why_a_person_ends_it() -> None:
     by_itself = codes_of_page("end by themselves:")
     by_person = codes_of_page("until a person acknowledges them:")
 
-    ending = alarm_store.OF_DOUBT | alarm_store.OF_TROUBLE | alarm_store.OF_REGISTRY
+    about_missions = alarm_store.OF_DOUBT | alarm_store.OF_TROUBLE
+    ending = about_missions | alarm_store.OF_SYSTEM | alarm_store.OF_REGISTRY
     assert by_itself == ending
     assert by_person == (ALARM_CODES - set(Fault) - ending) | {"REVISIONS_REFUSED"}
 

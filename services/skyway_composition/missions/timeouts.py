@@ -181,7 +181,7 @@ class UnknownMissions:
             return False
         async with self.db.write() as tx:
             if not found:
-                await alarm_store.end(tx, code=UNKNOWN_CODE, at_ms=at_ms)
+                await alarm_store.end(tx, {UNKNOWN_CODE}, about=(None, None), at_ms=at_ms)
             elif not await alarm_store.is_open(tx.connection, None, code=UNKNOWN_CODE):
                 oldest_s = (wall_ms - min(found.values())) / 1000
                 detail = f"{len(found)} missions, the first for {oldest_s:.0f} s: none of their "

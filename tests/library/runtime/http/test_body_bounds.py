@@ -42,7 +42,8 @@ def routes_with_body() -> Iterator[tuple[str, ServiceRoute, TypeAdapter[Any]]]:
 def type_of_body(route: ServiceRoute) -> TypeAdapter[Any] | None:
     if route.body_field is not None:
         field = route.body_field.field_info
-        return TypeAdapter(Annotated[field.annotation, field])
+        annotation: Any = Annotated[field.annotation, field]  # of any body
+        return TypeAdapter(annotation)
     for each in route.dependant.dependencies:
         if isinstance(each.call, InternalBody):
             return TypeAdapter(each.call.model)
