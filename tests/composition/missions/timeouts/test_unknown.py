@@ -88,7 +88,10 @@ async def test_the_alarm_ends_when_the_gateway_knows_the_missions(
 
     assert await alarms(composition) == []
     [ended] = await alarms(composition, "ACKNOWLEDGED")
-    assert (ended["acknowledged_by"], ended["note"]) == ("skyway", "the cause is gone")
+    assert (ended["acknowledged_by"], ended["note"]) == (
+        "service:composition",
+        "this is over; the alarm has ended by itself",
+    )
 
 
 async def test_an_alarm_of_the_process_before_ends_too(composition: Any, drone: Any) -> None:
