@@ -15,6 +15,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    false,
     text,
 )
 
@@ -92,6 +93,8 @@ drones = Table(
     Column("maintenance_due_ms", BigInteger),
     Column("battery_changed_ms", BigInteger),
     Column("created_ms", BigInteger, nullable=False),
+    # Whether it has ever signed: from then on `drone_signing_keys` must have its row.
+    Column("is_signing", Boolean, nullable=False, server_default=false()),
     # A registration belongs to one aircraft; across providers we cannot judge to which one.
     UniqueConstraint("provider_id", "registration", name="drone_registration"),
     CheckConstraint(_STANDBYS, name="drone_standby"),
@@ -276,7 +279,8 @@ drone_keys = Table(
 )
 
 #: The public keys with which drones sign; the next key takes effect with the next credentials.
-#: While `is_required`, nothing is believed without a signature: without a key nothing at all.
+#: While `is_required`, nothing is believed without a signature: without a key nothing at all. The
+#: drone's `is_signing` says the same, so that a lost row does not make unsigned messages valid.
 drone_signing_keys = Table(
     "drone_signing_keys",
     metadata,

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator
 from typing import Final
 
 from pydantic import TypeAdapter
-from sqlalchemy import Column, ColumnElement, and_, func, literal, or_, select
+from sqlalchemy import Column, ColumnElement, and_, false, func, literal, or_, select
 
 from skyway.bounds import LATEST
 from skyway.broker_setup.nats_accounts import is_nats_hash
@@ -168,6 +168,15 @@ _DRONES: Final = (
         "The broker refuses the drone. Give it a new enrolment token (POST "
         "/v1/providers/{id}/drones/{id}/enrolment): enrolling opens an account, once its row "
         "exists: restore the row of `broker_accounts` from a backup first.",
+    ),
+    Rule(
+        "a drone that has ever signed has the row of its key",
+        select(drones.c.drone_id)
+        .outerjoin(drone_signing_keys, drone_signing_keys.c.drone_id == drones.c.drone_id)
+        .where(drones.c.is_signing != func.coalesce(drone_signing_keys.c.is_required, false())),
+        "The row of `drone_signing_keys` was deleted or changed, so nothing of the drone is "
+        "believed. Restore the row from a backup, or give the drone a new enrolment token (POST "
+        "/v1/providers/{id}/drones/{id}/enrolment-tokens): it enrols with its key again.",
     ),
     Rule(
         "every drone's broker account has a drone",
