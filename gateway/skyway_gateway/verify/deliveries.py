@@ -10,6 +10,7 @@ from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.delivery.request import DeliveryRequest
 from skyway.runtime.verification.rule import Rule, Survey
+from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES, TERMINAL_STATES
 from skyway_gateway.delivery_tables import deliveries, missions, packages
@@ -52,14 +53,6 @@ _HAVE_ENDED: Final = ("COMPLETED", "ABORTED", "CANCELLED")
 
 def _event_count(*conditions: ColumnElement[bool]) -> ColumnElement[int]:
     return select(func.count()).where(_is_own, *conditions).correlate(deliveries).scalar_subquery()
-
-
-async def _waiting_too_long(survey: Survey) -> set[str]:
-    latest_ms = survey.wall_ms + _LONGEST_WAIT_MS
-    late = select(deliveries.c.delivery_id).where(
-        deliveries.c.is_queued, deliveries.c.next_try_wall_ms > latest_ms
-    )
-    return {str(row.delivery_id) for row in await survey.rows(late)}
 
 
 async def _other_packages(survey: Survey) -> list[str]:
@@ -121,7 +114,11 @@ DELIVERIES: Final = (
     ),
     Rule(
         "I5 booking looks at a queued delivery again within seconds",
-        _waiting_too_long,
+        later_than(
+            lambda survey: survey.wall_ms + _LONGEST_WAIT_MS,
+            [deliveries.c.next_try_wall_ms],
+            deliveries.c.is_queued,
+        ),
         _REQUEUE,
     ),
     Rule(

@@ -10,6 +10,7 @@ from typing import Any, Final
 from sqlalchemy import ColumnElement, String, and_, cast, exists, func, or_, select
 
 from skyway.runtime.verification.rule import Rule, Survey
+from skyway.runtime.verification.storage_rules import later_than
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.notifications.event_store import hash_after
 from skyway_gateway.notifications.webhook import LONGEST_PAUSE_S, MOST_ATTEMPTS
@@ -78,14 +79,6 @@ def _differs(row: Any) -> bool:  # a row of events
     body = json.loads(row.body)
     names = ("event_id", "delivery_id", "sequence", "type")
     return any(body[name] != getattr(row, name) for name in names)
-
-
-async def _waiting_too_long(survey: Survey) -> set[str]:
-    latest_ms = survey.wall_ms + int(LONGEST_PAUSE_S * 1000)
-    late = select(notifications.c.event_id).where(
-        notifications.c.state == "PENDING", notifications.c.next_try_wall_ms > latest_ms
-    )
-    return {str(row.event_id) for row in await survey.rows(late)}
 
 
 EVENTS: Final = (
@@ -175,7 +168,11 @@ NOTIFICATIONS: Final = (
     ),
     Rule(
         "I14 a notification is tried again within its schedule",
-        _waiting_too_long,
+        later_than(
+            lambda survey: survey.wall_ms + int(LONGEST_PAUSE_S * 1000),
+            [notifications.c.next_try_wall_ms],
+            notifications.c.state == "PENDING",
+        ),
         "Set `next_try_wall_ms` to 0: it is sent with the next round.",
     ),
 )

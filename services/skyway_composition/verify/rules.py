@@ -101,6 +101,8 @@ RULES: Final[tuple[Rule, ...]] = (
             "drone_time_taken_on_insert",
             "drone_time_taken_on_update",
         ),
+        # A chain begins when its drone is planned to load.
+        ahead=(custody.c.at_ms,),
     ),
     *outbox_rules(outbox, channels=("gateway", "mqtt", "registry")),
     _FORMS,

@@ -116,6 +116,7 @@ def look(folder: DataFolder, urls: Mapping[str, str], facts: Path) -> Looks:
 
 
 def _look(service: str, folder: DataFolder, urls: Mapping[str, str], facts: Path) -> ServiceLook:
+    clock = {"SKYWAY_CLOCK_FILE": str(folder.clock_file)} if folder.clock_file.exists() else {}
     checked = subprocess.run(
         [
             sys.executable,
@@ -127,6 +128,7 @@ def _look(service: str, folder: DataFolder, urls: Mapping[str, str], facts: Path
         ],
         env={
             **os.environ,
+            **clock,
             "SKYWAY_DATABASE_URL": urls[service],
             "SKYWAY_SECRETS_DIR": str(folder.secrets),
         },
