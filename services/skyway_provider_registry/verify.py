@@ -18,17 +18,24 @@ from skyway.broker_setup.passwords import read_hash
 from skyway.contracts.cells import CellUrl
 from skyway.contracts.drones import DroneAlarm
 from skyway.contracts.mission import LIVE_MISSION_STATES
-from skyway.contracts.service_facts import AnyFacts, DroneFacts, HintFacts, ProviderFacts
+from skyway.contracts.service_facts import (
+    AnyFacts,
+    CopyFacts,
+    DroneFacts,
+    HintFacts,
+    ProviderFacts,
+)
 from skyway.delivery.offer import Tariff
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DRONE_MODELS
 from skyway.runtime.signing.key_pair import public_key_bytes
 from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.rule import Rule, Survey
-from skyway.runtime.verification.storage_rules import replica_rule, storage_rules
+from skyway.runtime.verification.storage_rules import later_than, replica_rule, storage_rules
 from skyway.runtime.verification.stored_forms import form_rule, read_fernet_token, read_sha256
 from skyway.units import moment_to_ms
 from skyway_provider_registry.change_store import ONLY_ROW
+from skyway_provider_registry.fleets.issue_credentials import TOKEN_LIFE
 from skyway_provider_registry.presence.drone_presence import Condition
 from skyway_provider_registry.tables import (
     broker_accounts,
@@ -46,6 +53,7 @@ from skyway_provider_registry.tables import (
     providers,
     renewals,
     replicas,
+    telemetry_minutes,
     telemetry_samples,
     waiting_alarms,
 )
@@ -69,6 +77,8 @@ _CELLS: Final = (
 )
 
 _is_drone_account = broker_accounts.c.kind == "DRONE"
+
+_is_blocked = broker_accounts.c.revoked_wall_ms.is_not(None)
 
 _newest_change = select(func.coalesce(func.max(presence.c.changed), 0)).scalar_subquery()
 _rows = select(func.count()).select_from(changes).scalar_subquery()
@@ -179,6 +189,41 @@ _DRONES: Final = (
         "/v1/providers/{id}/drones/{id}/enrolment-tokens): it enrols with its key again.",
     ),
     Rule(
+        "a drone's token, key and account fit one another",
+        select(drones.c.drone_id)
+        .join(broker_accounts, broker_accounts.c.user_name == drones.c.drone_id)
+        .outerjoin(drone_keys, drone_keys.c.drone_id == drones.c.drone_id)
+        .outerjoin(enrolment_tokens, enrolment_tokens.c.drone_id == drones.c.drone_id)
+        .where(
+            or_(
+                # A revocation blocks the account, and deletes token and key.
+                and_(_is_blocked, drone_keys.c.drone_id.is_not(None)),
+                and_(~_is_blocked, enrolment_tokens.c.drone_id.is_(None)),
+                and_(enrolment_tokens.c.used_wall_ms.is_not(None), drone_keys.c.drone_id.is_(None)),
+                enrolment_tokens.c.used_wall_ms > enrolment_tokens.c.expires_wall_ms,
+                drone_keys.c.next_key_hash.is_(None) != drone_keys.c.next_password_hash.is_(None),
+            )
+        ),
+        "A revocation was undone, or a row was deleted: others may have the credentials. Revoke "
+        "them (DELETE /v1/providers/{id}/drones/{id}/credentials), and let the drone enrol again.",
+    ),
+    Rule(
+        "an enrolment token lasts no longer than its span",
+        later_than(
+            lambda survey: survey.wall_ms + round(TOKEN_LIFE.total_seconds() * 1000) + 600_000,
+            [enrolment_tokens.c.expires_wall_ms],
+        ),
+        "Give the drone another token (POST /v1/providers/{id}/drones/{id}/enrolment-tokens): it "
+        "replaces this one.",
+    ),
+    Rule(
+        "a waiting alarm is about its drone",
+        select(waiting_alarms.c.drone_id).where(
+            ~waiting_alarms.c.alarm.contains('"drone_id":"' + waiting_alarms.c.drone_id + '"')
+        ),
+        "Delete the row of `waiting_alarms`: the alarm is raised again when it is still true.",
+    ),
+    Rule(
         "every drone's broker account has a drone",
         select(broker_accounts.c.user_name).where(
             _is_drone_account, broker_accounts.c.user_name.not_in(select(drones.c.drone_id))
@@ -258,6 +303,26 @@ _DRONES: Final = (
         ),
         "Delete the row of `telemetry_samples`: it is a measurement, and nothing depends on it.",
     ),
+    Rule(
+        "a minute of telemetry has samples, and means between the least and the greatest",
+        select(telemetry_minutes.c.drone_id).where(
+            or_(
+                telemetry_minutes.c.samples < 1,
+                _is_outside(telemetry_minutes.c.longitude_deg, telemetry_minutes.c.latitude_deg),
+                ~telemetry_minutes.c.min_soc.between(0, 1),
+                ~telemetry_minutes.c.max_soc.between(0, 1),
+                *(
+                    ~telemetry_minutes.c[name].between(
+                        telemetry_minutes.c[f"min_{name}"] - tolerance,
+                        telemetry_minutes.c[f"max_{name}"] + tolerance,
+                    )
+                    # Means are rounded.
+                    for name, tolerance in (("soc", 1e-6), ("power_w", 1e-3), ("speed_mps", 1e-3))
+                ),
+            )
+        ),
+        "Delete the row of `telemetry_minutes`: it is a measurement, and nothing depends on it.",
+    ),
 )
 
 
@@ -294,4 +359,17 @@ async def _providers(survey: Survey) -> AsyncIterator[AnyFacts]:
         yield ProviderFacts(provider_id=row.provider_id)
 
 
-FACTS: Final[dict[str, FactReader]] = {"hints": _hints, "drones": _drones, "providers": _providers}
+async def _copies(survey: Survey) -> AsyncIterator[AnyFacts]:
+    async for row in survey.each(select(cells)):
+        text = f"{row.state} {row.url}"
+        yield CopyFacts(key=f"cell {row.network_id}", number=row.generation, text=text)
+    async for row in survey.each(select(renewals)):
+        yield CopyFacts(key=f"renewal {row.drone_id}", number=row.renewed_ms)
+
+
+FACTS: Final[dict[str, FactReader]] = {
+    "hints": _hints,
+    "drones": _drones,
+    "providers": _providers,
+    "copies": _copies,
+}

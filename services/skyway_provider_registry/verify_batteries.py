@@ -13,7 +13,7 @@ from skyway_provider_registry.battery_tables import (
     past_installations,
 )
 from skyway_provider_registry.presence.maintenance_store import IS_OVER_LIMIT
-from skyway_provider_registry.tables import drones, learned_values, presence
+from skyway_provider_registry.tables import drones, learned_values, presence, renewals
 
 _LARGEST: Final = sys.float_info.max
 
@@ -57,6 +57,25 @@ BATTERY_RULES: Final = (
             )
         ),
         "Delete the row of `learned_values`: plans use the drone's model until it has flown again.",
+    ),
+    Rule(
+        "what was learned about a drone follows its states",
+        select(learned_values.c.drone_id)
+        .join(presence, presence.c.drone_id == learned_values.c.drone_id)
+        .where(
+            or_(
+                and_(
+                    learned_values.c.learned_session == presence.c.state_session,
+                    learned_values.c.learned_seq > presence.c.state_seq,
+                ),
+                and_(
+                    learned_values.c.learned_session > presence.c.state_session,
+                    ~exists().where(renewals.c.drone_id == learned_values.c.drone_id),
+                ),
+            )
+        ),
+        "Nothing more is learned until the drone's states are later. Delete the row of "
+        "`learned_values`: plans use the drone's model until it has flown again.",
     ),
     Rule(
         "a battery is in at most one drone, of its own provider and model",

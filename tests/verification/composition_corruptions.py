@@ -146,7 +146,7 @@ _NETWORKS: Final = (
     ),
     Corruption(
         "a forecast written by hand",
-        "a forecast can be read, and its content has its hash",
+        "a forecast can be read, is not from the future, and its content has its hash",
         composition="UPDATE forecasts SET content = CAST('{}' AS BLOB)",
     ),
     Corruption(

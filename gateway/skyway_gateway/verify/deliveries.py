@@ -103,7 +103,43 @@ def _differs(row: Any) -> bool:  # a row of missions
     )
 
 
+async def _other_beginnings(survey: Survey) -> list[str]:
+    """Deliveries whose moments are not those of their first event and of their request."""
+    query = select(deliveries, events.c.body).join(events, _is_own).where(events.c.sequence == 1)
+    found = []
+    async for row in survey.each(query):
+        begun_ms = moment_to_ms(datetime.fromisoformat(json.loads(row.body)["occurred_at"]))
+        earliest_at = DeliveryRequest.read(row.request).earliest_pickup_at
+        earliest_ms = None if earliest_at is None else moment_to_ms(earliest_at)
+        starts = (abs(row.created_ms - begun_ms) <= 1, row.earliest_pickup_ms == earliest_ms)
+        waits = row.waits_since_ms is None or row.waits_since_ms >= row.created_ms - 1
+        ends = min(row.updated_ms, row.give_up_ms) >= row.created_ms - 1
+        if not (all(starts) and waits and ends):
+            found.append(row.delivery_id)
+    return found
+
+
+async def _other_flown(survey: Survey) -> list[str]:
+    """Missions whose flown times are not those of the last event of a package that they ended."""
+    flown: dict[str, Any] = {}
+    handed_over = events.c.type == "package.delivered"
+    async for row in survey.each(select(events).where(handed_over).order_by(events.c.sequence)):
+        data = json.loads(row.body)["data"]
+        flown[data["mission_id"]] = (data.get("evidence") or {}).get("flown", {})
+    names = ("flight_s", "waiting_s", "recharging_s")
+    return [
+        row.mission_id
+        async for row in survey.each(select(missions))
+        if any(getattr(row, name) != flown.get(row.mission_id, {}).get(name) for name in names)
+    ]
+
+
 DELIVERIES: Final = (
+    Rule(
+        "a delivery began as its first event says, and waits and ends later",
+        _other_beginnings,
+        _FROM_EVENTS,
+    ),
     Rule(
         "I5 a request is decided in bounded time",
         select(deliveries.c.delivery_id).where(
@@ -223,6 +259,11 @@ DELIVERIES: Final = (
 )
 
 MISSIONS: Final = (
+    Rule(
+        "a mission flew as long as the drone's evidence says",
+        _other_flown,
+        "Set the columns to `data.evidence.flown` of the mission's last event `package.delivered`.",
+    ),
     Rule(
         "a mission's columns say what its body says",
         _other_than_body,

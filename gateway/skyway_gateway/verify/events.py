@@ -104,6 +104,41 @@ EVENTS: Final = (
 
 NOTIFICATIONS: Final = (
     Rule(
+        "I13 a webhook is notified of deliveries of its own customer",
+        select(notifications.c.event_id)
+        .join(webhooks, webhooks.c.webhook_id == notifications.c.webhook_id)
+        .join(deliveries, deliveries.c.delivery_id == notifications.c.delivery_id)
+        .where(webhooks.c.customer_id != deliveries.c.customer_id),
+        "The delivery or the webhook was given to another customer. The customer's quotes and "
+        "other deliveries show who it was: correct `customer_id`.",
+    ),
+    Rule(
+        "a webhook says why it is disabled, and when it changed",
+        select(webhooks.c.webhook_id).where(
+            or_(
+                (webhooks.c.state == "ACTIVE") & webhooks.c.disabled_reason.is_not(None),
+                webhooks.c.changed_wall_ms < webhooks.c.created_wall_ms,
+            )
+        ),
+        "Set `changed_wall_ms` to now: from then on the webhook is notified of all events.",
+    ),
+    Rule(
+        "an attempt at a webhook is about its event, and is tried again as its outcome says",
+        select(webhook_attempts.c.attempt_id)
+        .outerjoin(events, events.c.event_id == webhook_attempts.c.event_id)
+        .where(
+            or_(
+                events.c.type != webhook_attempts.c.event_type,
+                events.c.delivery_id != webhook_attempts.c.delivery_id,
+                ~webhook_attempts.c.number.between(1, MOST_ATTEMPTS),
+                webhook_attempts.c.duration_ms < 0,
+                (webhook_attempts.c.outcome == "FAILED")
+                != webhook_attempts.c.next_try_wall_ms.is_not(None),
+            )
+        ),
+        "Only its customer reads the row of `webhook_attempts`: correct it by the event.",
+    ),
+    Rule(
         "I14 each webhook is notified of each event that it subscribes to",
         select(events.c.event_id)
         .join(deliveries, _is_own)

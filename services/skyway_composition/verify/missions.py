@@ -70,6 +70,8 @@ def _differs(row: Any) -> bool:  # a row of missions
             any(body[name] != getattr(row, name) for name in _REPEATED)
             or _ms(body["start_at"]) != row.start_ms
             or _ms(body["released_at"]) != row.released_ms
+            or (body["loading"] != row.loading)
+            or row.pooling_at not in (None, request["pickup"]["station_id"])
             or (candidate["drone_id"], candidate["provider_id"]) != (row.drone_id, row.provider_id)
             or not {each["package_id"] for each in body["packages"]} <= packages
         )
@@ -79,6 +81,19 @@ def _differs(row: Any) -> bool:  # a row of missions
 
 def _ms(text: str) -> int:
     return moment_to_ms(datetime.fromisoformat(text))
+
+
+async def _other_expiries(survey: Survey) -> list[str]:
+    """Missions that expire when none of their instructions does."""
+    query = (
+        select(missions.c.mission_id, missions.c.expires_ms, instructions.c.body)
+        .join(instructions, instructions.c.mission_id == missions.c.mission_id)
+        .where(instructions.c.kind == "MISSION")
+    )
+    sent: dict[tuple[str, int], set[int]] = defaultdict(set)
+    for row in await survey.rows(query):
+        sent[row.mission_id, row.expires_ms].add(_ms(json.loads(row.body)["expires_at"]))
+    return [mission_id for (mission_id, at_ms), ends in sent.items() if at_ms not in ends]
 
 
 async def _late_plans(survey: Survey) -> set[str]:
@@ -116,6 +131,29 @@ async def _lost_proposals(survey: Survey) -> list[str]:
 
 
 MISSIONS: Final = (
+    Rule(
+        "an alarm is acknowledged by somebody, after it was raised",
+        select(alarms.c.alarm_id).where(
+            or_(
+                alarms.c.acknowledged_ms.is_(None) != alarms.c.acknowledged_by.is_(None),
+                alarms.c.acknowledged_ms < alarms.c.at_ms,
+                and_(alarms.c.note.is_not(None), alarms.c.acknowledged_ms.is_(None)),
+            )
+        ),
+        "Set `acknowledged_ms` and `acknowledged_by` to NULL: an operator looks at it again.",
+    ),
+    Rule(
+        "an alarm of a mission is about its provider and drone",
+        select(alarms.c.alarm_id)
+        .join(missions, missions.c.mission_id == alarms.c.mission_id)
+        .where(alarms.c.provider_id != missions.c.provider_id),
+        "Set `provider_id` of the alarm to that of its mission: its provider sees it then.",
+    ),
+    Rule(
+        "a mission's first instruction expires when the mission says",
+        _other_expiries,
+        "Set `expires_ms` to `expires_at` of the mission's first instruction.",
+    ),
     Rule(
         "I2 a drone is on at most one mission",
         select(missions.c.drone_id)

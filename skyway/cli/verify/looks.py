@@ -21,7 +21,13 @@ from typing import Final, Generic, Literal, TypeVar
 
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.system.children import PACKAGES
-from skyway.contracts.service_facts import DeliveryFacts, DroneFacts, HintFacts, ProviderFacts
+from skyway.contracts.service_facts import (
+    CopyFacts,
+    DeliveryFacts,
+    DroneFacts,
+    HintFacts,
+    ProviderFacts,
+)
 from skyway.errors import SkywayError
 from skyway.runtime.errors import ExitCode
 from skyway.runtime.verification.fact_files import side_by_side
@@ -35,7 +41,7 @@ _RESTORE: Final = (
     "files away, check the disk, and restore the newest backup (docs/reference/operations.md)."
 )
 
-FactsT = TypeVar("FactsT", DeliveryFacts, HintFacts, DroneFacts, ProviderFacts)
+FactsT = TypeVar("FactsT", DeliveryFacts, HintFacts, DroneFacts, ProviderFacts, CopyFacts)
 Service = Literal["gateway", "composition", "registry"]
 
 
@@ -71,6 +77,10 @@ class ServiceLook:
     def providers(self) -> Iterator[ProviderFacts]:
         """The facts about providers, by id."""
         return self._facts("providers", ProviderFacts)
+
+    def copies(self) -> Iterator[CopyFacts]:
+        """The values that other services store, too, by kind and id."""
+        return self._facts("copies", CopyFacts)
 
     def _facts(self, kind: str, model: type[FactsT]) -> Iterator[FactsT]:
         with ExitStack() as opened:
@@ -174,6 +184,7 @@ AnyCrossRule = (
     | CrossRule[HintFacts]
     | CrossRule[DroneFacts]
     | CrossRule[ProviderFacts]
+    | CrossRule[CopyFacts]
 )
 
 

@@ -45,11 +45,11 @@ _LARGEST_DOUBLE: Final = 1e300
 #: The clocks of machines differ by less, and senders wait a minute at most. Wall ms.
 _CLOCKS_DIFFER_MS: Final = 600_000
 
-#: How the names of columns begin whose moments may be ahead, or that are spans.
+#: How the names of columns begin whose moments may be ahead, or that are spans, or measure only.
 _AHEAD: Final = (
     *("expires_", "ends_", "due_", "next_", "claimed_until_", "until_", "held_until_", "retry_"),
     *("give_up_", "earliest_", "promised_", "eta_", "start_", "end_", "planned_", "released_"),
-    *("served_", "from_", "free_", "duration_", "saved_"),
+    *("served_", "from_", "free_", "duration_", "saved_", "stored_"),
 )
 
 
