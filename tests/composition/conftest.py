@@ -224,7 +224,9 @@ class Composition:
         return str(answer.json()["mission"]["state"])
 
     async def broken(self) -> list[tuple[str, str]]:
-        return await broken_rules(self.db, RULES, wall_at=self.clock.wall_now())
+        return await broken_rules(
+            self.db, RULES, wall_at=self.clock.wall_now(), fleet_at=self.clock.now()
+        )
 
     async def _outbox(self, channel: str, stream: str | None = None) -> Sequence[Any]:
         query = select(outbox).where(outbox.c.channel == channel).order_by(outbox.c.id)

@@ -104,14 +104,19 @@ def _differs(row: Any) -> bool:  # a row of missions
 
 
 async def _other_beginnings(survey: Survey) -> list[str]:
-    """Deliveries whose moments are not those of their first event and of their request."""
+    """Deliveries whose request and moments are not those of their first event."""
     query = select(deliveries, events.c.body).join(events, _is_own).where(events.c.sequence == 1)
     found = []
     async for row in survey.each(query):
-        begun_ms = moment_to_ms(datetime.fromisoformat(json.loads(row.body)["occurred_at"]))
-        earliest_at = DeliveryRequest.read(row.request).earliest_pickup_at
+        event, request = json.loads(row.body), DeliveryRequest.read(row.request)
+        begun_ms = moment_to_ms(datetime.fromisoformat(event["occurred_at"]))
+        earliest_at = request.earliest_pickup_at
         earliest_ms = None if earliest_at is None else moment_to_ms(earliest_at)
-        starts = (abs(row.created_ms - begun_ms) <= 1, row.earliest_pickup_ms == earliest_ms)
+        starts = (
+            abs(row.created_ms - begun_ms) <= 1,
+            row.earliest_pickup_ms == earliest_ms,
+            DeliveryRequest.model_validate(event["data"]["request"]) == request,
+        )
         waits = row.waits_since_ms is None or row.waits_since_ms >= row.created_ms - 1
         ends = min(row.updated_ms, row.give_up_ms) >= row.created_ms - 1
         if not (all(starts) and waits and ends):
