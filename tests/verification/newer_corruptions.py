@@ -147,6 +147,12 @@ _DELIVERIES: Final = (
         gateway="UPDATE deliveries SET earliest_pickup_ms = 5 WHERE delivery_id = :waiting",
     ),
     Corruption(
+        "a request that asks for another objective",
+        _BEGAN,
+        gateway="UPDATE deliveries SET request = json_set(request, '$.qos.objective', 'cheapest')"
+        " WHERE delivery_id = :flying",
+    ),
+    Corruption(
         "a delivery changed next year",
         _FLEET,
         gateway=_in_future("deliveries", "updated_ms"),

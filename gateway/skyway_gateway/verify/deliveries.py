@@ -110,7 +110,7 @@ async def _other_beginnings(survey: Survey) -> list[str]:
     async for row in survey.each(query):
         event, request = json.loads(row.body), DeliveryRequest.read(row.request)
         begun_ms = moment_to_ms(datetime.fromisoformat(event["occurred_at"]))
-        earliest_at = request.earliest_pickup_at
+        earliest_at = request.first_hand_over_at
         earliest_ms = None if earliest_at is None else moment_to_ms(earliest_at)
         starts = (
             abs(row.created_ms - begun_ms) <= 1,
