@@ -69,7 +69,7 @@ BATTERY_RULES: Final = (
                     learned_values.c.learned_seq > presence.c.state_seq,
                 ),
                 and_(
-                    learned_values.c.learned_session > presence.c.state_session,
+                    presence.c.state_session.between(0, learned_values.c.learned_session - 1),
                     ~exists().where(renewals.c.drone_id == learned_values.c.drone_id),
                 ),
             )
