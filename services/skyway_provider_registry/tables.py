@@ -3,6 +3,8 @@
 `battery_tables` has the tables of batteries and of maintenance.
 """
 
+from collections.abc import Iterator
+
 from sqlalchemy import (
     BigInteger,
     Boolean,
@@ -24,16 +26,13 @@ from skyway.runtime.replicas.replica_store import replicas_table
 from skyway_provider_registry import battery_tables
 
 metadata = battery_tables.metadata
-replicas = replicas_table(metadata)
+replicas, idempotency = replicas_table(metadata), idempotency_table(metadata)
 _STANDBYS = "standby IN ('HOME', 'STAY', 'PARKING', 'NEXT_PICKUP')"
 
 
-def _place_columns() -> tuple[Column[float], Column[float]]:
+def _place_columns() -> Iterator[Column[float]]:
     """The position of a drone."""
-    return (
-        Column("longitude_deg", Double, nullable=False),
-        Column("latitude_deg", Double, nullable=False),
-    )
+    return (Column(f"{name}_deg", Double, nullable=False) for name in ("longitude", "latitude"))
 
 
 providers = Table(
@@ -93,8 +92,7 @@ drones = Table(
     Column("maintenance_due_ms", BigInteger),
     Column("battery_changed_ms", BigInteger),
     Column("created_ms", BigInteger, nullable=False),
-    # Whether it has ever signed: from then on `drone_signing_keys` must have its row.
-    Column("is_signing", Boolean, nullable=False, server_default=false()),
+    Column("is_signing", Boolean, nullable=False, server_default=false()),  # since its first key
     # A registration belongs to one aircraft; across providers we cannot judge to which one.
     UniqueConstraint("provider_id", "registration", name="drone_registration"),
     CheckConstraint(_STANDBYS, name="drone_standby"),
@@ -102,7 +100,7 @@ drones = Table(
     Index("drones_by_model", "model_id"),
 )
 
-#: One row per drone, from its registration on. -1 in an order column: no message received yet.
+#: One row per drone, from its registration on. -1 in an order column: no message yet.
 presence = Table(
     "presence",
     metadata,
@@ -141,7 +139,7 @@ presence = Table(
     Index("presence_by_change", "changed"),
 )
 
-#: What the flights of a drone have shown about it: means, which begin at 1. No row: nothing yet.
+#: What a drone's flights have shown about it: means, which begin at 1. No row: nothing yet.
 #: With a battery in `batteries` the health is there: here it is the health of an unknown battery.
 learned_values = Table(
     "learned_values",
@@ -279,8 +277,7 @@ drone_keys = Table(
 )
 
 #: The public keys with which drones sign; the next key takes effect with the next credentials.
-#: While `is_required`, nothing is believed without a signature: without a key nothing at all. The
-#: drone's `is_signing` says the same, so that a lost row does not make unsigned messages valid.
+#: While `is_required`, nothing is believed without a signature: without a key nothing at all.
 drone_signing_keys = Table(
     "drone_signing_keys",
     metadata,
@@ -300,5 +297,3 @@ changes = Table(
     Column("providers", BigInteger, nullable=False),
     Column("removals", BigInteger, nullable=False),
 )
-
-idempotency = idempotency_table(metadata)

@@ -1,16 +1,15 @@
 """Verification: what must always hold in the registry's database (docs/reference/invariants.md).
 
-`RULES` are all rules: of drones with their accounts and keys, of hints and change numbers, by which
-candidates are selected, of the table of cells, and of batteries (`verify_batteries`). `FACTS` are
-compared with composition's facts.
+`RULES` are all rules: of drones and their accounts, of hints and change numbers, by which
+candidates are selected, of the table of cells, and of all else about drones (`verify_drones`).
+`FACTS` are compared with the facts of other services.
 """
 
-import sys
 from collections.abc import AsyncIterator
 from typing import Final
 
 from pydantic import TypeAdapter
-from sqlalchemy import Column, ColumnElement, and_, false, func, literal, or_, select
+from sqlalchemy import and_, func, literal, or_, select
 
 from skyway.bounds import LATEST
 from skyway.broker_setup.nats_accounts import is_nats_hash
@@ -31,11 +30,10 @@ from skyway.drone.models import DRONE_MODELS
 from skyway.runtime.signing.key_pair import public_key_bytes
 from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.rule import Rule, Survey
-from skyway.runtime.verification.storage_rules import later_than, replica_rule, storage_rules
+from skyway.runtime.verification.storage_rules import replica_rule, storage_rules
 from skyway.runtime.verification.stored_forms import form_rule, read_fernet_token, read_sha256
 from skyway.units import moment_to_ms
 from skyway_provider_registry.change_store import ONLY_ROW
-from skyway_provider_registry.fleets.issue_credentials import TOKEN_LIFE
 from skyway_provider_registry.presence.drone_presence import Condition
 from skyway_provider_registry.tables import (
     broker_accounts,
@@ -53,11 +51,9 @@ from skyway_provider_registry.tables import (
     providers,
     renewals,
     replicas,
-    telemetry_minutes,
-    telemetry_samples,
     waiting_alarms,
 )
-from skyway_provider_registry.verify_batteries import BATTERY_RULES
+from skyway_provider_registry.verify_drones import DRONE_RULES, is_outside
 
 _LATEST_MS: Final = moment_to_ms(LATEST)
 
@@ -77,8 +73,6 @@ _CELLS: Final = (
 )
 
 _is_drone_account = broker_accounts.c.kind == "DRONE"
-
-_is_blocked = broker_accounts.c.revoked_wall_ms.is_not(None)
 
 _newest_change = select(func.coalesce(func.max(presence.c.changed), 0)).scalar_subquery()
 _rows = select(func.count()).select_from(changes).scalar_subquery()
@@ -160,15 +154,6 @@ _FORMS: Final = form_rule(
 )
 
 
-def _is_outside(longitude: Column[float], latitude: Column[float]) -> ColumnElement[bool]:
-    """Whether a place is nowhere on earth; False if it is not known."""
-    return or_(~longitude.between(-180, 180), ~latitude.between(-90, 90))
-
-
-def _is_endless(value: Column[float]) -> ColumnElement[bool]:
-    return ~value.between(-sys.float_info.max, sys.float_info.max)
-
-
 _DRONES: Final = (
     Rule(
         "every drone has a broker account",
@@ -178,50 +163,6 @@ _DRONES: Final = (
         "The broker refuses the drone. Give it a new enrolment token (POST "
         "/v1/providers/{id}/drones/{id}/enrolment): enrolling opens an account, once its row "
         "exists: restore the row of `broker_accounts` from a backup first.",
-    ),
-    Rule(
-        "a drone that has ever signed has the row of its key",
-        select(drones.c.drone_id)
-        .outerjoin(drone_signing_keys, drone_signing_keys.c.drone_id == drones.c.drone_id)
-        .where(drones.c.is_signing != func.coalesce(drone_signing_keys.c.is_required, false())),
-        "The row of `drone_signing_keys` was deleted or changed, so nothing of the drone is "
-        "believed. Restore the row from a backup, or give the drone a new enrolment token (POST "
-        "/v1/providers/{id}/drones/{id}/enrolment-tokens): it enrols with its key again.",
-    ),
-    Rule(
-        "a drone's token, key and account fit one another",
-        select(drones.c.drone_id)
-        .join(broker_accounts, broker_accounts.c.user_name == drones.c.drone_id)
-        .outerjoin(drone_keys, drone_keys.c.drone_id == drones.c.drone_id)
-        .outerjoin(enrolment_tokens, enrolment_tokens.c.drone_id == drones.c.drone_id)
-        .where(
-            or_(
-                # A revocation blocks the account, and deletes token and key.
-                and_(_is_blocked, drone_keys.c.drone_id.is_not(None)),
-                and_(~_is_blocked, enrolment_tokens.c.drone_id.is_(None)),
-                and_(enrolment_tokens.c.used_wall_ms.is_not(None), drone_keys.c.drone_id.is_(None)),
-                enrolment_tokens.c.used_wall_ms > enrolment_tokens.c.expires_wall_ms,
-                drone_keys.c.next_key_hash.is_(None) != drone_keys.c.next_password_hash.is_(None),
-            )
-        ),
-        "A revocation was undone, or a row was deleted: others may have the credentials. Revoke "
-        "them (DELETE /v1/providers/{id}/drones/{id}/credentials), and let the drone enrol again.",
-    ),
-    Rule(
-        "an enrolment token lasts no longer than its span",
-        later_than(
-            lambda survey: survey.wall_ms + round(TOKEN_LIFE.total_seconds() * 1000) + 600_000,
-            [enrolment_tokens.c.expires_wall_ms],
-        ),
-        "Give the drone another token (POST /v1/providers/{id}/drones/{id}/enrolment-tokens): it "
-        "replaces this one.",
-    ),
-    Rule(
-        "a waiting alarm is about its drone",
-        select(waiting_alarms.c.drone_id).where(
-            ~waiting_alarms.c.alarm.contains('"drone_id":"' + waiting_alarms.c.drone_id + '"')
-        ),
-        "Delete the row of `waiting_alarms`: the alarm is raised again when it is still true.",
     ),
     Rule(
         "every drone's broker account has a drone",
@@ -257,8 +198,8 @@ _DRONES: Final = (
                 ~presence.c.soc.between(0, 1),
                 presence.c.ahead_m < 0,
                 presence.c.ahead_soc < 0,
-                _is_outside(presence.c.longitude_deg, presence.c.latitude_deg),
-                _is_outside(presence.c.sample_longitude_deg, presence.c.sample_latitude_deg),
+                is_outside(presence.c.longitude_deg, presence.c.latitude_deg),
+                is_outside(presence.c.sample_longitude_deg, presence.c.sample_latitude_deg),
                 ~presence.c.sample_soc.between(0, 1),
                 (presence.c.activity.is_(None)) != (presence.c.state_at_ms.is_(None)),
                 and_(
@@ -275,53 +216,11 @@ _DRONES: Final = (
         "a drone's home is on earth, and its first charge possible",
         select(drones.c.drone_id).where(
             or_(
-                _is_outside(drones.c.home_longitude_deg, drones.c.home_latitude_deg),
+                is_outside(drones.c.home_longitude_deg, drones.c.home_latitude_deg),
                 ~drones.c.initial_soc.between(0, 1),
             )
         ),
         "Set the home to the place of the station `home_station_id`: see GET /v1/networks.",
-    ),
-    Rule(
-        "credentials were renewed at a possible moment",
-        select(renewals.c.drone_id).where(
-            or_(
-                ~renewals.c.renewed_ms.between(0, _LATEST_MS),
-                ~renewals.c.renewed_wall_ms.between(0, _LATEST_MS),
-            )
-        ),
-        "Set both moments to now and `is_announced` to false: composition is notified again.",
-    ),
-    Rule(
-        "a sample of telemetry is possible",
-        select(telemetry_samples.c.drone_id).where(
-            or_(
-                _is_outside(telemetry_samples.c.longitude_deg, telemetry_samples.c.latitude_deg),
-                ~telemetry_samples.c.soc.between(0, 1),
-                _is_endless(telemetry_samples.c.power_w),
-                _is_endless(telemetry_samples.c.speed_mps),
-            )
-        ),
-        "Delete the row of `telemetry_samples`: it is a measurement, and nothing depends on it.",
-    ),
-    Rule(
-        "a minute of telemetry has samples, and means between the least and the greatest",
-        select(telemetry_minutes.c.drone_id).where(
-            or_(
-                telemetry_minutes.c.samples < 1,
-                _is_outside(telemetry_minutes.c.longitude_deg, telemetry_minutes.c.latitude_deg),
-                ~telemetry_minutes.c.min_soc.between(0, 1),
-                ~telemetry_minutes.c.max_soc.between(0, 1),
-                *(
-                    ~telemetry_minutes.c[name].between(
-                        telemetry_minutes.c[f"min_{name}"] - tolerance,
-                        telemetry_minutes.c[f"max_{name}"] + tolerance,
-                    )
-                    # Means are rounded.
-                    for name, tolerance in (("soc", 1e-6), ("power_w", 1e-3), ("speed_mps", 1e-3))
-                ),
-            )
-        ),
-        "Delete the row of `telemetry_minutes`: it is a measurement, and nothing depends on it.",
     ),
 )
 
@@ -332,7 +231,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *storage_rules(metadata),
     _FORMS,
     *_DRONES,
-    *BATTERY_RULES,
+    *DRONE_RULES,
     *_HINTS,
     *_CELLS,
 )

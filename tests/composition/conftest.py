@@ -225,7 +225,7 @@ class Composition:
         return str(answer.json()["mission"]["state"])
 
     async def broken(self) -> list[tuple[str, str]]:
-        # Drones tell these tests what they will have done: fleet time stands still meanwhile.
+        # The drones of these tests report what is ahead, because fleet time stands still.
         # Replicas are seen by the database's own clock.
         wall_at = max(self.clock.wall_now(), datetime.now(UTC))
         return await broken_rules(self.db, RULES, wall_at=wall_at)

@@ -3,17 +3,13 @@
 from typing import Final
 
 from tests.verification.damaged_copies import Corruption
+from tests.verification.newer_access_corruptions import ACCESS_AND_SIGNING, in_future
 
 _HOUR_MS: Final = 3_600_000
 _DAY_MS: Final = 24 * _HOUR_MS
 _PROMISE: Final = "a package has the promise that its customer was notified of"
 _WALL: Final = "what is stored as past is past, by wall time"
 _FLEET: Final = "what is stored as past is past, by fleet time"
-_KEY: Final = "a key was made, and is deleted, as the audit log says"
-_LOGIN: Final = "a session or login link lasts no longer than its span, and its begin was logged"
-_LINK: Final = "a tracking link was renewed and withdrawn as the audit log says"
-_SIGNS: Final = "a drone that has ever signed has the row of its key"
-_FITS: Final = "a drone's token, key and account fit one another"
 _NETWORK: Final = "the gateway knows no later version of a network, and no other stations"
 _CELL: Final = "the gateway knows the cells as the registry has them"
 _HOLD: Final = "a hold is of the customer whose offers it keeps"
@@ -33,12 +29,6 @@ _ATTEMPT: Final = (
     "an attempt at a webhook is about its event, and is tried again as its outcome says"
 )
 _FLYING: Final = " WHERE delivery_id = :flying AND package_id = 'p2'"
-
-
-def _in_future(table: str, column: str, where: str = "", *, days: int = 400) -> str:
-    """SQL that moves a column of all or some rows far ahead."""
-    value = f"max(coalesce({column}, 0), 1795800000000) + {days * _DAY_MS}"
-    return f"UPDATE {table} SET {column} = {value} {where}"
 
 
 def _cut(seq: int = 3) -> str:
@@ -120,7 +110,7 @@ _PROMISES: Final = (
     Corruption(
         "a quote made next year",
         _FLEET,
-        gateway=_in_future("quotes", "made_ms"),
+        gateway=in_future("quotes", "made_ms"),
     ),
 )
 
@@ -155,12 +145,12 @@ _DELIVERIES: Final = (
     Corruption(
         "a delivery changed next year",
         _FLEET,
-        gateway=_in_future("deliveries", "updated_ms"),
+        gateway=in_future("deliveries", "updated_ms"),
     ),
     Corruption(
         "a delivery woken next year",
         _WALL,
-        gateway=_in_future("deliveries", "woken_wall_ms", "WHERE delivery_id = :waiting"),
+        gateway=in_future("deliveries", "woken_wall_ms", "WHERE delivery_id = :waiting"),
     ),
     Corruption(
         "a mission that flew longer",
@@ -175,7 +165,7 @@ _DELIVERIES: Final = (
     Corruption(
         "a mission that ended next year",
         _FLEET,
-        gateway=_in_future("missions", "ended_ms", "WHERE mission_id = :completed_mission"),
+        gateway=in_future("missions", "ended_ms", "WHERE mission_id = :completed_mission"),
     ),
     Corruption(
         "a webhook given to another customer",
@@ -200,7 +190,7 @@ _DELIVERIES: Final = (
     Corruption(
         "a webhook changed next year, so that it need not be notified",
         _WALL,
-        gateway=_in_future("webhooks", "changed_wall_ms", "WHERE webhook_id = :webhook"),
+        gateway=in_future("webhooks", "changed_wall_ms", "WHERE webhook_id = :webhook"),
     ),
     Corruption(
         "an attempt with another type of event",
@@ -220,172 +210,7 @@ _DELIVERIES: Final = (
     Corruption(
         "a stored answer that stays for a year",
         _FLEET,
-        gateway=_in_future("idempotency", "created_at_ms"),
-    ),
-)
-
-_ACCESS: Final = (
-    Corruption(
-        "a customer's key made an operator's",
-        _KEY,
-        gateway="UPDATE api_keys SET role = 'operator', subject_id = 'mallory', scopes = NULL"
-        " WHERE subject_id = 'river-books'",
-    ),
-    Corruption(
-        "a customer's key made the first operator's",
-        _KEY,
-        gateway="UPDATE api_keys SET role = 'operator', subject_id = 'operator', scopes = NULL"
-        " WHERE subject_id = 'river-books'",
-    ),
-    Corruption(
-        "a key with more scopes than it was given",
-        _KEY,
-        gateway="UPDATE api_keys SET scopes = NULL WHERE subject_id = 'river-books'",
-    ),
-    Corruption(
-        "a deleted key in use again",
-        _KEY,
-        gateway="UPDATE api_keys SET deleted_wall_ms = NULL WHERE subject_id = 'lee'",
-    ),
-    Corruption(
-        "a key that nobody made",
-        _KEY,
-        gateway="INSERT INTO api_keys (key_id, key_hash, role, subject_id, created_wall_ms,"
-        " is_account_open) SELECT 'key_x', lower(hex(zeroblob(32))), 'operator', 'mallory',"
-        " created_wall_ms, 1 FROM api_keys WHERE subject_id = 'river-books'",
-    ),
-    Corruption(
-        "the row of a key deleted",
-        _KEY,
-        gateway="DELETE FROM api_keys WHERE subject_id = 'river-books'",
-    ),
-    Corruption(
-        "a key made an hour earlier than its call",
-        _KEY,
-        gateway=f"UPDATE api_keys SET created_wall_ms = created_wall_ms - {_HOUR_MS}"
-        " WHERE subject_id = 'river-books'",
-    ),
-    Corruption(
-        "a provider's key given to a provider that is not registered",
-        "a provider that has a key is registered",
-        gateway="UPDATE api_keys SET subject_id = 'prv_other' WHERE role = 'provider'",
-    ),
-    Corruption(
-        "a key made next year",
-        _WALL,
-        gateway=_in_future("api_keys", "created_wall_ms", "WHERE role = 'customer'"),
-    ),
-    Corruption(
-        "a session that lasts for a week",
-        _LOGIN,
-        gateway=f"UPDATE sessions SET expires_wall_ms = expires_wall_ms + {7 * _DAY_MS}",
-    ),
-    Corruption(
-        "a session that lasts for an hour longer",
-        _LOGIN,
-        gateway=f"UPDATE sessions SET expires_wall_ms = expires_wall_ms + {_HOUR_MS}",
-    ),
-    Corruption(
-        "a session that nobody began",
-        _LOGIN,
-        gateway="INSERT INTO sessions SELECT lower(hex(zeroblob(32))), key_id,"
-        " (SELECT max(at_wall_ms) FROM audit) + 43200000 - 600000 FROM api_keys"
-        " WHERE subject_id = 'operator'",
-    ),
-    Corruption(
-        "the session of an operator given to a provider's key",
-        _LOGIN,
-        gateway="UPDATE sessions SET key_id = (SELECT key_id FROM api_keys"
-        " WHERE role = 'provider' LIMIT 1)",
-    ),
-    Corruption(
-        "a login link that lasts for a day",
-        _LOGIN,
-        gateway=f"UPDATE session_links SET expires_wall_ms = expires_wall_ms + {_DAY_MS}",
-    ),
-    Corruption(
-        "a login link of another key",
-        _LOGIN,
-        gateway="UPDATE session_links SET key_id = (SELECT key_id FROM api_keys"
-        " WHERE role = 'provider' LIMIT 1)",
-    ),
-    Corruption(
-        "the withdrawal of a tracking link undone",
-        _LINK,
-        gateway="UPDATE tracking_links SET is_withdrawn = 0",
-    ),
-    Corruption(
-        "the row of a withdrawn tracking link deleted",
-        _LINK,
-        gateway="DELETE FROM tracking_links WHERE is_withdrawn",
-    ),
-    Corruption(
-        "the row of a renewed tracking link deleted",
-        _LINK,
-        gateway="DELETE FROM tracking_links WHERE number > 1",
-    ),
-    Corruption(
-        "a tracking link set back to its first number",
-        _LINK,
-        gateway="UPDATE tracking_links SET number = 1 WHERE delivery_id = :completed",
-    ),
-    Corruption(
-        "a tracking link withdrawn by nobody",
-        _LINK,
-        gateway="INSERT INTO tracking_links VALUES (:waiting, 1, 1)",
-    ),
-)
-
-_SIGNING: Final = (
-    Corruption(
-        "the signing key of a drone deleted",
-        _SIGNS,
-        registry="DELETE FROM drone_signing_keys WHERE drone_id = :flying_drone",
-    ),
-    Corruption(
-        "a drone that need not sign any more",
-        _SIGNS,
-        registry="UPDATE drone_signing_keys SET is_required = 0, public_key = NULL"
-        " WHERE drone_id = :flying_drone",
-    ),
-    Corruption(
-        "a drone that has never signed, as its own row says",
-        _SIGNS,
-        registry="UPDATE drones SET is_signing = 0 WHERE drone_id = :flying_drone",
-    ),
-    Corruption(
-        "the token of a drone deleted, as if its credentials had been revoked",
-        _FITS,
-        registry="DELETE FROM enrolment_tokens WHERE drone_id = :flying_drone",
-    ),
-    Corruption(
-        "a token used by a drone without a key",
-        _FITS,
-        registry="UPDATE enrolment_tokens SET used_wall_ms = 5 WHERE drone_id = :flying_drone",
-    ),
-    Corruption(
-        "a blocked drone that kept its key",
-        _FITS,
-        registry="UPDATE broker_accounts SET revoked_wall_ms = 5 WHERE user_name = :flying_drone;"
-        " INSERT INTO drone_keys VALUES (:flying_drone, lower(hex(zeroblob(32))), NULL, NULL)",
-    ),
-    Corruption(
-        "a next key without a password",
-        _FITS,
-        registry="INSERT INTO drone_keys VALUES (:flying_drone, lower(hex(zeroblob(32))),"
-        " lower(hex(zeroblob(32))), NULL)",
-    ),
-    Corruption(
-        "an enrolment token that lasts for a year",
-        "an enrolment token lasts no longer than its span",
-        registry=_in_future("enrolment_tokens", "expires_wall_ms"),
-    ),
-    Corruption(
-        "an account blocked next year",
-        _WALL,
-        registry=_in_future(
-            "broker_accounts", "revoked_wall_ms", "WHERE user_name = :silent_drone"
-        ),
+        gateway=in_future("idempotency", "created_at_ms"),
     ),
 )
 
@@ -461,7 +286,7 @@ _COMPOSITION: Final = (
     Corruption(
         "a forecast received next year",
         _FORECAST,
-        composition=_in_future("forecasts", "received_ms"),
+        composition=in_future("forecasts", "received_ms"),
     ),
     Corruption(
         "a forecast received before it was issued",
@@ -514,33 +339,33 @@ _COMPOSITION: Final = (
     ),
     Corruption(
         "an alarm about another provider",
-        "an alarm of a mission is about its provider and drone",
+        "an alarm of a mission is about its provider",
         composition=_ALARMED.format(provider="'prv_other'", at="NULL", by="NULL"),
     ),
     Corruption(
         "a package handed over next year",
         "I6 a drone has had or handed over its packages in the past",
-        composition=_in_future("custody", "at_ms", "WHERE delivery_id = :completed AND seq = 3"),
+        composition=in_future("custody", "at_ms", "WHERE delivery_id = :completed AND seq = 3"),
     ),
     Corruption(
         "a step ended next year",
         _FLEET,
-        composition=_in_future("mission_steps", "ended_ms", "WHERE status = 'ENDED'"),
+        composition=in_future("mission_steps", "ended_ms", "WHERE status = 'ENDED'"),
     ),
     Corruption(
         "a network published next year",
         _FLEET,
-        composition=_in_future("networks", "published_ms"),
+        composition=in_future("networks", "published_ms"),
     ),
     Corruption(
         "a closure made next year",
         _FLEET,
-        composition=_in_future("closures", "made_ms"),
+        composition=in_future("closures", "made_ms"),
     ),
     Corruption(
         "a link asked for its events next year",
         _WALL,
-        composition=_in_future("drone_links", "report_asked_wall_ms"),
+        composition=in_future("drone_links", "report_asked_wall_ms"),
     ),
 )
 
@@ -558,27 +383,27 @@ _REGISTRY: Final = (
     Corruption(
         "learned next year",
         _FLEET,
-        registry=_in_future("learned_values", "learned_ms"),
+        registry=in_future("learned_values", "learned_ms"),
     ),
     Corruption(
         "a drone seen next year",
         _WALL,
-        registry=_in_future("presence", "last_seen_wall_ms"),
+        registry=in_future("presence", "last_seen_wall_ms"),
     ),
     Corruption(
         "a sample heard next year",
         _WALL,
-        registry=_in_future("telemetry_samples", "heard_wall_ms"),
+        registry=in_future("telemetry_samples", "heard_wall_ms"),
     ),
     Corruption(
         "a drone maintained next year",
         _FLEET,
-        registry=_in_future("drones", "maintained_ms", "WHERE drone_id = :silent_drone"),
+        registry=in_future("drones", "maintained_ms", "WHERE drone_id = :silent_drone"),
     ),
     Corruption(
         "a hint reported next year",
         _WALL,
-        registry=_in_future("mission_hints", "reported_wall_ms"),
+        registry=in_future("mission_hints", "reported_wall_ms"),
     ),
     Corruption("a minute without samples", _MINUTE, registry=_minute(samples=0)),
     Corruption("a minute with a mean above all its samples", _MINUTE, registry=_minute(soc=0.7)),
@@ -595,8 +420,7 @@ _REGISTRY: Final = (
 NEWER_CORRUPTIONS: Final = (
     *_PROMISES,
     *_DELIVERIES,
-    *_ACCESS,
-    *_SIGNING,
+    *ACCESS_AND_SIGNING,
     *_SHARED,
     *_COMPOSITION,
     *_REGISTRY,

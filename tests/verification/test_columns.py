@@ -15,7 +15,7 @@ from tests.verification.damaged_copies import RULES
 
 PAGE: Final = Path(__file__).parents[2] / "docs/reference/invariants.md"
 TABLES: Final = {"gateway": gateway, "composition": composition, "registry": registry}
-_ROW: Final = re.compile(r"^\| (?!table )(\w+) \| ([\w, ]+) \| (.+) \|$", re.MULTILINE)
+_ROW: Final = re.compile(r"^\| (?!table )(\w+) \| ([\w, `]+) \| (.+) \|$", re.MULTILINE)
 
 
 def lines(service: str) -> Iterator[tuple[str, str, str]]:
@@ -25,7 +25,7 @@ def lines(service: str) -> Iterator[tuple[str, str, str]]:
         is_own = title.removeprefix("the ") == service
         for table, columns, seen_by in _ROW.findall(section):
             if is_own or (title == "every service" and table in TABLES[service].tables):
-                yield from ((table, each.strip(), seen_by) for each in columns.split(","))
+                yield from ((table, each.strip(" `"), seen_by) for each in columns.split(","))
 
 
 @pytest.mark.parametrize("service", TABLES)

@@ -87,8 +87,8 @@ def _fits(key: Any, path: str, asked: NewKey | None) -> bool:  # a row of api_ke
         return path == "/v1/keys"
     ends = None if asked.expires_at is None else moment_to_ms(asked.expires_at)
     scopes = None if asked.scopes is None else json.dumps(asked.scopes)
-    wanted = (asked.role, asked.subject_id, asked.name, scopes, ends)
-    return wanted == (key.role, key.subject_id, key.name, key.scopes, key.expires_wall_ms)
+    made = (asked.role, asked.subject_id, asked.name, scopes, ends)
+    return made == (key.role, key.subject_id, key.name, key.scopes, key.expires_wall_ms)
 
 
 async def _unlogged_logins(survey: Survey) -> list[str]:

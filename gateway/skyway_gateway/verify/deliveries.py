@@ -124,21 +124,6 @@ async def _other_beginnings(survey: Survey) -> list[str]:
     return found
 
 
-async def _other_flown(survey: Survey) -> list[str]:
-    """Missions whose flown times are not those of the last event of a package that they ended."""
-    flown: dict[str, Any] = {}
-    handed_over = events.c.type == "package.delivered"
-    async for row in survey.each(select(events).where(handed_over).order_by(events.c.sequence)):
-        data = json.loads(row.body)["data"]
-        flown[data["mission_id"]] = (data.get("evidence") or {}).get("flown", {})
-    names = ("flight_s", "waiting_s", "recharging_s")
-    return [
-        row.mission_id
-        async for row in survey.each(select(missions))
-        if any(getattr(row, name) != flown.get(row.mission_id, {}).get(name) for name in names)
-    ]
-
-
 DELIVERIES: Final = (
     Rule(
         "a delivery began as its first event says, and waits and ends later",
@@ -264,11 +249,6 @@ DELIVERIES: Final = (
 )
 
 MISSIONS: Final = (
-    Rule(
-        "a mission flew as long as the drone's evidence says",
-        _other_flown,
-        "Set the columns to `data.evidence.flown` of the mission's last event `package.delivered`.",
-    ),
     Rule(
         "a mission's columns say what its body says",
         _other_than_body,

@@ -11,7 +11,7 @@ from sqlalchemy import ColumnElement, String, and_, cast, exists, func, or_, sel
 
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import later_than
-from skyway_gateway.delivery_tables import deliveries
+from skyway_gateway.delivery_tables import deliveries, missions
 from skyway_gateway.notifications.event_store import hash_after
 from skyway_gateway.notifications.webhook import LONGEST_PAUSE_S, MOST_ATTEMPTS
 from skyway_gateway.tables import events, notifications, pruned, webhook_attempts, webhooks
@@ -81,7 +81,27 @@ def _differs(row: Any) -> bool:  # a row of events
     return any(body[name] != getattr(row, name) for name in names)
 
 
+async def _other_flown(survey: Survey) -> list[str]:
+    """Missions whose flown times are not those of the last event of a package that they ended."""
+    flown: dict[str, Any] = {}
+    handed_over = events.c.type == "package.delivered"
+    async for row in survey.each(select(events).where(handed_over).order_by(events.c.sequence)):
+        data = json.loads(row.body)["data"]
+        flown[data["mission_id"]] = (data.get("evidence") or {}).get("flown", {})
+    names = ("flight_s", "waiting_s", "recharging_s")
+    return [
+        row.mission_id
+        async for row in survey.each(select(missions))
+        if any(getattr(row, name) != flown.get(row.mission_id, {}).get(name) for name in names)
+    ]
+
+
 EVENTS: Final = (
+    Rule(
+        "a mission flew as long as the drone's evidence says",
+        _other_flown,
+        "Set the columns to `data.evidence.flown` of the mission's last event `package.delivered`.",
+    ),
     Rule(
         "a delivery's events have no gap",
         select(deliveries.c.delivery_id).where(

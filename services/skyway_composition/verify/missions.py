@@ -11,6 +11,7 @@ from sqlalchemy import and_, exists, func, or_, select
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.mission_reports import MissionReport
 from skyway.runtime.verification.rule import Rule, Survey
+from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
 from skyway_composition.tables import (
     alarms,
@@ -96,12 +97,6 @@ async def _other_expiries(survey: Survey) -> list[str]:
     return [mission_id for (mission_id, at_ms), ends in sent.items() if at_ms not in ends]
 
 
-async def _late_plans(survey: Survey) -> set[str]:
-    latest_ms = survey.wall_ms + _LONGEST_WAIT_MS
-    late = select(missions.c.mission_id).where(is_live, missions.c.retry_wall_ms > latest_ms)
-    return {str(row.mission_id) for row in await survey.rows(late)}
-
-
 async def _unknown_doubts(survey: Survey) -> list[str]:
     query = select(missions.c.mission_id, missions.c.body).where(
         is_live,
@@ -141,13 +136,6 @@ MISSIONS: Final = (
             )
         ),
         "Set `acknowledged_ms` and `acknowledged_by` to NULL: an operator looks at it again.",
-    ),
-    Rule(
-        "an alarm of a mission is about its provider and drone",
-        select(alarms.c.alarm_id)
-        .join(missions, missions.c.mission_id == alarms.c.mission_id)
-        .where(alarms.c.provider_id != missions.c.provider_id),
-        "Set `provider_id` of the alarm to that of its mission: its provider sees it then.",
     ),
     Rule(
         "a mission's first instruction expires when the mission says",
@@ -216,7 +204,9 @@ MISSIONS: Final = (
     ),
     Rule(
         "a mission that needs a plan is looked at again within seconds",
-        _late_plans,
+        later_than(
+            lambda survey: survey.wall_ms + _LONGEST_WAIT_MS, [missions.c.retry_wall_ms], is_live
+        ),
         "Set `retry_wall_ms` to 0: the mission gets its next plan within a second.",
     ),
     Rule(

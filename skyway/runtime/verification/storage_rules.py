@@ -56,10 +56,7 @@ _AHEAD: Final = (
 def storage_rules(
     metadata: MetaData, *, triggers: Iterable[str] = (), ahead: Collection[Column[int]] = ()
 ) -> tuple[Rule, ...]:
-    """The rules of a database with these tables; SQLite also has these `triggers`.
-
-    `ahead` are columns whose moments may be ahead although their names do not say so.
-    """
+    """The rules of a database; SQLite also has `triggers`. Moments of `ahead` may be ahead."""
     tables = metadata.sorted_tables
     return (
         Rule(
@@ -121,7 +118,7 @@ def storage_rules(
 def replica_rule(replicas: Table) -> Rule:
     """The rule of a table of live replicas."""
     joined_ms, seen_ms = replicas.c.joined_wall_ms, replicas.c.seen_wall_ms
-    is_wrong = or_(joined_ms < 0, joined_ms > seen_ms, seen_ms > moment_to_ms(LATEST))
+    is_wrong = or_(joined_ms < 0, joined_ms > seen_ms)
     return Rule(
         "a replica was seen since it joined",
         select(replicas.c.replica_id).where(is_wrong),
@@ -138,24 +135,22 @@ async def _damaged_pages(survey: Survey) -> list[str]:
     if survey.dialect == "sqlite":
         found = await survey.rows(text(f"PRAGMA integrity_check({_MOST_FAULTS})"))
         return [str(row[0]) for row in found if row[0] != "ok"]
-    failures = await survey.rows(
-        text(
-            "SELECT checksum_failures FROM pg_stat_database"
-            " WHERE datname = current_database() AND checksum_failures > 0"
-        )
+    failures = await survey.texts(
+        "SELECT checksum_failures FROM pg_stat_database"
+        " WHERE datname = current_database() AND checksum_failures > 0"
     )
-    return [f"{row[0]} pages did not match their checksum" for row in failures]
+    return [f"{count} pages did not match their checksum" for (count,) in failures]
 
 
 def _missing_parts(tables: Iterable[Table], triggers: frozenset[str]) -> Finder:
     indexes = {str(index.name) for table in tables for index in table.indexes}
 
     async def find(survey: Survey) -> set[str]:
+        listed, parts = "SELECT indexname FROM pg_indexes", indexes
         if survey.dialect == "sqlite":
-            listed = text("SELECT name FROM sqlite_master WHERE type IN ('index', 'trigger')")
-            return (indexes | triggers) - {row[0] for row in await survey.rows(listed)}
-        listed = text("SELECT indexname FROM pg_indexes")
-        return indexes - {row[0] for row in await survey.rows(listed)}
+            listed = "SELECT name FROM sqlite_master WHERE type IN ('index', 'trigger')"
+            parts = indexes | triggers
+        return parts - {name for (name,) in await survey.texts(listed)}
 
     return find
 
@@ -167,8 +162,7 @@ def _orphans_of(tables: Iterable[Table]) -> Finder:
 
 
 def _orphans(table: Table, key: ForeignKeyConstraint) -> Subjects:
-    # Aliases: a table may refer to itself.
-    child, parent = table.alias("child"), key.referred_table.alias("parent")
+    child, parent = table.alias("child"), key.referred_table.alias("parent")  # perhaps the same
     pairs = [(child.c[each.parent.name], parent.c[each.column.name]) for each in key.elements]
     own = _joined(child.c[each.name] for each in table.primary_key)
     missing = _joined(column for column, _ in pairs)
@@ -198,10 +192,7 @@ def _wrong_types(tables: Iterable[Table]) -> Finder:
         for column in table.c
         if isinstance(column.type, Text)
     )
-
-    @cache
-    def statement() -> str:
-        return statement_text(query, "sqlite")
+    statement = cache(lambda: statement_text(query, "sqlite"))
 
     async def find(survey: Survey) -> set[str]:
         if survey.dialect != "sqlite":
@@ -213,8 +204,7 @@ def _wrong_types(tables: Iterable[Table]) -> Finder:
 
 def union_of(queries: Iterable[Subjects]) -> Subjects:
     """All subjects of several queries as one query."""
-    every = union_all(*queries).subquery()
-    return select(every)
+    return select(union_all(*queries).subquery())
 
 
 def _out_of_bounds(table: Table) -> Iterator[Subjects]:

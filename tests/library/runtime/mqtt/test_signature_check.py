@@ -258,7 +258,7 @@ async def test_a_drone_that_enrols_with_a_key_is_not_believed_without_it(door: D
 
 
 @pytest.mark.parametrize("comes_by", ["look-up", "refresh"])
-async def test_a_drone_that_signed_is_not_believed_unsigned_whatever_the_source_says(
+async def test_a_drone_that_signed_is_not_believed_unsigned_if_its_source_forgets(
     door: Door, comes_by: str
 ) -> None:
     door.registry.keys["drn_1"] = OLD.public_key

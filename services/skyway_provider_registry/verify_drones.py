@@ -1,21 +1,38 @@
-"""Verification of what was learned about drones and batteries, and of maintenance."""
+"""Verification of drones' credentials and telemetry, of learned values, batteries, maintenance."""
 
 import sys
 from typing import Final
 
-from sqlalchemy import Column, ColumnElement, and_, exists, or_, select
+from sqlalchemy import Column, ColumnElement, and_, exists, false, func, or_, select
 
+from skyway.bounds import LATEST
 from skyway.drone.learned_values import CHARGE_RATE_BOUNDS, HEALTH_BOUNDS, STILL_AIR_BOUNDS
 from skyway.runtime.verification.rule import Rule
+from skyway.runtime.verification.storage_rules import later_than
+from skyway.units import moment_to_ms
 from skyway_provider_registry.battery_tables import (
     batteries,
     maintenance_rules,
     past_installations,
 )
+from skyway_provider_registry.fleets.issue_credentials import TOKEN_LIFE
 from skyway_provider_registry.presence.maintenance_store import IS_OVER_LIMIT
-from skyway_provider_registry.tables import drones, learned_values, presence, renewals
+from skyway_provider_registry.tables import (
+    broker_accounts,
+    drone_keys,
+    drone_signing_keys,
+    drones,
+    enrolment_tokens,
+    learned_values,
+    presence,
+    renewals,
+    telemetry_minutes,
+    telemetry_samples,
+    waiting_alarms,
+)
 
 _LARGEST: Final = sys.float_info.max
+_LATEST_MS: Final = moment_to_ms(LATEST)
 
 
 def _is_no_sum(value: Column[float]) -> ColumnElement[bool]:
@@ -39,7 +56,105 @@ _overlaps_later = exists().where(
     _later.c.installed_ms < past_installations.c.removed_ms,
 )
 
-BATTERY_RULES: Final = (
+
+def is_outside(longitude: Column[float], latitude: Column[float]) -> ColumnElement[bool]:
+    """Whether a place is nowhere on earth; False if it is not known."""
+    return or_(~longitude.between(-180, 180), ~latitude.between(-90, 90))
+
+
+def _is_endless(value: Column[float]) -> ColumnElement[bool]:
+    return ~value.between(-sys.float_info.max, sys.float_info.max)
+
+
+_is_blocked = broker_accounts.c.revoked_wall_ms.is_not(None)
+
+DRONE_RULES: Final = (
+    Rule(
+        "a drone that has ever signed has the row of its key",
+        select(drones.c.drone_id)
+        .outerjoin(drone_signing_keys, drone_signing_keys.c.drone_id == drones.c.drone_id)
+        .where(drones.c.is_signing != func.coalesce(drone_signing_keys.c.is_required, false())),
+        "The row of `drone_signing_keys` was deleted or changed, so nothing of the drone is "
+        "believed. Restore the row from a backup, or give the drone a new enrolment token (POST "
+        "/v1/providers/{id}/drones/{id}/enrolment-tokens): it enrols with its key again.",
+    ),
+    Rule(
+        "a drone's token, key and account fit one another",
+        select(drones.c.drone_id)
+        .join(broker_accounts, broker_accounts.c.user_name == drones.c.drone_id)
+        .outerjoin(drone_keys, drone_keys.c.drone_id == drones.c.drone_id)
+        .outerjoin(enrolment_tokens, enrolment_tokens.c.drone_id == drones.c.drone_id)
+        .where(
+            or_(
+                # A revocation blocks the account, and deletes token and key.
+                and_(_is_blocked, drone_keys.c.drone_id.is_not(None)),
+                and_(~_is_blocked, enrolment_tokens.c.drone_id.is_(None)),
+                and_(enrolment_tokens.c.used_wall_ms.is_not(None), drone_keys.c.drone_id.is_(None)),
+                enrolment_tokens.c.used_wall_ms > enrolment_tokens.c.expires_wall_ms,
+                drone_keys.c.next_key_hash.is_(None) != drone_keys.c.next_password_hash.is_(None),
+            )
+        ),
+        "A revocation was undone, or a row was deleted: others may have the credentials. Revoke "
+        "them (DELETE /v1/providers/{id}/drones/{id}/credentials), and let the drone enrol again.",
+    ),
+    Rule(
+        "an enrolment token lasts no longer than its span",
+        later_than(
+            lambda survey: survey.wall_ms + round(TOKEN_LIFE.total_seconds() * 1000) + 600_000,
+            [enrolment_tokens.c.expires_wall_ms],
+        ),
+        "Give the drone another token (POST /v1/providers/{id}/drones/{id}/enrolment-tokens): it "
+        "replaces this one.",
+    ),
+    Rule(
+        "a waiting alarm is about its drone",
+        select(waiting_alarms.c.drone_id).where(
+            ~waiting_alarms.c.alarm.contains('"drone_id":"' + waiting_alarms.c.drone_id + '"')
+        ),
+        "Delete the row of `waiting_alarms`: the alarm is raised again when it is still true.",
+    ),
+    Rule(
+        "credentials were renewed at a possible moment",
+        select(renewals.c.drone_id).where(
+            or_(
+                ~renewals.c.renewed_ms.between(0, _LATEST_MS),
+                ~renewals.c.renewed_wall_ms.between(0, _LATEST_MS),
+            )
+        ),
+        "Set both moments to now and `is_announced` to false: composition is notified again.",
+    ),
+    Rule(
+        "a sample of telemetry is possible",
+        select(telemetry_samples.c.drone_id).where(
+            or_(
+                is_outside(telemetry_samples.c.longitude_deg, telemetry_samples.c.latitude_deg),
+                ~telemetry_samples.c.soc.between(0, 1),
+                _is_endless(telemetry_samples.c.power_w),
+                _is_endless(telemetry_samples.c.speed_mps),
+            )
+        ),
+        "Delete the row of `telemetry_samples`: it is a measurement, and nothing depends on it.",
+    ),
+    Rule(
+        "a minute of telemetry has samples, and means between the least and the greatest",
+        select(telemetry_minutes.c.drone_id).where(
+            or_(
+                telemetry_minutes.c.samples < 1,
+                is_outside(telemetry_minutes.c.longitude_deg, telemetry_minutes.c.latitude_deg),
+                ~telemetry_minutes.c.min_soc.between(0, 1),
+                ~telemetry_minutes.c.max_soc.between(0, 1),
+                *(
+                    ~telemetry_minutes.c[name].between(
+                        telemetry_minutes.c[f"min_{name}"] - tolerance,
+                        telemetry_minutes.c[f"max_{name}"] + tolerance,
+                    )
+                    # Means are rounded.
+                    for name, tolerance in (("soc", 1e-6), ("power_w", 1e-3), ("speed_mps", 1e-3))
+                ),
+            )
+        ),
+        "Delete the row of `telemetry_minutes`: it is a measurement, and nothing depends on it.",
+    ),
     Rule(
         "what was learned about a drone is within its bounds",
         select(learned_values.c.drone_id).where(
