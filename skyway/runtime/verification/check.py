@@ -44,11 +44,7 @@ async def check(
     fleet_at: datetime | None,
     pause: Callable[[], Awaitable[None]],
 ) -> list[BrokenRule]:
-    """Every rule that is broken; the facts are written below a new folder, if one is given.
-
-    `fleet_at` is the latest fleet time that it may be; None if it is not known. `pause` waits until
-    a running system has settled.
-    """
+    """As `find_broken`; the facts are written below a new folder, if one is given."""
     broken = await find_broken(db, rules, wall_at=wall_at, fleet_at=fleet_at, pause=pause)
     if folder is None:
         return broken
@@ -69,7 +65,8 @@ async def find_broken(
 ) -> list[BrokenRule]:
     """Each broken rule with each subject that breaks it, in the order of the rules.
 
-    `pause` waits until a running system has settled; then rules that settle are checked again.
+    `fleet_at` is the latest fleet time that it may be; None if it is not known. `pause` waits until
+    a running system has settled; then rules that settle are checked again.
     """
     now_ms = moment_to_ms(wall_at), None if fleet_at is None else moment_to_ms(fleet_at)
     broken = await _look(db, rules, now_ms)
