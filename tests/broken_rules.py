@@ -16,10 +16,16 @@ _START: Final = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
 
 async def broken_rules(
-    db: Database, rules: Sequence[Rule], *, wall_at: datetime = _START
+    db: Database,
+    rules: Sequence[Rule],
+    *,
+    wall_at: datetime = _START,
+    fleet_at: datetime | None = None,
 ) -> list[tuple[str, str]]:
     """The name of each broken rule, with the subject that breaks it."""
-    found = await find_broken(surveyed_soon(db), rules, wall_at=wall_at, pause=_no_pause)
+    found = await find_broken(
+        surveyed_soon(db), rules, wall_at=wall_at, fleet_at=fleet_at, pause=_no_pause
+    )
     return [(each.rule, each.subject) for each in found]
 
 

@@ -3,6 +3,8 @@
 `battery_tables` has the tables of batteries, of maintenance and of what flights have shown.
 """
 
+from collections.abc import Iterator
+
 from sqlalchemy import (
     BigInteger,
     Boolean,
@@ -15,6 +17,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    false,
     text,
 )
 
@@ -24,16 +27,13 @@ from skyway_provider_registry import battery_tables
 
 metadata = battery_tables.metadata
 learned_values = battery_tables.learned_values
-replicas = replicas_table(metadata)
+replicas, idempotency = replicas_table(metadata), idempotency_table(metadata)
 _STANDBYS = "standby IN ('HOME', 'STAY', 'PARKING', 'NEXT_PICKUP')"
 
 
-def _place_columns() -> tuple[Column[float], Column[float]]:
+def _place_columns() -> Iterator[Column[float]]:
     """The position of a drone."""
-    return (
-        Column("longitude_deg", Double, nullable=False),
-        Column("latitude_deg", Double, nullable=False),
-    )
+    return (Column(f"{name}_deg", Double, nullable=False) for name in ("longitude", "latitude"))
 
 
 providers = Table(
@@ -93,6 +93,7 @@ drones = Table(
     Column("maintenance_due_ms", BigInteger),
     Column("battery_changed_ms", BigInteger),
     Column("created_ms", BigInteger, nullable=False),
+    Column("is_signing", Boolean, nullable=False, server_default=false()),  # since its first key
     # A registration belongs to one aircraft; across providers we cannot judge to which one.
     UniqueConstraint("provider_id", "registration", name="drone_registration"),
     CheckConstraint(_STANDBYS, name="drone_standby"),
@@ -100,7 +101,7 @@ drones = Table(
     Index("drones_by_model", "model_id"),
 )
 
-#: One row per drone, from its registration on. -1 in an order column: no message received yet.
+#: One row per drone, from its registration on. -1 in an order column: no message yet.
 presence = Table(
     "presence",
     metadata,
@@ -284,5 +285,3 @@ changes = Table(
     Column("providers", BigInteger, nullable=False),
     Column("removals", BigInteger, nullable=False),
 )
-
-idempotency = idempotency_table(metadata)

@@ -1,16 +1,15 @@
 """Verification: what must always hold in the registry's database (docs/reference/invariants.md).
 
-`RULES` are all rules: of drones with their accounts and keys, of hints and change numbers, by which
-candidates are selected, of the table of cells, and of batteries (`verify_batteries`). `FACTS` are
-compared with composition's facts.
+`RULES` are all rules: of drones and their accounts, of hints and change numbers, by which
+candidates are selected, of the table of cells, and of all else about drones (`verify_drones`).
+`FACTS` are compared with the facts of other services.
 """
 
-import sys
 from collections.abc import AsyncIterator
 from typing import Final
 
 from pydantic import TypeAdapter
-from sqlalchemy import Column, ColumnElement, and_, func, literal, or_, select
+from sqlalchemy import and_, func, literal, or_, select
 
 from skyway.bounds import LATEST
 from skyway.broker_setup.nats_accounts import is_nats_hash
@@ -18,7 +17,13 @@ from skyway.broker_setup.passwords import read_hash
 from skyway.contracts.cells import CellUrl
 from skyway.contracts.drones import DroneAlarm
 from skyway.contracts.mission import LIVE_MISSION_STATES
-from skyway.contracts.service_facts import AnyFacts, DroneFacts, HintFacts, ProviderFacts
+from skyway.contracts.service_facts import (
+    AnyFacts,
+    CopyFacts,
+    DroneFacts,
+    HintFacts,
+    ProviderFacts,
+)
 from skyway.delivery.offer import Tariff
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DRONE_MODELS
@@ -47,10 +52,9 @@ from skyway_provider_registry.tables import (
     renewals,
     replicas,
     revoked_certificates,
-    telemetry_samples,
     waiting_alarms,
 )
-from skyway_provider_registry.verify_batteries import BATTERY_RULES
+from skyway_provider_registry.verify_drones import DRONE_RULES, is_outside
 
 _LATEST_MS: Final = moment_to_ms(LATEST)
 
@@ -152,15 +156,6 @@ _FORMS: Final = form_rule(
 )
 
 
-def _is_outside(longitude: Column[float], latitude: Column[float]) -> ColumnElement[bool]:
-    """Whether a place is nowhere on earth; False if it is not known."""
-    return or_(~longitude.between(-180, 180), ~latitude.between(-90, 90))
-
-
-def _is_endless(value: Column[float]) -> ColumnElement[bool]:
-    return ~value.between(-sys.float_info.max, sys.float_info.max)
-
-
 _DRONES: Final = (
     Rule(
         "every drone has a broker account",
@@ -205,8 +200,8 @@ _DRONES: Final = (
                 ~presence.c.soc.between(0, 1),
                 presence.c.ahead_m < 0,
                 presence.c.ahead_soc < 0,
-                _is_outside(presence.c.longitude_deg, presence.c.latitude_deg),
-                _is_outside(presence.c.sample_longitude_deg, presence.c.sample_latitude_deg),
+                is_outside(presence.c.longitude_deg, presence.c.latitude_deg),
+                is_outside(presence.c.sample_longitude_deg, presence.c.sample_latitude_deg),
                 ~presence.c.sample_soc.between(0, 1),
                 (presence.c.activity.is_(None)) != (presence.c.state_at_ms.is_(None)),
                 and_(
@@ -223,7 +218,7 @@ _DRONES: Final = (
         "a drone's home is on earth, and its first charge possible",
         select(drones.c.drone_id).where(
             or_(
-                _is_outside(drones.c.home_longitude_deg, drones.c.home_latitude_deg),
+                is_outside(drones.c.home_longitude_deg, drones.c.home_latitude_deg),
                 ~drones.c.initial_soc.between(0, 1),
             )
         ),
@@ -239,28 +234,6 @@ _DRONES: Final = (
         ),
         "Mosquitto refuses the drone. Delete the row of `revoked_certificates`.",
     ),
-    Rule(
-        "credentials were renewed at a possible moment",
-        select(renewals.c.drone_id).where(
-            or_(
-                ~renewals.c.renewed_ms.between(0, _LATEST_MS),
-                ~renewals.c.renewed_wall_ms.between(0, _LATEST_MS),
-            )
-        ),
-        "Set both moments to now and `is_announced` to false: composition is notified again.",
-    ),
-    Rule(
-        "a sample of telemetry is possible",
-        select(telemetry_samples.c.drone_id).where(
-            or_(
-                _is_outside(telemetry_samples.c.longitude_deg, telemetry_samples.c.latitude_deg),
-                ~telemetry_samples.c.soc.between(0, 1),
-                _is_endless(telemetry_samples.c.power_w),
-                _is_endless(telemetry_samples.c.speed_mps),
-            )
-        ),
-        "Delete the row of `telemetry_samples`: it is a measurement, and nothing depends on it.",
-    ),
 )
 
 
@@ -270,7 +243,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *storage_rules(metadata),
     _FORMS,
     *_DRONES,
-    *BATTERY_RULES,
+    *DRONE_RULES,
     *_HINTS,
     *_CELLS,
 )
@@ -297,4 +270,17 @@ async def _providers(survey: Survey) -> AsyncIterator[AnyFacts]:
         yield ProviderFacts(provider_id=row.provider_id)
 
 
-FACTS: Final[dict[str, FactReader]] = {"hints": _hints, "drones": _drones, "providers": _providers}
+async def _copies(survey: Survey) -> AsyncIterator[AnyFacts]:
+    async for row in survey.each(select(cells)):
+        text = f"{row.state} {row.url}"
+        yield CopyFacts(key=f"cell {row.network_id}", number=row.generation, text=text)
+    async for row in survey.each(select(renewals)):
+        yield CopyFacts(key=f"renewal {row.drone_id}", number=row.renewed_ms)
+
+
+FACTS: Final[dict[str, FactReader]] = {
+    "hints": _hints,
+    "drones": _drones,
+    "providers": _providers,
+    "copies": _copies,
+}

@@ -4,6 +4,9 @@ Each service writes its facts sorted by their keys. A fact says what its service
 what is still on its way from there to another service.
 """
 
+import hashlib
+import json
+from collections.abc import Iterable
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -122,4 +125,18 @@ class ProviderFacts(WireModel):
         return self.provider_id
 
 
-AnyFacts = DeliveryFacts | HintFacts | DroneFacts | ProviderFacts
+class CopyFacts(WireModel):
+    """A value that two services store, under a kind and an id, such as `network texas`."""
+
+    key: Annotated[str, Field(description="The kind and the id, by which facts are compared.")]
+    number: Annotated[int | None, Field(description="A version or moment that only grows.")] = None
+    text: Annotated[str | None, Field(description="What belongs to this number.")] = None
+
+
+def stations_hash(places: Iterable[tuple[str, float, float]]) -> str | None:
+    """The hash of stations with their longitudes and latitudes; None without stations."""
+    text = json.dumps(sorted(places))
+    return None if text == "[]" else hashlib.sha256(text.encode()).hexdigest()
+
+
+AnyFacts = DeliveryFacts | HintFacts | DroneFacts | ProviderFacts | CopyFacts

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final, Generic, TypeVar
 
 from skyway.runtime.archive.archived_table import ArchivedTable
-from skyway.runtime.clock import AnchoredClock, load_clock
+from skyway.runtime.clock import fleet_margin, load_clock
 from skyway.runtime.errors import exit_code_after
 from skyway.runtime.garbage import load_without_collecting
 from skyway.runtime.settings import ArchiveSettings, DatabaseSettings, ServiceSettings
@@ -80,7 +80,7 @@ class ServiceProcess(Generic[S]):
         return 0
 
     def _verify(self, folder: Path | None) -> int:
-        return asyncio.run(self._print_broken_rules(DatabaseSettings.load().database_url, folder))
+        return asyncio.run(self._print_broken_rules(ArchiveSettings.load(), folder))
 
     async def _archive(self, folder: Path) -> int:
         from skyway.runtime.archive.export import Export
@@ -92,15 +92,16 @@ class ServiceProcess(Generic[S]):
                 sys.stdout.write(each.model_dump_json() + "\n")
         return 0
 
-    async def _print_broken_rules(self, database_url: str, folder: Path | None) -> int:
-        wall_at = AnchoredClock.plain().wall_now()
-        async with Database(database_url) as db:
+    async def _print_broken_rules(self, settings: ArchiveSettings, folder: Path | None) -> int:
+        clock = load_clock(settings.clock_file)
+        async with Database(settings.database_url) as db:
             broken = await check(
                 db,
                 self.rules,
                 self.facts,
                 folder=folder,
-                wall_at=wall_at,
+                wall_at=clock.wall_now(),
+                fleet_at=clock.now() + fleet_margin(clock, fleet_s=600.0, wall_s=30.0),
                 pause=partial(asyncio.sleep, _SETTLES_WITHIN_S),
             )
         for each in broken:

@@ -51,6 +51,7 @@ async def _look_at(service: str, url: str, facts: Path) -> ServiceLook:
             FACTS[service],
             folder=facts,
             wall_at=datetime.now(UTC),
+            fleet_at=None,
             pause=_settle,
         )
     return ServiceLook(service, tuple(found), facts)

@@ -113,6 +113,21 @@ DAMAGES = [
         "a package is due at the moment that was promised",
     ),
     (
+        "promise moved by two milliseconds",
+        "UPDATE packages SET promised_ms = promised_ms + 2 WHERE state = 'CREATED'",
+        "a package has the promise that its customer was notified of",
+    ),
+    (
+        "changed in the future",
+        "UPDATE deliveries SET updated_ms = updated_ms + 3600000",
+        "what is stored as past is past, by fleet time",
+    ),
+    (
+        "woken in the future",
+        "UPDATE deliveries SET woken_wall_ms = updated_ms + 3600000",
+        "what is stored as past is past, by wall time",
+    ),
+    (
         "event lost",
         f"UPDATE events SET sequence = 99 WHERE sequence = 2 AND delivery_id IN ({COMPLETED})",
         "a delivery's events have no gap",

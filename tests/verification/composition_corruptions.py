@@ -146,9 +146,8 @@ _NETWORKS: Final = (
     ),
     Corruption(
         "a forecast written by hand",
-        "a forecast can be read, and its content has its hash",
-        composition="INSERT INTO forecasts (network_id, sha256, received_ms, content)"
-        " SELECT network_id, sha256, 1, CAST('{}' AS BLOB) FROM networks",
+        "a forecast can be read, is not from the future, and its content has its hash",
+        composition="UPDATE forecasts SET content = CAST('{}' AS BLOB)",
     ),
     Corruption(
         "a closure lifted before it was made",

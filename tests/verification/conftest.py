@@ -3,11 +3,11 @@
 import asyncio
 import os
 from collections.abc import Iterator
-from datetime import UTC, datetime
 
 import pytest
 
 from skyway.cli.data_folder import DataFolder
+from skyway.runtime.clock import load_clock
 from tests.end_to_end.local_system import LocalSystem
 from tests.verification.damaged_copies import StoppedSystem
 from tests.verification.stopped_system import RATE, run_and_stop
@@ -26,7 +26,7 @@ def stopped_system(
     system = LocalSystem(folder, environment, rate=RATE)
     ids = run_and_stop(system)
     opened = StoppedSystem.opened(
-        folder.path, ids, tmp_path_factory.mktemp("copies"), wall_at=datetime.now(UTC)
+        folder.path, ids, tmp_path_factory.mktemp("copies"), clock=load_clock(folder.clock_file)
     )
     copies = aside.run(opened.__aenter__())
     yield copies

@@ -5,7 +5,7 @@ import sqlite3
 from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager, closing, contextmanager
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import timedelta
 from pathlib import Path
 from typing import Final, Self
 
@@ -18,6 +18,7 @@ from skyway_provider_registry.verify import RULES as REGISTRY_RULES
 
 from skyway.cli.verify.command import RULES as ACROSS
 from skyway.cli.verify.looks import ServiceLook, broken_across
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
 from skyway.runtime.verification.check import check
 from skyway.runtime.verification.rule import BrokenRule
@@ -66,10 +67,13 @@ class StoppedSystem:
     """Copies of the databases of a stopped system, open so that statements are compiled once."""
 
     def __init__(
-        self, databases: Path, ids: Mapping[str, str], scratch: Path, wall_at: datetime
+        self, databases: Path, ids: Mapping[str, str], scratch: Path, clock: FleetClock
     ) -> None:
         self._databases, self._ids = databases, ids
-        self._scratch, self._wall_at = scratch, wall_at
+        # A call may be logged some time after its effect: a minute later everything has settled.
+        self._wall_at = clock.wall_now() + timedelta(minutes=1)
+        self._fleet_at = clock.now() + timedelta(minutes=1) * clock.rate
+        self._scratch = scratch
         self._open: dict[str, Database] = {}
         self._sound: dict[str, ServiceLook] = {}
         self._looks = 0
@@ -77,10 +81,10 @@ class StoppedSystem:
     @classmethod
     @asynccontextmanager
     async def opened(
-        cls, databases: Path, ids: Mapping[str, str], scratch: Path, wall_at: datetime
+        cls, databases: Path, ids: Mapping[str, str], scratch: Path, clock: FleetClock
     ) -> AsyncIterator[Self]:
         """Copy the databases into an empty folder, and open the copies."""
-        system = cls(databases, ids, scratch, wall_at)
+        system = cls(databases, ids, scratch, clock)
         async with AsyncExitStack() as stack:
             for service in RULES:
                 shutil.copy(databases / f"{service}.db", scratch)
@@ -132,6 +136,7 @@ class StoppedSystem:
             FACTS[service],
             folder=folder,
             wall_at=self._wall_at,
+            fleet_at=self._fleet_at,
             pause=_no_pause,
         )
         return ServiceLook(service, tuple(broken), folder)

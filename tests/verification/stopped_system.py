@@ -68,6 +68,7 @@ def _run(system: LocalSystem, hook: str) -> Ids:
     system.operate("PUT", "/v1/networks/line", _line())
     key = system.keys["SKYWAY_CUSTOMER_KEY"]
     system.operate("POST", "/v1/session-links", None)
+    _fill_newer_tables(system)
     webhook = system.call("POST", "/v1/webhooks", key=key, body={"url": hook}).json()
     deaf = system.call("POST", "/v1/webhooks", key=key, body={"url": "http://127.0.0.1:9/"}).json()
     flyer = system.start_fleet(["line-s1"], name="Flying Air")
@@ -80,6 +81,7 @@ def _run(system: LocalSystem, hook: str) -> Ids:
     system.until_state(completed, "COMPLETED")
     flying = _request(system, key, "line-s1", "line-near", "line-s3", by=flyer)
     system.eventually(lambda: _flies_on(system, flying), "the second package in the air")
+    _renew_and_withdraw_links(system, key, completed, flying)
     # However slow the machine is, the package stays in the air. What follows is short: after a
     # few seconds composition would see that no drone moves, and plan again.
     for fleet in system.fleets:
@@ -121,6 +123,24 @@ def _run(system: LocalSystem, hook: str) -> Ids:
         "idle_drone": idle["drones"][0]["drone_id"],
         "silent_drone": silent["drones"][0]["drone_id"],
     }
+
+
+def _fill_newer_tables(system: LocalSystem) -> None:
+    """Make keys, one of which is deleted, a session of the operator's browser, and a forecast."""
+    body = {"role": "customer", "subject_id": "river-books", "scopes": ["deliveries:read"]}
+    system.operate("POST", "/v1/keys", body)
+    gone = system.operate("POST", "/v1/keys", {"role": "operator", "subject_id": "lee"})
+    system.operate("DELETE", f"/v1/keys/{gone['key_id']}", None)
+    system.operate("POST", "/v1/sessions", None)
+    now = system.operate("GET", "/v1/clock")["now"]
+    report = {"station_id": "line-s1", "valid_at": now, "wind_speed_mps": 0.0, "wind_from_deg": 0.0}
+    weather = {"source": "test", "issued_at": now, "reports": [report]}
+    system.operate("PUT", "/v1/networks/line/weather", weather)
+
+
+def _renew_and_withdraw_links(system: LocalSystem, key: str, renewed: str, withdrawn: str) -> None:
+    system.call("POST", f"/v1/deliveries/{renewed}/tracking-link", key=key)
+    system.call("DELETE", f"/v1/deliveries/{withdrawn}/tracking-link", key=key)
 
 
 def _end(system: LocalSystem) -> None:

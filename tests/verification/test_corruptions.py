@@ -12,6 +12,7 @@ from tests.verification.composition_corruptions import COMPOSITION_CORRUPTIONS
 from tests.verification.damaged_copies import RULES, Corruption, StoppedSystem
 from tests.verification.gateway_corruptions import GATEWAY_CORRUPTIONS
 from tests.verification.mission_corruptions import MISSION_CORRUPTIONS
+from tests.verification.newer_corruptions import NEWER_CORRUPTIONS
 from tests.verification.registry_corruptions import REGISTRY_CORRUPTIONS
 from tests.verification.shared_corruptions import SHARED_CORRUPTIONS
 from tests.verification.stopped_system import RATE
@@ -26,6 +27,7 @@ CORRUPTIONS = (
     *SHARED_CORRUPTIONS,
     *COMPOSITION_CORRUPTIONS,
     *REGISTRY_CORRUPTIONS,
+    *NEWER_CORRUPTIONS,
 )
 NOTHING = Corruption("nothing", "none")
 

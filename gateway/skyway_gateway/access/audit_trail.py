@@ -1,4 +1,6 @@
-"""Logs the calls of operators and providers, except calls that only read.
+"""Logs the calls of operators and providers, and customers' changes of tracking links.
+
+Calls that only read are not logged.
 
 The entry is written before the answer is sent, so that no answered call is missing. The key gate
 identifies the caller; a call that it refuses changes nothing and has no entry.
@@ -30,6 +32,9 @@ _App = Callable[[_Message, _Receive, _Send], Awaitable[None]]
 #: Methods that change nothing.
 _READING: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 _NOT_ANSWERED: Final = 0
+
+#: How the paths of tracking links end. The log is the second copy of which link was withdrawn.
+TRACKING_LINK: Final = "/tracking-link"
 
 
 class AuditTrail:
@@ -69,7 +74,10 @@ class AuditTrail:
                 await self._write(scope, state.get("caller"), bytes(body), _NOT_ANSWERED)
 
     async def _write(self, scope: _Message, caller: object, body: bytes, status: int) -> None:
-        if not isinstance(caller, Caller) or caller.role not in ("operator", "provider"):
+        if not isinstance(caller, Caller) or not (
+            caller.role in ("operator", "provider")
+            or (caller.role == "customer" and scope["path"].endswith(TRACKING_LINK))
+        ):
             return
         entry = AuditEntry(
             entry_id=self._mint("aud"),

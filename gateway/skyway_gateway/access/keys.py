@@ -40,7 +40,8 @@ _FIRST_KEYS: Final[tuple[tuple[str, KeyRole, str], ...]] = (
     ("operator_key", "operator", "operator"),
     ("customer_key", "customer", "newcomer"),
 )
-
+#: The holders of these keys: no call has made them.
+FIRST_HOLDERS: Final = frozenset((role, subject_id) for _, role, subject_id in _FIRST_KEYS)
 
 #: How long a key that was rotated lasts if the next key is not used, wall time.
 _OVERLAP: Final = timedelta(days=1)

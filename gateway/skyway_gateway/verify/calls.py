@@ -1,15 +1,26 @@
 """The rules of calls: keys, the audit log, and the stored answers of accepted requests."""
 
-from typing import Final
+from collections import Counter
+from typing import Any, Final
 
-from sqlalchemy import Column, ColumnElement, exists, select
+from sqlalchemy import Column, ColumnElement, exists, func, or_, select, true
 
 from skyway.runtime.idempotency_store import KEPT_MS
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import union_of
 from skyway_gateway.access.audit_store import UNKNOWN, entry_hash
+from skyway_gateway.access.audit_trail import TRACKING_LINK
 from skyway_gateway.delivery_tables import deliveries
-from skyway_gateway.tables import api_keys, audit, audit_head, events, idempotency, webhooks
+from skyway_gateway.tables import (
+    api_keys,
+    audit,
+    audit_head,
+    events,
+    idempotency,
+    tracking_links,
+    webhooks,
+)
+from skyway_gateway.tracking_links import FIRST_LINK
 
 #: Answers are deleted when they are a day old; a look at that moment may find them or not. Wall ms.
 _SWEPT_WITHIN_MS: Final = 600_000
@@ -52,7 +63,56 @@ def _without_key(subject: Column[str]) -> ColumnElement[bool]:
     return ~exists().where(api_keys.c.subject_id == subject)
 
 
+async def logged(survey: Survey) -> tuple[int, list[Any]]:
+    """From when on the audit log is whole, wall ms, and its rows of paths about keys and links."""
+    path = audit.c.path
+    about = or_(path.like("/v1/keys%"), path.like("/v1/session%"), path.like("%/tracking-link"))
+    made = path == "/v1/providers"
+    rows = await survey.rows(select(audit).where(or_(about, made)).order_by(audit.c.number))
+    oldest = select(func.min(audit.c.at_wall_ms), func.max(audit_head.c.pruned_entries))
+    [(first_ms, pruned)] = await survey.rows(
+        oldest.select_from(audit_head.outerjoin(audit, true()))
+    )
+    return (first_ms or survey.wall_ms) if pruned else 0, rows
+
+
+async def _other_links(survey: Survey) -> list[str]:
+    """Deliveries whose tracking link is not what the last logged calls have made of it."""
+    since_ms, rows = await survey.once(logged)
+    made: Counter[str] = Counter()
+    last: dict[str, str] = {}
+    for row in rows:
+        if row.status in (201, 204) and row.path.endswith(TRACKING_LINK):
+            delivery_id = row.path.split("/")[3]
+            made[delivery_id] += row.method == "POST"
+            last[delivery_id] = row.method
+    stored = {
+        row.delivery_id: (row.number, row.is_withdrawn)
+        for row in await survey.rows(select(tracking_links))
+    }
+    known = {row.delivery_id for row in await survey.rows(select(deliveries.c.delivery_id))}
+    found = []
+    for delivery_id in sorted(known & (stored.keys() | last.keys())):
+        number, is_withdrawn = stored.get(delivery_id, (FIRST_LINK, False))
+        is_last = delivery_id not in last or is_withdrawn == (last[delivery_id] == "DELETE")
+        made_before = number - FIRST_LINK - made[delivery_id]
+        if (
+            not is_last
+            or made_before < 0
+            or (made_before > 0 or delivery_id not in last) > (since_ms > 0)
+        ):
+            found.append(delivery_id)
+    return found
+
+
 CALLS: Final = (
+    Rule(
+        "a tracking link was renewed and withdrawn as the audit log says",
+        _other_links,
+        "A link that was withdrawn may be open again. Withdraw it: DELETE "
+        "/v1/deliveries/{id}/tracking-link.",
+        settles=True,
+    ),
     Rule(
         "whose deliveries, webhooks and calls are stored has a key, or had one",
         union_of(

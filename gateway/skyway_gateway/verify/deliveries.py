@@ -10,6 +10,7 @@ from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.delivery.request import DeliveryRequest
 from skyway.runtime.verification.rule import Rule, Survey
+from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES, TERMINAL_STATES
 from skyway_gateway.delivery_tables import deliveries, missions, packages
@@ -52,14 +53,6 @@ _HAVE_ENDED: Final = ("COMPLETED", "ABORTED", "CANCELLED")
 
 def _event_count(*conditions: ColumnElement[bool]) -> ColumnElement[int]:
     return select(func.count()).where(_is_own, *conditions).correlate(deliveries).scalar_subquery()
-
-
-async def _waiting_too_long(survey: Survey) -> set[str]:
-    latest_ms = survey.wall_ms + _LONGEST_WAIT_MS
-    late = select(deliveries.c.delivery_id).where(
-        deliveries.c.is_queued, deliveries.c.next_try_wall_ms > latest_ms
-    )
-    return {str(row.delivery_id) for row in await survey.rows(late)}
 
 
 async def _other_packages(survey: Survey) -> list[str]:
@@ -110,7 +103,33 @@ def _differs(row: Any) -> bool:  # a row of missions
     )
 
 
+async def _other_beginnings(survey: Survey) -> list[str]:
+    """Deliveries whose request and moments are not those of their first event."""
+    query = select(deliveries, events.c.body).join(events, _is_own).where(events.c.sequence == 1)
+    found = []
+    async for row in survey.each(query):
+        event, request = json.loads(row.body), DeliveryRequest.read(row.request)
+        begun_ms = moment_to_ms(datetime.fromisoformat(event["occurred_at"]))
+        earliest_at = request.first_hand_over_at
+        earliest_ms = None if earliest_at is None else moment_to_ms(earliest_at)
+        starts = (
+            abs(row.created_ms - begun_ms) <= 1,
+            row.earliest_pickup_ms == earliest_ms,
+            DeliveryRequest.model_validate(event["data"]["request"]) == request,
+        )
+        waits = row.waits_since_ms is None or row.waits_since_ms >= row.created_ms - 1
+        ends = min(row.updated_ms, row.give_up_ms) >= row.created_ms - 1
+        if not (all(starts) and waits and ends):
+            found.append(row.delivery_id)
+    return found
+
+
 DELIVERIES: Final = (
+    Rule(
+        "a delivery began as its first event says, and waits and ends later",
+        _other_beginnings,
+        _FROM_EVENTS,
+    ),
     Rule(
         "I5 a request is decided in bounded time",
         select(deliveries.c.delivery_id).where(
@@ -121,7 +140,11 @@ DELIVERIES: Final = (
     ),
     Rule(
         "I5 booking looks at a queued delivery again within seconds",
-        _waiting_too_long,
+        later_than(
+            lambda survey: survey.wall_ms + _LONGEST_WAIT_MS,
+            [deliveries.c.next_try_wall_ms],
+            deliveries.c.is_queued,
+        ),
         _REQUEUE,
     ),
     Rule(

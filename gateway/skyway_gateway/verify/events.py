@@ -10,7 +10,8 @@ from typing import Any, Final
 from sqlalchemy import ColumnElement, String, and_, cast, exists, func, or_, select
 
 from skyway.runtime.verification.rule import Rule, Survey
-from skyway_gateway.delivery_tables import deliveries
+from skyway.runtime.verification.storage_rules import later_than
+from skyway_gateway.delivery_tables import deliveries, missions
 from skyway_gateway.notifications.event_store import hash_after
 from skyway_gateway.notifications.webhook import LONGEST_PAUSE_S, MOST_ATTEMPTS
 from skyway_gateway.tables import events, notifications, pruned, webhook_attempts, webhooks
@@ -80,15 +81,27 @@ def _differs(row: Any) -> bool:  # a row of events
     return any(body[name] != getattr(row, name) for name in names)
 
 
-async def _waiting_too_long(survey: Survey) -> set[str]:
-    latest_ms = survey.wall_ms + int(LONGEST_PAUSE_S * 1000)
-    late = select(notifications.c.event_id).where(
-        notifications.c.state == "PENDING", notifications.c.next_try_wall_ms > latest_ms
-    )
-    return {str(row.event_id) for row in await survey.rows(late)}
+async def _other_flown(survey: Survey) -> list[str]:
+    """Missions whose flown times are not those of the last event of a package that they ended."""
+    flown: dict[str, Any] = {}
+    handed_over = events.c.type == "package.delivered"
+    async for row in survey.each(select(events).where(handed_over).order_by(events.c.sequence)):
+        data = json.loads(row.body)["data"]
+        flown[data["mission_id"]] = (data.get("evidence") or {}).get("flown", {})
+    names = ("flight_s", "waiting_s", "recharging_s")
+    return [
+        row.mission_id
+        async for row in survey.each(select(missions))
+        if any(getattr(row, name) != flown.get(row.mission_id, {}).get(name) for name in names)
+    ]
 
 
 EVENTS: Final = (
+    Rule(
+        "a mission flew as long as the drone's evidence says",
+        _other_flown,
+        "Set the columns to `data.evidence.flown` of the mission's last event `package.delivered`.",
+    ),
     Rule(
         "a delivery's events have no gap",
         select(deliveries.c.delivery_id).where(
@@ -110,6 +123,41 @@ EVENTS: Final = (
 )
 
 NOTIFICATIONS: Final = (
+    Rule(
+        "I13 a webhook is notified of deliveries of its own customer",
+        select(notifications.c.event_id)
+        .join(webhooks, webhooks.c.webhook_id == notifications.c.webhook_id)
+        .join(deliveries, deliveries.c.delivery_id == notifications.c.delivery_id)
+        .where(webhooks.c.customer_id != deliveries.c.customer_id),
+        "The delivery or the webhook was given to another customer. The customer's quotes and "
+        "other deliveries show who it was: correct `customer_id`.",
+    ),
+    Rule(
+        "a webhook says why it is disabled, and when it changed",
+        select(webhooks.c.webhook_id).where(
+            or_(
+                (webhooks.c.state == "ACTIVE") & webhooks.c.disabled_reason.is_not(None),
+                webhooks.c.changed_wall_ms < webhooks.c.created_wall_ms,
+            )
+        ),
+        "Set `changed_wall_ms` to now: from then on the webhook is notified of all events.",
+    ),
+    Rule(
+        "an attempt at a webhook is about its event, and is tried again as its outcome says",
+        select(webhook_attempts.c.attempt_id)
+        .outerjoin(events, events.c.event_id == webhook_attempts.c.event_id)
+        .where(
+            or_(
+                events.c.type != webhook_attempts.c.event_type,
+                events.c.delivery_id != webhook_attempts.c.delivery_id,
+                ~webhook_attempts.c.number.between(1, MOST_ATTEMPTS),
+                webhook_attempts.c.duration_ms < 0,
+                (webhook_attempts.c.outcome == "FAILED")
+                != webhook_attempts.c.next_try_wall_ms.is_not(None),
+            )
+        ),
+        "Only its customer reads the row of `webhook_attempts`: correct it by the event.",
+    ),
     Rule(
         "I14 each webhook is notified of each event that it subscribes to",
         select(events.c.event_id)
@@ -175,7 +223,11 @@ NOTIFICATIONS: Final = (
     ),
     Rule(
         "I14 a notification is tried again within its schedule",
-        _waiting_too_long,
+        later_than(
+            lambda survey: survey.wall_ms + int(LONGEST_PAUSE_S * 1000),
+            [notifications.c.next_try_wall_ms],
+            notifications.c.state == "PENDING",
+        ),
         "Set `next_try_wall_ms` to 0: it is sent with the next round.",
     ),
 )

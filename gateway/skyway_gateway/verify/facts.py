@@ -6,20 +6,24 @@ from typing import Final
 
 from sqlalchemy import func, select
 
+from skyway.contracts.cells import CellTable
 from skyway.contracts.service_facts import (
     AnyFacts,
+    CopyFacts,
     CustodyLink,
     DeliveryFacts,
     MissionFacts,
     PackageFacts,
     ProviderFacts,
+    stations_hash,
 )
+from skyway.contracts.station_check import NetworkStations
 from skyway.delivery.offer import Price
 from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.rule import Survey
 from skyway_gateway.deliveries.lifecycle.delivery import TERMINAL_STATES
 from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
-from skyway_gateway.tables import api_keys, outbox
+from skyway_gateway.tables import api_keys, known_cells, known_networks, outbox, quotes
 
 
 async def _deliveries(survey: Survey) -> AsyncIterator[AnyFacts]:
@@ -96,4 +100,28 @@ async def _providers(survey: Survey) -> AsyncIterator[AnyFacts]:
         yield ProviderFacts(provider_id=row.subject_id)
 
 
-FACTS: Final[dict[str, FactReader]] = {"deliveries": _deliveries, "providers": _providers}
+async def _copies(survey: Survey) -> AsyncIterator[AnyFacts]:
+    async for row in survey.each(select(known_networks)):
+        stations = NetworkStations.read(row.stations)
+        places = zip(stations.station_ids, stations.positions, strict=True)
+        yield CopyFacts(
+            key=f"network {row.network_id}",
+            number=max(row.version, stations.version),
+            text=stations_hash((each, *position) for each, position in places),
+        )
+    async for row in survey.each(select(known_cells)):
+        for each in CellTable.read(row.cells).cells:
+            text = f"{each.state} {each.url}"
+            yield CopyFacts(key=f"cell {each.network_id}", number=each.generation, text=text)
+    async for row in survey.each(select(quotes).where(quotes.c.hold_id.is_not(None))):
+        yield CopyFacts(key=f"hold {row.hold_id}", text=row.customer_id)
+    async for row in survey.each(select(packages).where(packages.c.promised_ms.is_not(None))):
+        key = f"promise {row.delivery_id}/{row.package_id}"
+        yield CopyFacts(key=key, number=row.promised_ms)
+
+
+FACTS: Final[dict[str, FactReader]] = {
+    "deliveries": _deliveries,
+    "providers": _providers,
+    "copies": _copies,
+}

@@ -6,6 +6,7 @@ from typing import Any, Final
 from sqlalchemy import exists, or_, select
 
 from skyway.runtime.verification.rule import Rule, Survey
+from skyway.runtime.verification.storage_rules import later_than
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.tables import quotes
 
@@ -56,12 +57,20 @@ def _has_later_cause(row: Any) -> bool:  # a rejected delivery
     )
 
 
+#: Far more than offers last, held or not. Wall ms.
+_LONGEST_OFFER_MS: Final = 86_400_000
+
 OFFERS: Final = (
     Rule(
         "I17 an accepted offer is flown, or its failure has a cause after the acceptance",
         _lost_without_cause,
         "The delivery was REJECTED although composition held its offer, and no reason says what "
         "happened after the acceptance. Find the reason in the logs, and inform the customer.",
+    ),
+    Rule(
+        "a quote can be accepted for a day at most",
+        later_than(lambda survey: survey.wall_ms + _LONGEST_OFFER_MS, [quotes.c.expires_wall_ms]),
+        "Set `expires_wall_ms` to now: its offers are no longer true.",
     ),
     Rule(
         "an accepted quote has its delivery",

@@ -1,5 +1,7 @@
 """The rules of packages: one custodian, one chain of custody, one delivery (I6)."""
 
+import json
+from datetime import datetime
 from itertools import pairwise
 from typing import Any, Final
 
@@ -17,6 +19,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
 from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
 from skyway_gateway.lateness.promise import due_of
 from skyway_gateway.lateness.store import IS_DUE_AS_PROMISED
+from skyway_gateway.tables import events
 from skyway_gateway.verify.package_stories import PackageStory, packages_where
 
 _is_of_package = and_(
@@ -129,7 +132,40 @@ def _is_due_as_allowed(row: Any) -> bool:  # a row of packages, with the deliver
     return bool(abs(row.due_ms - moment_to_ms(due_at)) <= 1)
 
 
+async def _other_promises(survey: Survey) -> list[str]:
+    """Packages whose promise is not that of their delivery's last event that planned them."""
+    planned: dict[tuple[str, str], Any] = {}
+    plans = events.c.type == "delivery.planned"
+    async for event in survey.each(select(events).where(plans).order_by(events.c.sequence)):
+        for each in json.loads(event.body)["data"]["packages"]:
+            planned[event.delivery_id, each["package_id"]] = each
+    names = {"promised_ms": "eta_at", "promised_p90_ms": "eta_p90_at", "due_ms": "due_at"}
+    return [
+        f"{row.delivery_id}/{row.package_id}"
+        async for row in survey.each(select(packages))
+        if not (row.mission_id is None and row.promised_ms is None)
+        and any(
+            not _is_same_moment(getattr(row, name), event.get(member))
+            for event in [planned.get((row.delivery_id, row.package_id), {})]
+            for name, member in names.items()
+        )
+    ]
+
+
+def _is_same_moment(moment_ms: int | None, text: str | None) -> bool:
+    """Whether a stored moment is that of an event, up to the rounding to a millisecond."""
+    if moment_ms is None or text is None:
+        return moment_ms is None and text is None
+    return abs(moment_ms - moment_to_ms(datetime.fromisoformat(text))) <= 1
+
+
 PACKAGES: Final = (
+    Rule(
+        "a package has the promise that its customer was notified of",
+        _other_promises,
+        "Set `promised_ms`, `promised_p90_ms` and `due_ms` to `eta_at`, `eta_p90_at` and `due_at` "
+        "of the delivery's last event `delivery.planned`.",
+    ),
     Rule(
         "I6 a package on its way has one mission, which is under way",
         select(_name).where(

@@ -75,6 +75,8 @@ missions = Table(
     Column("shares", Text),
     # The pickup station, if packages of other deliveries may join a QUEUED mission; else null.
     Column("pooling_at", Text),
+    # How many rows of `cut_steps` it has.
+    Column("cuts", Integer, nullable=False, server_default="0"),
     *claim_columns(),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
     # I2: a drone is on at most one mission.

@@ -18,6 +18,7 @@ from skyway_composition.tables import (
     is_open,
     is_queued,
     missions,
+    networks,
 )
 from skyway_composition.tables.missions import DAY_MS
 
@@ -147,6 +148,18 @@ CALENDARS: Final = (
         "Other missions begin where the stays say. Set `served_ms` to the start plus "
         "`plan.delivery_time_s` in `body`, and `stays` to NULL: nothing is booked behind this "
         "mission until its next report fills them.",
+    ),
+    Rule(
+        "I12 a mission was planned with no later version or condition than its network has",
+        select(missions.c.mission_id)
+        .join(networks, networks.c.network_id == missions.c.network_id)
+        .where(
+            or_(
+                missions.c.planned_version > networks.c.version,
+                missions.c.planned_conditions > networks.c.conditions,
+            )
+        ),
+        _PLAN_AGAIN,
     ),
     Rule(
         "what better orders have saved is counted by days",

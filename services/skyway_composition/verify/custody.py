@@ -10,6 +10,7 @@ from sqlalchemy import and_, exists, func, literal_column, or_, select
 
 from skyway.contracts.mission import Cancellation
 from skyway.runtime.verification.rule import Finder, Rule, Survey
+from skyway.runtime.verification.storage_rules import later_than
 from skyway_composition.tables import (
     cancellations,
     custody,
@@ -141,6 +142,11 @@ async def _carried_by_two(survey: Survey) -> list[str]:
 
 
 CUSTODY: Final = (
+    Rule(
+        "I6 a drone has had or handed over its packages in the past",
+        later_than(lambda survey: survey.fleet_ms, [custody.c.at_ms], custody.c.seq > 1),
+        "Set `at_ms` to `ended_at` of the drone's event (`mission_steps.event`).",
+    ),
     Rule(
         "I6 a chain of custody has no gaps",
         select(_name).where(

@@ -11,6 +11,7 @@ from sqlalchemy import and_, exists, func, or_, select
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.mission_reports import MissionReport
 from skyway.runtime.verification.rule import Rule, Survey
+from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
 from skyway_composition.tables import (
     alarms,
@@ -70,6 +71,8 @@ def _differs(row: Any) -> bool:  # a row of missions
             any(body[name] != getattr(row, name) for name in _REPEATED)
             or _ms(body["start_at"]) != row.start_ms
             or _ms(body["released_at"]) != row.released_ms
+            or (body["loading"] != row.loading)
+            or row.pooling_at not in (None, request["pickup"]["station_id"])
             or (candidate["drone_id"], candidate["provider_id"]) != (row.drone_id, row.provider_id)
             or not {each["package_id"] for each in body["packages"]} <= packages
         )
@@ -81,10 +84,17 @@ def _ms(text: str) -> int:
     return moment_to_ms(datetime.fromisoformat(text))
 
 
-async def _late_plans(survey: Survey) -> set[str]:
-    latest_ms = survey.wall_ms + _LONGEST_WAIT_MS
-    late = select(missions.c.mission_id).where(is_live, missions.c.retry_wall_ms > latest_ms)
-    return {str(row.mission_id) for row in await survey.rows(late)}
+async def _other_expiries(survey: Survey) -> list[str]:
+    """Missions that expire when none of their instructions does."""
+    query = (
+        select(missions.c.mission_id, missions.c.expires_ms, instructions.c.body)
+        .join(instructions, instructions.c.mission_id == missions.c.mission_id)
+        .where(instructions.c.kind == "MISSION")
+    )
+    sent: dict[tuple[str, int], set[int]] = defaultdict(set)
+    for row in await survey.rows(query):
+        sent[row.mission_id, row.expires_ms].add(_ms(json.loads(row.body)["expires_at"]))
+    return [mission_id for (mission_id, at_ms), ends in sent.items() if at_ms not in ends]
 
 
 async def _unknown_doubts(survey: Survey) -> list[str]:
@@ -116,6 +126,22 @@ async def _lost_proposals(survey: Survey) -> list[str]:
 
 
 MISSIONS: Final = (
+    Rule(
+        "an alarm is acknowledged by somebody, after it was raised",
+        select(alarms.c.alarm_id).where(
+            or_(
+                alarms.c.acknowledged_ms.is_(None) != alarms.c.acknowledged_by.is_(None),
+                alarms.c.acknowledged_ms < alarms.c.at_ms,
+                and_(alarms.c.note.is_not(None), alarms.c.acknowledged_ms.is_(None)),
+            )
+        ),
+        "Set `acknowledged_ms` and `acknowledged_by` to NULL: an operator looks at it again.",
+    ),
+    Rule(
+        "a mission's first instruction expires when the mission says",
+        _other_expiries,
+        "Set `expires_ms` to `expires_at` of the mission's first instruction.",
+    ),
     Rule(
         "I2 a drone is on at most one mission",
         select(missions.c.drone_id)
@@ -178,7 +204,9 @@ MISSIONS: Final = (
     ),
     Rule(
         "a mission that needs a plan is looked at again within seconds",
-        _late_plans,
+        later_than(
+            lambda survey: survey.wall_ms + _LONGEST_WAIT_MS, [missions.c.retry_wall_ms], is_live
+        ),
         "Set `retry_wall_ms` to 0: the mission gets its next plan within a second.",
     ),
     Rule(

@@ -13,6 +13,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from datetime import timedelta
 from typing import Any, Final
 
 from sqlalchemy import and_, func, literal_column, or_, select
@@ -21,6 +22,7 @@ from skyway.contracts.weather import ForecastDocument, MeasuredWind
 from skyway.errors import InvalidInput
 from skyway.network.geojson_text import read_network_text
 from skyway.runtime.verification.rule import Rule, Survey
+from skyway.units import NEVER_MS, moment_to_ms, ms_to_moment
 from skyway_composition.cell_store import HELD
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.conditions import Conditions
@@ -108,15 +110,21 @@ async def _unguarded_tables(survey: Survey) -> list[str]:
 
 async def _unusable_forecasts(survey: Survey) -> list[str]:
     """The networks whose forecast was changed, or cannot be read."""
-    return [row.network_id async for row in survey.each(select(forecasts)) if _is_unusable(row)]
+    latest_ms = NEVER_MS if survey.fleet_ms is None else survey.fleet_ms
+    rows = survey.each(select(forecasts))
+    return [row.network_id async for row in rows if _is_unusable(row, latest_ms)]
 
 
-def _is_unusable(row: Any) -> bool:  # a row of forecasts
+def _is_unusable(row: Any, latest_ms: int) -> bool:  # a row of forecasts
     try:
-        forecast_of(ForecastDocument.read(row.content))
+        document = ForecastDocument.read(row.content)
+        forecast_of(document)
+        moments = [document.issued_at - timedelta(hours=1), ms_to_moment(row.received_ms)]
         if row.measured is not None:
-            MeasuredWind.read(row.measured)
+            moments.append(MeasuredWind.read(row.measured).at)
     except (ValueError, InvalidInput):
+        return True
+    if max(map(moment_to_ms, moments)) > latest_ms or moments[0] > moments[1]:
         return True
     is_changed: bool = hashlib.sha256(row.content).hexdigest() != row.sha256
     return is_changed
@@ -124,7 +132,7 @@ def _is_unusable(row: Any) -> bool:  # a row of forecasts
 
 NETWORKS: Final = (
     Rule(
-        "a forecast can be read, and its content has its hash",
+        "a forecast can be read, is not from the future, and its content has its hash",
         _unusable_forecasts,
         "The row was changed by hand. Send the forecast again (PUT /v1/networks/{id}/weather), or "
         "remove it (DELETE): plans then assume still air.",

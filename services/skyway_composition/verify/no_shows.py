@@ -1,13 +1,20 @@
-"""The rule of no-shows: a provider is blamed only for a mission that its drone did not fly."""
+"""The rules of what a provider sees: no-shows that happened, and alarms of its own missions."""
 
 from typing import Final
 
 from sqlalchemy import exists, select
 
 from skyway.runtime.verification.rule import Rule
-from skyway_composition.tables import missions, no_shows
+from skyway_composition.tables import alarms, missions, no_shows
 
 NO_SHOWS: Final = (
+    Rule(
+        "an alarm of a mission is about its provider",
+        select(alarms.c.alarm_id)
+        .join(missions, missions.c.mission_id == alarms.c.mission_id)
+        .where(alarms.c.provider_id != missions.c.provider_id),
+        "Set `provider_id` of the alarm to that of its mission: its provider sees it then.",
+    ),
     Rule(
         "a no-show is a mission of its provider that was refused or aborted",
         select(no_shows.c.mission_id).where(

@@ -17,12 +17,14 @@ from skyway.contracts.instruction import Instruction
 from skyway.contracts.mission import LIVE_MISSION_STATES, Cancellation, Mission
 from skyway.contracts.service_facts import (
     AnyFacts,
+    CopyFacts,
     CustodyLink,
     DeliveryFacts,
     DroneFacts,
     HintFacts,
     MissionFacts,
     PackageFacts,
+    stations_hash,
 )
 from skyway.delivery.offer import Price
 from skyway.delivery.request import DeliveryRequest
@@ -30,6 +32,7 @@ from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import outbox_rules, storage_rules
 from skyway.runtime.verification.stored_forms import form_rule
+from skyway.units import moment_to_ms
 from skyway_composition.closures.closure import Area
 from skyway_composition.missions.booking.hold_store import HELD_OFFERS
 from skyway_composition.missions.mission.record import Aim, Proposal, Stuck, Trouble
@@ -46,11 +49,15 @@ from skyway_composition.tables import (
     drone_links,
     instructions,
     is_live,
+    is_queued,
     metadata,
     mission_steps,
     missions,
+    networks,
     offer_holds,
     outbox,
+    seals,
+    stations,
 )
 from skyway_composition.verify.calendars import CALENDARS, read_stored_stays
 from skyway_composition.verify.custody import CUSTODY
@@ -61,7 +68,7 @@ from skyway_composition.verify.no_shows import NO_SHOWS
 from skyway_composition.verify.pads import HOLDS, PADS
 from skyway_composition.verify.quarantine import QUARANTINE
 from skyway_composition.verify.reach import REACH
-from skyway_composition.verify.shares import SHARED, guests_of_hosts, shares_of
+from skyway_composition.verify.shares import SHARED, guests_of_hosts, owners, shares_of
 from skyway_composition.verify.steps import STEPS
 from skyway_composition.verify.windows import WINDOWS
 
@@ -101,6 +108,8 @@ RULES: Final[tuple[Rule, ...]] = (
             "drone_time_taken_on_insert",
             "drone_time_taken_on_update",
         ),
+        # A chain begins when its drone is planned to load. When a seal was made is only shown.
+        ahead=(custody.c.at_ms, seals.c.made_wall_ms),
     ),
     *outbox_rules(outbox, channels=("gateway", "mqtt", "registry")),
     _FORMS,
@@ -235,8 +244,31 @@ async def _drones(survey: Survey) -> AsyncIterator[AnyFacts]:
         yield DroneFacts(drone_id=row.drone_id, provider_id=row.provider_id)
 
 
+async def _copies(survey: Survey) -> AsyncIterator[AnyFacts]:
+    places: dict[str, list[tuple[str, float, float]]] = defaultdict(list)
+    async for row in survey.each(select(stations)):
+        places[row.network_id].append((row.station_id, row.longitude_deg, row.latitude_deg))
+    async for row in survey.each(select(networks)):
+        text = stations_hash(places[row.network_id])
+        yield CopyFacts(key=f"network {row.network_id}", number=row.version, text=text)
+    async for row in survey.each(select(offer_holds)):
+        yield CopyFacts(key=f"hold {row.hold_id}", text=row.customer_id)
+    async for row in survey.each(select(drone_links).where(drone_links.c.renewed_ms.is_not(None))):
+        yield CopyFacts(key=f"renewal {row.drone_id}", number=row.renewed_ms)
+    owner_of = await survey.once(owners)
+    of_queued = select(missions).where(is_queued, missions.c.promised.is_not(None))
+    async for row in survey.each(of_queued):
+        for each in PROMISED.validate_json(row.promised):
+            alone = row.delivery_id, each.package_id
+            owner = owner_of.get((row.mission_id, each.package_id), alone)
+            if owner is not None:
+                key = f"promise {'/'.join(owner)}"
+                yield CopyFacts(key=key, number=moment_to_ms(each.eta_at))
+
+
 FACTS: Final[dict[str, FactReader]] = {
     "deliveries": _deliveries,
     "hints": _hints,
     "drones": _drones,
+    "copies": _copies,
 }

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from datetime import datetime
 from typing import Any, Final
 
-from sqlalchemy import or_, select
+from sqlalchemy import func, or_, select
 
 from skyway.contracts.candidate import Candidate
 from skyway.drone.flight import flight_energy_j
@@ -17,6 +17,13 @@ from skyway_composition.verify.evidence import SentMission, StepJson, sent_missi
 
 #: Share of the battery by which a stretch may be short: rounding only, as in the drone's own check.
 _ENERGY_TOLERANCE: Final = 1e-6
+
+_cut_count = (
+    select(func.count())
+    .where(cut_steps.c.mission_id == missions.c.mission_id)
+    .correlate(missions)
+    .scalar_subquery()
+)
 
 
 def _each_mission(is_broken: Callable[[SentMission], bool]) -> Finder:
@@ -30,7 +37,9 @@ def _each_mission(is_broken: Callable[[SentMission], bool]) -> Finder:
 
 
 def _differs_from_sent(mission: SentMission) -> bool:
-    """Whether a step is not the one that was sent, or a step of the present revision is missing."""
+    """Whether a step is not the one that was sent, or a step of any revision is missing."""
+    if any(row.step_id != number for number, row in enumerate(mission.rows, start=1)):
+        return True
     present = {row.step_id for row in mission.rows if row.revision == mission.revision}
     if mission.sent and present != mission.sent.get(mission.revision, {}).keys():
         return True
@@ -228,5 +237,11 @@ STEPS: Final = (
         "a cut step says what its event says",
         _changed_cuts,
         "Statistics read the columns. Set them to the values of `cut_steps.event`.",
+    ),
+    Rule(
+        "a mission counts its cut steps",
+        select(missions.c.mission_id).where(missions.c.cuts != _cut_count),
+        "A row of `cut_steps` was deleted or invented. The drone's journal has the event: restore "
+        "the row from a backup, or set `missions.cuts` to the number of its rows.",
     ),
 )

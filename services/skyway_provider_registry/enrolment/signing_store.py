@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping
 from datetime import datetime
 from typing import Final
 
-from sqlalchemy import Text, bindparam, select, update
+from sqlalchemy import Text, bindparam, exists, false, func, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drones import DroneSignature
@@ -19,7 +19,10 @@ from skyway_provider_registry.tables import drone_signing_keys, drones, renewals
 _SIGNATURES: Final = select(
     drones.c.drone_id,
     drones.c.network_id,
-    drone_signing_keys.c.is_required,
+    # A drone that has signed is believed only with a signature, even if the row of its key is lost.
+    or_(drones.c.is_signing, func.coalesce(drone_signing_keys.c.is_required, false())).label(
+        "is_required"
+    ),
     drone_signing_keys.c.public_key,
 ).select_from(drones.outerjoin(drone_signing_keys))
 
@@ -31,6 +34,18 @@ _CHANGED: Final = _SIGNATURES.join(renewals, renewals.c.drone_id == drones.c.dro
 )
 
 _is_of_drone: Final = drone_signing_keys.c.drone_id == bindparam("of_drone", type_=Text)
+_REQUIRED: Final = select(drones.c.drone_id).where(
+    drones.c.drone_id == bindparam("of_drone", type_=Text),
+    or_(drones.c.is_signing, exists().where(_is_of_drone, drone_signing_keys.c.is_required)),
+)
+_NOTE_SIGNING: Final = (
+    update(drones)
+    .where(
+        drones.c.drone_id == bindparam("of_drone", type_=Text),
+        exists().where(_is_of_drone, drone_signing_keys.c.is_required),
+    )
+    .values(is_signing=True)
+)
 _REVOKE: Final = (
     update(drone_signing_keys).where(_is_of_drone).values(public_key=None, next_public_key=None)
 )
@@ -65,6 +80,7 @@ async def add_keys(tx: Tx, public_keys: Mapping[DroneId, str]) -> None:
     ]
     if rows:
         await tx.execute(drone_signing_keys.insert(), rows)
+        await tx.execute(_NOTE_SIGNING, [{"of_drone": each} for each in public_keys])
 
 
 async def put_key(tx: Tx, drone_id: DroneId, public_key: str | None) -> None:
@@ -81,6 +97,7 @@ async def put_key(tx: Tx, drone_id: DroneId, public_key: str | None) -> None:
     row = {"is_required": True, "public_key": public_key, "next_public_key": None}
     statement = tx.insert(drone_signing_keys).values(drone_id=drone_id, **row)
     await tx.execute(statement.on_conflict_do_update(index_elements=["drone_id"], set_=row))
+    await tx.execute(_NOTE_SIGNING, {"of_drone": drone_id})
 
 
 async def put_next_key(tx: Tx, drone_id: DroneId, public_key: str | None) -> None:
@@ -103,6 +120,7 @@ async def put_next_key(tx: Tx, drone_id: DroneId, public_key: str | None) -> Non
 async def bring_into_force(tx: Tx, drone_id: DroneId) -> None:
     """Let a drone sign with its next key from now on; nothing happens without one."""
     await tx.execute(_FOLLOW, {"of_drone": drone_id})
+    await tx.execute(_NOTE_SIGNING, {"of_drone": drone_id})
 
 
 async def revoke(tx: Tx, drone_id: DroneId) -> None:
@@ -111,8 +129,7 @@ async def revoke(tx: Tx, drone_id: DroneId) -> None:
 
 
 async def _sign_nothing(tx: Tx, drone_id: DroneId) -> None:
-    query = select(drone_signing_keys.c.is_required).where(_is_of_drone)
-    if (await tx.execute(query, {"of_drone": drone_id})).scalar_one_or_none():
+    if (await tx.execute(_REQUIRED, {"of_drone": drone_id})).one_or_none() is not None:
         raise InvalidInput("public_key", "is missing, and this drone signs its messages")
     # A key that somebody else named before must not come into force with these credentials.
     await tx.execute(_REVOKE, {"of_drone": drone_id})

@@ -15,7 +15,7 @@ from skyway.cli.gateway import fail
 from skyway.cli.system.cells import cell_names, kept_ports
 from skyway.cli.system.databases import database_urls
 from skyway.cli.verify.delivery_rules import DELIVERY_RULES
-from skyway.cli.verify.drone_rules import DRONE_RULES
+from skyway.cli.verify.drone_rules import COPY_RULES, DRONE_RULES
 from skyway.cli.verify.looks import (
     AnyCrossRule,
     broken_across,
@@ -27,7 +27,7 @@ from skyway.errors import SkywayError
 from skyway.runtime.verification.rule import BrokenRule
 
 #: The rules that no service can check alone.
-RULES: Final[tuple[AnyCrossRule, ...]] = (*DELIVERY_RULES, *DRONE_RULES)
+RULES: Final[tuple[AnyCrossRule, ...]] = (*DELIVERY_RULES, *DRONE_RULES, *COPY_RULES)
 
 #: How long a running system needs to settle, seconds of wall time.
 _SETTLES_WITHIN_S: Final = 2.0

@@ -1,11 +1,11 @@
-"""The rules of drones across composition and registry, and of providers across the gateway."""
+"""The rules of drones, providers, and single values that two services store."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Final
 
 from skyway.cli.verify.looks import CrossRule, ServiceLook
-from skyway.contracts.service_facts import DroneFacts, HintFacts, ProviderFacts
+from skyway.contracts.service_facts import CopyFacts, DroneFacts, HintFacts, ProviderFacts
 
 _of_hints = partial(CrossRule[HintFacts], facts=ServiceLook.hints)
 
@@ -56,6 +56,69 @@ def _unknown_provider(
     if gateway is not None and registry is None:
         yield gateway.provider_id
 
+
+def _unlike_copy(
+    kind: str, *, is_later: bool
+) -> Callable[[CopyFacts | None, CopyFacts | None], Iterator[str]]:
+    """Finds copies of a kind with another value, or ahead of the second one, if it `is_later`.
+
+    What only one service stores yet, or no longer, is no fault.
+    """
+
+    def find(one: CopyFacts | None, other: CopyFacts | None) -> Iterator[str]:
+        if one is None or other is None or not one.key.startswith(kind):
+            return
+        ahead = (one.number or 0) - (other.number or 0)
+        # The parts of a millisecond that are not stored may add up to another one.
+        differs = ahead > 0 if is_later else abs(ahead) > 1
+        # A network that is too large for one answer has no stations at the gateway.
+        if differs or (ahead == 0 and one.text and other.text and one.text != other.text):
+            yield one.key
+
+    return find
+
+
+_of_copies = partial(CrossRule[CopyFacts], facts=ServiceLook.copies)
+
+COPY_RULES: Final = (
+    _of_copies(
+        name="the gateway knows no later version of a network, and no other stations",
+        first="gateway",
+        second="composition",
+        finder=_unlike_copy("network ", is_later=True),
+        advice="Delete the row of `known_networks`: the gateway asks composition again.",
+    ),
+    _of_copies(
+        name="the gateway knows the cells as the registry has them",
+        first="gateway",
+        second="registry",
+        finder=_unlike_copy("cell ", is_later=True),
+        advice="Delete the row of `known_cells`: the gateway asks the registry again.",
+    ),
+    _of_copies(
+        name="a hold is of the customer whose offers it keeps",
+        first="gateway",
+        second="composition",
+        finder=_unlike_copy("hold ", is_later=False),
+        advice="Set `customer_id` of the row of `offer_holds` to that of the gateway's quote: else "
+        "it counts among the holds of another customer.",
+    ),
+    _of_copies(
+        name="composition plans with the promise that the gateway made",
+        first="composition",
+        second="gateway",
+        finder=_unlike_copy("promise ", is_later=False),
+        advice="The customer was notified of the gateway's promise. Set `missions.promised` in "
+        "composition to it; with `planned_conditions` -1 the mission is planned again.",
+    ),
+    _of_copies(
+        name="composition counts no later renewal of a drone's credentials than the registry",
+        first="composition",
+        second="registry",
+        finder=_unlike_copy("renewal ", is_later=True),
+        advice="Set `drone_links.renewed_ms` to the registry's `renewals.renewed_ms`.",
+    ),
+)
 
 DRONE_RULES: Final = (
     CrossRule(

@@ -22,7 +22,13 @@ from typing import Final, Generic, Literal, TypeVar
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.system.children import PACKAGES
 from skyway.cli.system.supervisor import ProcessEnded
-from skyway.contracts.service_facts import DeliveryFacts, DroneFacts, HintFacts, ProviderFacts
+from skyway.contracts.service_facts import (
+    CopyFacts,
+    DeliveryFacts,
+    DroneFacts,
+    HintFacts,
+    ProviderFacts,
+)
 from skyway.runtime.errors import ExitCode
 from skyway.runtime.verification.fact_files import side_by_side
 from skyway.runtime.verification.rule import BrokenRule
@@ -35,7 +41,7 @@ _RESTORE: Final = (
     "files away, check the disk, and restore the newest backup (docs/reference/operations.md)."
 )
 
-FactsT = TypeVar("FactsT", DeliveryFacts, HintFacts, DroneFacts, ProviderFacts)
+FactsT = TypeVar("FactsT", DeliveryFacts, HintFacts, DroneFacts, ProviderFacts, CopyFacts)
 Service = Literal["gateway", "composition", "registry"]
 
 
@@ -71,6 +77,10 @@ class ServiceLook:
     def providers(self) -> Iterator[ProviderFacts]:
         """The facts about providers, by id."""
         return self._facts("providers", ProviderFacts)
+
+    def copies(self) -> Iterator[CopyFacts]:
+        """The values that other services store, too, by kind and id."""
+        return self._facts("copies", CopyFacts)
 
     def _facts(self, kind: str, model: type[FactsT]) -> Iterator[FactsT]:
         with ExitStack() as opened:
@@ -116,6 +126,7 @@ def look(folder: DataFolder, urls: Mapping[str, str], facts: Path) -> Looks:
 
 
 def _look(service: str, folder: DataFolder, urls: Mapping[str, str], facts: Path) -> ServiceLook:
+    clock = {"SKYWAY_CLOCK_FILE": str(folder.clock_file)} if folder.clock_file.exists() else {}
     checked = subprocess.run(
         [
             sys.executable,
@@ -127,6 +138,7 @@ def _look(service: str, folder: DataFolder, urls: Mapping[str, str], facts: Path
         ],
         env={
             **os.environ,
+            **clock,
             "SKYWAY_DATABASE_URL": urls[service],
             "SKYWAY_SECRETS_DIR": str(folder.secrets),
         },
@@ -173,6 +185,7 @@ AnyCrossRule = (
     | CrossRule[HintFacts]
     | CrossRule[DroneFacts]
     | CrossRule[ProviderFacts]
+    | CrossRule[CopyFacts]
 )
 
 

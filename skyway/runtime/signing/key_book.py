@@ -82,10 +82,11 @@ class KeyBook:
         self._forget_old()
         for first in range(0, len(sorted_ids), MOST_ASKED):
             part = sorted_ids[first : first + MOST_ASKED]
-            answer = await self._source.of(part)
+            answer = list(await self._source.of(part))
             now = self._clock.wall_now()
             # A drone that the source leaves out is not registered: no message of it is valid.
-            self._keys.update(dict.fromkeys(part, b""))
+            left_out = set(part) - {each.drone_id for each in answer}
+            self._keys.update(dict.fromkeys(left_out, b""))
             self._keep(answer)
             self._looked_up_at.update(dict.fromkeys(part, now))
 
@@ -114,7 +115,10 @@ class KeyBook:
 
     def _keep(self, signatures: Iterable[DroneSignature]) -> None:
         for each in signatures:
-            self._keys[each.drone_id] = _key_of(each)
+            key = _key_of(each)
+            # Nothing ends the duty to sign: a source that says so has lost the drone's key.
+            has_signed = key is None and bool(self._keys.get(each.drone_id))
+            self._keys[each.drone_id] = b"" if has_signed else key
 
 
 def _key_of(signature: DroneSignature) -> bytes | None:

@@ -41,13 +41,11 @@ async def check(
     *,
     folder: Path | None,
     wall_at: datetime,
+    fleet_at: datetime | None,
     pause: Callable[[], Awaitable[None]],
 ) -> list[BrokenRule]:
-    """Every rule that is broken; the facts are written below a new folder, if one is given.
-
-    `pause` waits until a running system has settled.
-    """
-    broken = await find_broken(db, rules, wall_at=wall_at, pause=pause)
+    """As `find_broken`; the facts are written below a new folder, if one is given."""
+    broken = await find_broken(db, rules, wall_at=wall_at, fleet_at=fleet_at, pause=pause)
     if folder is None:
         return broken
     try:
@@ -62,26 +60,31 @@ async def find_broken(
     rules: Sequence[Rule],
     *,
     wall_at: datetime,
+    fleet_at: datetime | None = None,
     pause: Callable[[], Awaitable[None]],
 ) -> list[BrokenRule]:
     """Each broken rule with each subject that breaks it, in the order of the rules.
 
-    `pause` waits until a running system has settled; then rules that settle are checked again.
+    `fleet_at` is the latest fleet time that it may be; None if it is not known. `pause` waits until
+    a running system has settled; then rules that settle are checked again.
     """
-    broken = await _look(db, rules, wall_at)
+    now_ms = moment_to_ms(wall_at), None if fleet_at is None else moment_to_ms(fleet_at)
+    broken = await _look(db, rules, now_ms)
     names = {each.rule for each in broken}
     unsettled = [rule for rule in rules if rule.settles and rule.name in names]
     if not unsettled:
         return broken
     await pause()
-    again = {(each.rule, each.subject) for each in await _look(db, unsettled, wall_at)}
+    again = {(each.rule, each.subject) for each in await _look(db, unsettled, now_ms)}
     settling = {rule.name for rule in unsettled}
     return [
         each for each in broken if each.rule not in settling or (each.rule, each.subject) in again
     ]
 
 
-async def _look(db: Database, rules: Sequence[Rule], wall_at: datetime) -> list[BrokenRule]:
+async def _look(
+    db: Database, rules: Sequence[Rule], now_ms: tuple[int, int | None]
+) -> list[BrokenRule]:
     """What breaks the rules now: one statement for all queries, then each function by itself."""
     queries = tuple(rule for rule in rules if isinstance(rule.finder, Select))
     found: dict[str, set[str]] = defaultdict(set)
@@ -90,7 +93,7 @@ async def _look(db: Database, rules: Sequence[Rule], wall_at: datetime) -> list[
     left += [(rule,) for rule in rules if not isinstance(rule.finder, Select)]
     while left:
         async with db.survey() as connection:
-            survey = Survey(connection, db.dialect, moment_to_ms(wall_at))
+            survey = Survey(connection, db.dialect, *now_ms)
             while left:
                 looked_at = left.popleft()
                 try:

@@ -30,11 +30,15 @@ Subjects = Select[*tuple[Any, ...]]
 
 @dataclass(slots=True)
 class Survey:
-    """One moment of a database; `wall_ms` is the wall time of that moment, ms since 1970."""
+    """One moment of a database; `wall_ms` is the wall time of that moment, ms since 1970.
+
+    `fleet_ms` is the latest fleet time that it may be then on any machine; None if it is not known.
+    """
 
     connection: AsyncConnection
     dialect: Dialect
     wall_ms: int
+    fleet_ms: int | None = None
     _loaded: dict[object, object] = field(default_factory=dict)
 
     async def texts(self, statement: str) -> list[tuple[str, ...]]:

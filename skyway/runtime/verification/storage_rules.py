@@ -1,7 +1,8 @@
 """The rules that hold for every service's database and for every outbox."""
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import cache
+from itertools import groupby
 from typing import Any, Final
 
 from sqlalchemy import (
@@ -41,12 +42,21 @@ _LARGEST_WHOLE: Final = 2**53
 #: Far beyond everything that is measured, and below infinity.
 _LARGEST_DOUBLE: Final = 1e300
 
-#: Senders wait a minute at most before they send a message again; clocks may differ. Wall ms.
-_LONGEST_WAIT_MS: Final = 600_000
+#: The clocks of machines differ by less, and senders wait a minute at most. Wall ms.
+_CLOCKS_DIFFER_MS: Final = 600_000
+
+#: How the names of columns begin whose moments may be ahead, or that are spans, or measure only.
+_AHEAD: Final = (
+    *("expires_", "ends_", "due_", "next_", "claimed_until_", "until_", "held_until_", "retry_"),
+    *("give_up_", "earliest_", "promised_", "eta_", "start_", "end_", "planned_", "released_"),
+    *("served_", "from_", "free_", "duration_", "saved_", "stored_"),
+)
 
 
-def storage_rules(metadata: MetaData, *, triggers: Iterable[str] = ()) -> tuple[Rule, ...]:
-    """The rules of a database with these tables; SQLite also has these `triggers`."""
+def storage_rules(
+    metadata: MetaData, *, triggers: Iterable[str] = (), ahead: Collection[Column[int]] = ()
+) -> tuple[Rule, ...]:
+    """The rules of a database; SQLite also has `triggers`. Moments of `ahead` may be ahead."""
     tables = metadata.sorted_tables
     return (
         Rule(
@@ -81,10 +91,26 @@ def storage_rules(metadata: MetaData, *, triggers: Iterable[str] = ()) -> tuple[
         ),
         Rule(
             "no claim lasts longer than ten minutes",
-            _long_claims(tables),
+            later_than(
+                lambda survey: survey.wall_ms + LONGEST_CLAIM_MS,
+                [table.c.claimed_until_ms for table in tables if "claimed_until_ms" in table.c],
+            ),
             "Such a claim does not count, so the row is worked on all the same. Set `claimed_by` "
             "to NULL and `claimed_until_ms` to 0 in this row, and check the clocks of all "
             "machines.",
+        ),
+        *(
+            Rule(
+                f"what is stored as past is past, by {name} time",
+                later_than(latest_ms, [*_past_moments(tables, ahead, wall=name == "wall")]),
+                "The moment is later than now, so what depends on its age is never done. Restore "
+                "the row from a backup, or set the column to what a neighbouring row has. Check "
+                "the clocks of all machines, and `SKYWAY_CLOCK_FILE`.",
+            )
+            for name, latest_ms in (
+                ("wall", lambda survey: survey.wall_ms + _CLOCKS_DIFFER_MS),
+                ("fleet", lambda survey: survey.fleet_ms),
+            )
         ),
     )
 
@@ -92,7 +118,7 @@ def storage_rules(metadata: MetaData, *, triggers: Iterable[str] = ()) -> tuple[
 def replica_rule(replicas: Table) -> Rule:
     """The rule of a table of live replicas."""
     joined_ms, seen_ms = replicas.c.joined_wall_ms, replicas.c.seen_wall_ms
-    is_wrong = or_(joined_ms < 0, joined_ms > seen_ms, seen_ms > moment_to_ms(LATEST))
+    is_wrong = or_(joined_ms < 0, joined_ms > seen_ms)
     return Rule(
         "a replica was seen since it joined",
         select(replicas.c.replica_id).where(is_wrong),
@@ -109,24 +135,22 @@ async def _damaged_pages(survey: Survey) -> list[str]:
     if survey.dialect == "sqlite":
         found = await survey.rows(text(f"PRAGMA integrity_check({_MOST_FAULTS})"))
         return [str(row[0]) for row in found if row[0] != "ok"]
-    failures = await survey.rows(
-        text(
-            "SELECT checksum_failures FROM pg_stat_database"
-            " WHERE datname = current_database() AND checksum_failures > 0"
-        )
+    failures = await survey.texts(
+        "SELECT checksum_failures FROM pg_stat_database"
+        " WHERE datname = current_database() AND checksum_failures > 0"
     )
-    return [f"{row[0]} pages did not match their checksum" for row in failures]
+    return [f"{count} pages did not match their checksum" for (count,) in failures]
 
 
 def _missing_parts(tables: Iterable[Table], triggers: frozenset[str]) -> Finder:
     indexes = {str(index.name) for table in tables for index in table.indexes}
 
     async def find(survey: Survey) -> set[str]:
+        listed, parts = "SELECT indexname FROM pg_indexes", indexes
         if survey.dialect == "sqlite":
-            listed = text("SELECT name FROM sqlite_master WHERE type IN ('index', 'trigger')")
-            return (indexes | triggers) - {row[0] for row in await survey.rows(listed)}
-        listed = text("SELECT indexname FROM pg_indexes")
-        return indexes - {row[0] for row in await survey.rows(listed)}
+            listed = "SELECT name FROM sqlite_master WHERE type IN ('index', 'trigger')"
+            parts = indexes | triggers
+        return parts - {name for (name,) in await survey.texts(listed)}
 
     return find
 
@@ -138,8 +162,7 @@ def _orphans_of(tables: Iterable[Table]) -> Finder:
 
 
 def _orphans(table: Table, key: ForeignKeyConstraint) -> Subjects:
-    # Aliases: a table may refer to itself.
-    child, parent = table.alias("child"), key.referred_table.alias("parent")
+    child, parent = table.alias("child"), key.referred_table.alias("parent")  # perhaps the same
     pairs = [(child.c[each.parent.name], parent.c[each.column.name]) for each in key.elements]
     own = _joined(child.c[each.name] for each in table.primary_key)
     missing = _joined(column for column, _ in pairs)
@@ -162,17 +185,14 @@ def _joined(columns: Iterable[ColumnElement[Any]]) -> ColumnElement[str]:
 def _wrong_types(tables: Iterable[Table]) -> Finder:
     """Other values in text columns. SQLite stores any type anywhere; PostgreSQL does not."""
     query = union_of(
-        select(literal(f"{table.name}.{column.name} ") + _key(table)).where(
+        select(literal(f"{table.name}.{column.name} ") + _joined(table.primary_key)).where(
             func.typeof(column).not_in(("text", "null"))
         )
         for table in tables
         for column in table.c
         if isinstance(column.type, Text)
     )
-
-    @cache
-    def statement() -> str:
-        return statement_text(query, "sqlite")
+    statement = cache(lambda: statement_text(query, "sqlite"))
 
     async def find(survey: Survey) -> set[str]:
         if survey.dialect != "sqlite":
@@ -182,14 +202,9 @@ def _wrong_types(tables: Iterable[Table]) -> Finder:
     return find
 
 
-def _key(table: Table) -> ColumnElement[str]:
-    return _joined(table.primary_key)
-
-
 def union_of(queries: Iterable[Subjects]) -> Subjects:
     """All subjects of several queries as one query."""
-    every = union_all(*queries).subquery()
-    return select(every)
+    return select(union_all(*queries).subquery())
 
 
 def _out_of_bounds(table: Table) -> Iterator[Subjects]:
@@ -200,7 +215,7 @@ def _out_of_bounds(table: Table) -> Iterator[Subjects]:
         for low, high in _bounds_of(column)
     ]
     if limits:
-        yield select(literal(f"{table.name} ") + _key(table)).where(or_(*limits))
+        yield select(literal(f"{table.name} ") + _joined(table.primary_key)).where(or_(*limits))
 
 
 def _bounds_of(column: Column[Any]) -> Iterator[tuple[float, float]]:
@@ -213,17 +228,23 @@ def _bounds_of(column: Column[Any]) -> Iterator[tuple[float, float]]:
         yield -_LARGEST_DOUBLE, _LARGEST_DOUBLE
 
 
-def _long_claims(tables: Iterable[Table]) -> Finder:
-    claimed = [table for table in tables if "claimed_until_ms" in table.c]
+def later_than(
+    latest_ms: Callable[[Survey], int | None],
+    columns: Iterable[Column[int]],
+    *conditions: ColumnElement[bool],
+) -> Finder:
+    """The rows with one of these moments after the latest one; none if that is not known."""
+    by_table = [(table, [*of]) for table, of in groupby(columns, lambda each: each.table)]
 
     async def find(survey: Survey) -> set[str]:
-        latest_ms = survey.wall_ms + LONGEST_CLAIM_MS
+        if (latest := latest_ms(survey)) is None:
+            return set()
         return {
-            row[0]
-            for table in claimed
+            str(row[0])
+            for table, moments in by_table
             for row in await survey.rows(
-                select(literal(f"{table.name} ") + _key(table)).where(
-                    table.c.claimed_until_ms > latest_ms
+                select(literal(f"{table.name} ") + _joined(table.primary_key)).where(
+                    or_(*(each > latest for each in moments)), *conditions
                 )
             )
         }
@@ -231,12 +252,26 @@ def _long_claims(tables: Iterable[Table]) -> Finder:
     return find
 
 
+def _past_moments(
+    tables: Iterable[Table], ahead: Collection[Column[int]], *, wall: bool
+) -> Iterable[Column[int]]:
+    """The columns of moments that have passed when they are stored, of wall or of fleet time."""
+    return (
+        column
+        for table in tables
+        for column in table.c
+        if column.name.endswith("_ms")
+        and not (column.name.startswith(_AHEAD) or any(column is each for each in ahead))
+        and column.name.endswith("_wall_ms") == wall
+    )
+
+
 def outbox_rules(outbox: Table, *, channels: Collection[str]) -> tuple[Rule, ...]:
     """The rules of the outbox of a service that sends on these channels."""
     return (
         Rule(
             "a message in the outbox is sent again within ten minutes",
-            _waiting_too_long(outbox),
+            later_than(lambda survey: survey.wall_ms + _CLOCKS_DIFFER_MS, [outbox.c.due_at_ms]),
             "The message and all later ones of its stream wait. Set `due_at_ms` of this row to 0. "
             "Check the clocks of all machines.",
         ),
@@ -247,12 +282,3 @@ def outbox_rules(outbox: Table, *, channels: Collection[str]) -> tuple[Rule, ...
             "Correct it: `address` shows a topic of MQTT or a path of a service.",
         ),
     )
-
-
-def _waiting_too_long(outbox: Table) -> Finder:
-    async def find(survey: Survey) -> list[str]:
-        latest_ms = survey.wall_ms + _LONGEST_WAIT_MS
-        query = select(outbox.c.id).where(outbox.c.due_at_ms > latest_ms)
-        return [name_of(outbox, row.id) for row in await survey.rows(query)]
-
-    return find

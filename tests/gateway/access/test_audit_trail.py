@@ -72,6 +72,15 @@ async def test_reading_and_calls_of_customers_are_not_logged(
     assert await entries(gateway) == []
 
 
+async def test_a_customers_changes_of_tracking_links_are_logged(gateway: Gateway) -> None:
+    path = f"/v1/deliveries/{await gateway.planned()}/tracking-link"
+    for method in ("GET", "POST", "DELETE"):
+        await gateway.http.request(method, path, headers=gateway.customer)
+
+    logged = [(each["role"], each["method"], each["path"]) for each in await entries(gateway)]
+    assert sorted(logged) == [("customer", "DELETE", path), ("customer", "POST", path)]
+
+
 async def test_the_log_is_paged_and_filtered(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     await close_station(gateway)

@@ -33,8 +33,8 @@ async def all_are(gateway: Gateway, state: str) -> None:
     await gateway.execute(
         "INSERT INTO webhook_attempts (attempt_id, webhook_id, event_id, event_type, number,"
         " at_wall_ms, duration_ms, outcome)"
-        " SELECT 'att_' || event_id, webhook_id, event_id, 'any', 10, 0, 0, 'DELIVERED'"
-        " FROM notifications"
+        " SELECT 'att_' || event_id, webhook_id, event_id, type, 10, 0, 0, 'DELIVERED'"
+        " FROM notifications JOIN events USING (event_id)"
     )
 
 

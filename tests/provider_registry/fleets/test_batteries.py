@@ -73,7 +73,8 @@ async def test_health_and_cycles_go_with_the_battery(
     (past,) = old["past_installations"]
     assert (past["drone_id"], past["cycles"]) == (drone.drone["drone_id"], old["cycles"])
     assert (await shown(drone, fresh))["cycles"] == 0
-    assert await broken_rules(drone.db, RULES) == []
+    wall_at = clock.wall_now()
+    assert await broken_rules(drone.db, RULES, wall_at=wall_at, fleet_at=clock.now()) == []
 
     # The drone is planned with the worn battery again as soon as it has it again.
     clock.advance(timedelta(seconds=10))
@@ -202,7 +203,8 @@ async def test_only_the_newest_past_installations_are_kept(drone: FlyingDrone) -
     moments = [each["installed_at"] for each in past]
     assert len(past) == MOST_INSTALLATIONS
     assert moments == sorted(moments, reverse=True)
-    assert await broken_rules(drone.db, RULES) == []
+    wall_at = drone.clock.wall_now()
+    assert await broken_rules(drone.db, RULES, wall_at=wall_at, fleet_at=drone.clock.now()) == []
 
 
 @pytest.mark.parametrize(
@@ -300,4 +302,5 @@ async def test_however_batteries_are_moved_each_is_in_one_drone_at_most(
     rows = (await drone.provider_calls("GET", "/batteries")).json()["items"]
     found = {each["drone_id"]: each["battery_id"] for each in rows if each["drone_id"]}
     assert found == expected
-    assert await broken_rules(drone.db, RULES) == []
+    wall_at = drone.clock.wall_now()
+    assert await broken_rules(drone.db, RULES, wall_at=wall_at, fleet_at=drone.clock.now()) == []

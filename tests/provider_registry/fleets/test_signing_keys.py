@@ -217,3 +217,48 @@ async def test_verify_names_a_key_that_is_none(api: Any, signing: Any, db: Datab
         await tx.execute(text("UPDATE drone_signing_keys SET public_key = :key"), {"key": "A" * 43})
 
     assert len(await broken_rules(db, RULES)) == 1
+
+
+@pytest.mark.databases("sqlite", "postgresql")
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "DELETE FROM drone_signing_keys",
+        "UPDATE drone_signing_keys SET is_required = (1 = 0), public_key = NULL",
+    ],
+)
+async def test_a_lost_key_never_makes_unsigned_messages_valid(
+    api: Any, signing: Any, db: Database, damage: str
+) -> None:
+    drone_id = signing["drone_id"]
+    async with db.write() as tx:
+        await tx.execute(text(damage))
+    lost = await signature_of(api, drone_id)
+    found = await broken_rules(db, RULES)
+    token = await another_token(api, signing)
+    unsigned = await enrol(api, signing, None, token)
+    signed = await enrol(api, signing, SECOND, token)
+
+    assert lost == (True, None)
+    assert found == [("a drone that has ever signed has the row of its key", drone_id)]
+    assert (unsigned.status_code, signed.status_code) == (422, 201)
+    assert await signature_of(api, drone_id) == (True, SECOND)
+    assert await broken_rules(db, RULES) == []
+
+
+@pytest.mark.parametrize("way", ["registration", "enrolment", "rotation"])
+async def test_a_drone_is_noted_as_signing_however_its_key_came(
+    api: Any, way: str, db: Database
+) -> None:
+    if way == "registration":
+        drone = await api.drone(await api.provider(), public_key=FIRST)
+    else:
+        drone = await api.drone(await api.provider())
+        await enrol(api, drone, FIRST if way == "enrolment" else None)
+    if way == "rotation":
+        following = (await rotate(api, drone["drone_id"], {"public_key": FIRST})).json()
+        await show(api, following["key"])
+    async with db.write() as tx:
+        await tx.execute(text("DELETE FROM drone_signing_keys"))
+
+    assert await signature_of(api, drone["drone_id"]) == (True, None)

@@ -14,7 +14,7 @@ from skyway.contracts.flight_step import FlightStep
 from skyway.ids import MissionId
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
-from skyway_composition.tables import cut_steps, mission_steps
+from skyway_composition.tables import cut_steps, mission_steps, missions
 
 #: An event without a revision matches a step of any revision.
 _ANY_REVISION: Final = 2**31 - 1
@@ -210,7 +210,9 @@ async def keep_cut_step(tx: Tx, mission_id: MissionId, event: DroneEvent) -> Non
         "ended_ms": moment_to_ms(event.ended_at),
         "event": event.model_dump_json(),
     }
-    await tx.execute(tx.insert(cut_steps).values(row).on_conflict_do_nothing())
+    added = await tx.execute(tx.insert(cut_steps).values(row).on_conflict_do_nothing())
+    counted = update(missions).where(missions.c.mission_id == mission_id)
+    await tx.execute(counted.values(cuts=missions.c.cuts + added.rowcount))
 
 
 async def ended_events(connection: AsyncConnection, mission_id: MissionId) -> list[DroneEvent]:

@@ -39,6 +39,7 @@ async def test_a_cut_recharge_counts_once_before_and_after_its_row_is_replaced(
         # A repeated event changes nothing.
         await keep_cut_step(tx, mission_id, ends[-1].message)
 
+    assert await composition.rows("SELECT cuts FROM missions") == [(1,)]
     assert (await totals(composition, mission_id))["recharging_s"] == 100.0
     async with composition.db.write() as tx:
         ended = "UPDATE mission_steps SET status = 'ENDED', event = :event WHERE step_id = :step_id"

@@ -257,6 +257,25 @@ async def test_a_drone_that_enrols_with_a_key_is_not_believed_without_it(door: D
     assert await door.read() == [state(NEW, 3)]
 
 
+@pytest.mark.parametrize("comes_by", ["look-up", "refresh"])
+async def test_a_drone_that_signed_is_not_believed_unsigned_if_its_source_forgets(
+    door: Door, comes_by: str
+) -> None:
+    door.registry.keys["drn_1"] = OLD.public_key
+    door.offer(state(OLD))
+    await door.read()
+    door.registry.keys.clear()
+    door.registry.unsigned.add("drn_1")
+    if comes_by == "refresh":
+        door.registry.renewed.append("drn_1")
+        await door.book.refresh()
+    else:
+        await door.book.look_up([DroneId("drn_1")])
+    door.offer(state(None, 2))
+
+    assert await door.read() == []
+
+
 async def test_nothing_of_a_drone_that_is_not_registered_is_believed(door: Door) -> None:
     door.offer(state(None))
 
