@@ -6,6 +6,7 @@ from datetime import timedelta
 from typing import Any
 
 from skyway_provider_registry.presence.follow import Recorder
+from skyway_provider_registry.verify import RULES
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.drone_report import DroneHealth, DroneState
@@ -15,6 +16,7 @@ from skyway.drone.learned_values import LearnedValues
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
+from tests.broken_rules import broken_rules
 
 
 def make_health(
@@ -45,6 +47,11 @@ class FlyingDrone:
     seq: int = 1
     reported: int = 0
     soc: float = 0.9
+
+    async def broken_rules(self) -> list[tuple[str, str]]:
+        """What `verify` finds by the clock of the test."""
+        wall_at, fleet_at = self.clock.wall_now(), self.clock.now()
+        return await broken_rules(self.db, RULES, wall_at=wall_at, fleet_at=fleet_at)
 
     async def flies(
         self,

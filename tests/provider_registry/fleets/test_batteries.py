@@ -203,8 +203,7 @@ async def test_only_the_newest_past_installations_are_kept(drone: FlyingDrone) -
     moments = [each["installed_at"] for each in past]
     assert len(past) == MOST_INSTALLATIONS
     assert moments == sorted(moments, reverse=True)
-    wall_at = drone.clock.wall_now()
-    assert await broken_rules(drone.db, RULES, wall_at=wall_at, fleet_at=drone.clock.now()) == []
+    assert await drone.broken_rules() == []
 
 
 @pytest.mark.parametrize(
@@ -302,5 +301,4 @@ async def test_however_batteries_are_moved_each_is_in_one_drone_at_most(
     rows = (await drone.provider_calls("GET", "/batteries")).json()["items"]
     found = {each["drone_id"]: each["battery_id"] for each in rows if each["drone_id"]}
     assert found == expected
-    wall_at = drone.clock.wall_now()
-    assert await broken_rules(drone.db, RULES, wall_at=wall_at, fleet_at=drone.clock.now()) == []
+    assert await drone.broken_rules() == []

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from skyway_provider_registry.presence import jump_store
 from skyway_provider_registry.presence.jump import Ahead, LastSeen
 from skyway_provider_registry.presence.wear import MaintenanceRule, Wear, wear_between
-from skyway_provider_registry.verify import RULES
 
 from skyway.contracts.drone_report import DroneState
 from skyway.contracts.drones import DroneAlarm
@@ -20,7 +19,6 @@ from skyway.ids import DroneModelId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.sql.database import Database
 from skyway.units import ms_to_moment
-from tests.broken_rules import broken_rules
 from tests.provider_registry.flying_drone import FlyingDrone, fly_drone, make_health
 
 pytestmark = pytest.mark.databases("sqlite")
@@ -77,7 +75,7 @@ async def test_a_drone_that_is_due_gets_no_missions_until_its_maintenance_is_rec
     name = drone.drone["drone_id"]
     assert await out_of_service(drone) == {"drone_ids": [], "due_drone_ids": [name]}
     assert (await drone.call("GET")).json()["state"] == "AVAILABLE"
-    assert await broken_rules(drone.db, RULES) == []
+    assert await drone.broken_rules() == []
 
     answer = await drone.call("POST", "/maintenance")
 
@@ -88,7 +86,7 @@ async def test_a_drone_that_is_due_gets_no_missions_until_its_maintenance_is_rec
     (over,) = await alarms(drone)
     assert (over.code, over.is_over) == ("MAINTENANCE_DUE", True)
     assert len(await drone.candidates()) == 1
-    assert await broken_rules(drone.db, RULES) == []
+    assert await drone.broken_rules() == []
 
 
 async def test_the_alarm_is_raised_once_each_time_a_drone_becomes_due(drone: FlyingDrone) -> None:
@@ -127,7 +125,7 @@ async def test_a_rule_counts_for_what_was_flown_before(drone: FlyingDrone, api: 
     assert (await drone.provider_calls("GET", "/maintenance-rules")).json()["items"] == [
         {"model_id": MODEL.model_id, "every_flight_hours": 0.1, "every_cycles": None}
     ]
-    assert await broken_rules(drone.db, RULES) == []
+    assert await drone.broken_rules() == []
 
     await put_rule(drone, every_flight_hours=100.0)
     assert (await maintenance(drone))["due_since_at"] is None
@@ -137,7 +135,7 @@ async def test_a_rule_counts_for_what_was_flown_before(drone: FlyingDrone, api: 
     assert (await maintenance(drone))["due_since_at"] is None
     assert len(await drone.candidates()) == 1
     assert (await drone.provider_calls("DELETE", RULE)).status_code == 404
-    assert await broken_rules(drone.db, RULES) == []
+    assert await drone.broken_rules() == []
 
 
 @pytest.mark.parametrize(

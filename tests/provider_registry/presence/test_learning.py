@@ -8,13 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from skyway_provider_registry.presence import jump_store
 from skyway_provider_registry.presence.learning import Learned, why_maintenance
-from skyway_provider_registry.verify import RULES
 
 from skyway.contracts.drone_report import DroneState
 from skyway.drone.learned_values import AS_MODELLED, LearnedValues
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.sql.database import Database
-from tests.broken_rules import broken_rules
 from tests.provider_registry.flying_drone import FlyingDrone, fly_drone, make_health
 
 pytestmark = pytest.mark.databases("sqlite")
@@ -128,7 +126,7 @@ async def test_what_flights_show_is_shown_planned_with_and_forgotten_on_request(
     assert shown["still_air_factor"] == pytest.approx(1.0625, abs=1e-3)
     assert await drone.planned() == LearnedValues(still_air_factor=1.05, state_of_health=0.9)
     assert LearnedValues.model_validate(shown["planned"]) == await drone.planned()
-    assert await broken_rules(drone.db, RULES) == []
+    assert await drone.broken_rules() == []
 
     answer = await drone.call("DELETE", "/learned-values")
 
