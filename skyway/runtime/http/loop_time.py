@@ -20,7 +20,7 @@ UNIT_S: Final = 0.005
 UNIT_BYTES: Final = 64 * 1024
 
 #: Requests begin while a pass of the event loop is shorter than this, and at least so often.
-SHORT_PASS_S: Final = 0.003
+SHORT_PASS_S: Final = 0.001
 LONGEST_PAUSE_S: Final = 0.02
 
 
