@@ -13,7 +13,7 @@ from matplotlib import pyplot
 def draw(findings: Mapping[str, Mapping[str, Any]], path: Path) -> None:
     """Draw one column for each run; values are those of the JSON file of the run."""
     figure, axes = pyplot.subplots(
-        2, len(findings), figsize=(3.4 * len(findings), 5.2), squeeze=False, sharex="col"
+        2, len(findings), figsize=(3.4 * len(findings) + 1.6, 5.2), squeeze=False, sharex="col"
     )
     for column, (name, found) in enumerate(findings.items()):
         stages: Sequence[Mapping[str, Any]] = found["stages"]
@@ -42,7 +42,8 @@ def draw(findings: Mapping[str, Mapping[str, Any]], path: Path) -> None:
     axes[0][0].set_ylabel("requests a second")
     axes[1][0].set_ylabel("seconds")
     axes[0][0].legend(fontsize=7)
-    axes[1][0].legend(fontsize=7)
+    # Beside the curves: nowhere within the picture is room for four names.
+    axes[1][-1].legend(fontsize=7, bbox_to_anchor=(1.0, 1.0), loc="upper left")
     figure.tight_layout()
     figure.savefig(path, dpi=130)
     pyplot.close(figure)
