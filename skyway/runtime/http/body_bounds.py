@@ -20,8 +20,10 @@ _LEAST_BYTES, _LEAST_VALUES = 4 * 1024, 200
 _CHARACTER, _NUMBER, _MOMENT, _AROUND = 6, 25, 40, 4
 #: Without a limit in the schema, only the limit of the bytes bounds the rest.
 _UNBOUNDED: Final = 10**15
-#: Values that a body of an unbounded schema may hold, for each of its bytes.
-_VALUES_PER_BYTE: Final = 1 / 8
+#: The least bytes of a value, on average over a body: where the schema bounds the number of values,
+#: and where it does not. Real reports and shortlists take more than 16. A body of 16,384 values is
+#: parsed and refused in less than 5 ms.
+_VALUE_BYTES, _UNBOUNDED_VALUE_BYTES = 8, 16
 
 #: The most bytes of a body, for the caller of this request.
 BodyLimit = Callable[[Request], int]
@@ -64,9 +66,8 @@ class BodyBounds:
         """
         found = _bounds(schema, definitions, ())
         size_bytes = min(max(found.size_bytes, _LEAST_BYTES), limit_bytes)
-        most = int(size_bytes * _VALUES_PER_BYTE)
         counts = (found.values, found.texts, found.members)
-        return cls(size_bytes, *(min(max(each, _LEAST_VALUES), most) for each in counts))
+        return cls(size_bytes, *(_most_of(each, size_bytes) for each in counts))
 
     @classmethod
     def of_type(cls, annotation: Any) -> Self:
@@ -86,6 +87,12 @@ class BodyBounds:
         if outside.count(b",") + outside.count(b"[") + outside.count(b"{") > self.values + 1:
             return f"holds more than {self.values:,} values"
         return None
+
+
+def _most_of(count: int, size_bytes: int) -> int:
+    """How many values a body of this size may hold, if its schema allows this count."""
+    value_bytes = _UNBOUNDED_VALUE_BYTES if count >= _UNBOUNDED else _VALUE_BYTES
+    return min(max(count, _LEAST_VALUES), size_bytes // value_bytes)
 
 
 def _bounds(schema: Schema, definitions: Schema, inside: tuple[str, ...]) -> BodyBounds:

@@ -38,7 +38,7 @@ _TOO_DEEP: Final = f"nests deeper than {MAX_DEPTH} levels"
 _MAX_INTEGER: Final = 2**63 - 1
 
 #: Bodies up to this size are parsed without a thread, in a millisecond.
-_SMALL_BYTES: Final = 64 * 1024
+_SMALL_BYTES: Final = 32 * 1024
 
 _SURROGATES = re.compile("[\ud800-\udfff]")
 

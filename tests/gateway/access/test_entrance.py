@@ -29,7 +29,6 @@ def limit(
         gateway.parts.entrance,
         meters=meters,
         brake=brake,
-        now=lambda: 0.0,  # however slow the machine is, work costs no time
         _recognised={},
     )
     read_keys_without_pause(gateway)

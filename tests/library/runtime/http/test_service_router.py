@@ -136,7 +136,7 @@ async def test_a_body_is_counted_before_it_is_parsed(client: httpx.AsyncClient) 
 
     answer = await client.post("/loads", content=b"[" + b"1," * 40_000, headers=headers)
 
-    assert answer.json()["errors"] == [{"field": "body", "detail": "holds more than 32,768 values"}]
+    assert answer.json()["errors"] == [{"field": "body", "detail": "holds more than 16,384 values"}]
 
 
 @pytest.mark.parametrize(
