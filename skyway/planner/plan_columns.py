@@ -16,7 +16,7 @@ from skyway.ids import StationId
 from skyway.network.network import MAX_PADS, Network
 from skyway.planner.kernels.memory import Longs
 from skyway.planner.problem import Problem
-from skyway.planner.reservations import reservations_at
+from skyway.planner.reservations import spans_at
 from skyway.units import TIME_TOLERANCE_S
 
 if TYPE_CHECKING:
@@ -79,10 +79,8 @@ def _held_ms(
 ) -> Mapping[tuple[StationId, int], list[_Span]]:
     """The problem's own reservations of these stations, by pad."""
     held_ms: dict[tuple[StationId, int], list[_Span]] = defaultdict(list)
-    for reservation in reservations_at(problem.pad_reservations, stations):
-        end_s = math.inf if reservation.end_s is None else reservation.end_s
-        span_ms = _outward_ms(reservation.start_s, end_s)
-        held_ms[reservation.station_id, reservation.pad].append(span_ms)
+    for station_id, pad, start_s, end_s in spans_at(problem.pad_reservations, stations):
+        held_ms[station_id, pad].append(_outward_ms(start_s, end_s))
     return held_ms
 
 

@@ -34,6 +34,9 @@ _FEW = 32
 
 _MISSING = object()
 
+#: The station and the pad of a reservation, its start and its end in seconds; inf without an end.
+HeldSpan = tuple[StationId, int, float, float]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReservationColumns(Sequence[PadReservation]):
@@ -104,10 +107,13 @@ class ReservationColumns(Sequence[PadReservation]):
         is_doubtful = overlaps | (ends_s[1:] < ends_s[:-1])
         return not (is_doubtful & (pads[1:] == pads[:-1])).any()
 
-    def at(self, stations: AbstractSet[StationId]) -> Iterator[PadReservation]:
+    def spans_at(self, stations: AbstractSet[StationId]) -> Iterator[HeldSpan]:
         """The reservations of these stations, in order."""
         is_asked = np.array([one in stations for one in self.station_ids], np.bool_)
-        return (self[row] for row in np.flatnonzero(is_asked[self.station]).tolist())
+        rows = np.flatnonzero(is_asked[self.station])
+        station_ids = map(self.station_ids.__getitem__, self.station[rows].tolist())
+        columns = (each[rows].tolist() for each in (self.pad, self.start_s, self.end_s))
+        return zip(station_ids, *columns, strict=True)
 
     def __len__(self) -> int:
         return len(self.station)
@@ -146,13 +152,17 @@ def order_of_pads(
     return order
 
 
-def reservations_at(
+def spans_at(
     reservations: Sequence[PadReservation], stations: AbstractSet[StationId]
-) -> Iterator[PadReservation]:
+) -> Iterator[HeldSpan]:
     """The reservations of these stations, in order."""
     if isinstance(reservations, ReservationColumns):
-        return reservations.at(stations)
-    return (one for one in reservations if one.station_id in stations)
+        return reservations.spans_at(stations)
+    return (
+        (one.station_id, one.pad, one.start_s, math.inf if one.end_s is None else one.end_s)
+        for one in reservations
+        if one.station_id in stations
+    )
 
 
 def _read_by_column(

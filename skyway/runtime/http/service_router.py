@@ -167,16 +167,24 @@ async def read_json(request: Request, *, in_thread: InThread = asyncio.to_thread
 
 def _parsed(raw: bytes) -> Any:  # a JSON value of any type
     try:
-        value = json.loads(raw)
-    except RecursionError as error:
-        raise _complaint((), _TOO_DEEP, None) from error
-    except ValueError as error:
-        raise _broken(str(error)) from error
+        value = from_json(raw)  # in less than half of the time that Python's parser needs
+    except ValueError:
+        value = _parsed_by_python(raw)
     _check(raw, value, most_members=len(raw))
     # A walk through millions of values takes longer than this search.
     if _SUSPICIOUS.search(raw):
         _refuse_unstorable(value)
     return value
+
+
+def _parsed_by_python(raw: bytes) -> Any:  # a JSON value of any type
+    """The value of a text that pydantic refuses. Python names the fault, or accepts more."""
+    try:
+        return json.loads(raw)
+    except RecursionError as error:
+        raise _complaint((), _TOO_DEEP, None) from error
+    except ValueError as error:
+        raise _broken(str(error)) from error
 
 
 class InternalBody(Generic[M]):
