@@ -23,8 +23,9 @@ from skyway_composition.missions.mission.share import read_shares, shares_json
 J = TypeVar("J", bound=JsonModel)
 
 
-#: Cached values of one model: those of the last 15 seconds under load, about 5 MiB.
-_MOST: Final = 500
+#: Cached values of one model, about 10 KiB each. The dispatcher reads all open missions of each fleet:
+#: a smaller cache would lose those that drones report about next.
+_MOST: Final = 4_000
 
 
 class JsonCache(Generic[J]):
