@@ -16,7 +16,13 @@ from typing import Final
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 
-_SERVICES: Final = ("gateway", "services", "skyway/runtime", "skyway/contracts", "skyway/scheduling")
+_SERVICES: Final = (
+    "gateway",
+    "services",
+    "skyway/runtime",
+    "skyway/contracts",
+    "skyway/scheduling",
+)
 _PLANNER: Final = ("skyway/planner", "skyway/network", "skyway/drone")
 _DISPATCH: Final = ("skyway/dispatch", "skyway/scheduling", *_PLANNER)
 

@@ -56,7 +56,6 @@ from skyway.ids import ClosureId, DeliveryId, MissionId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
-from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
@@ -65,6 +64,7 @@ from tests.composition.busy_network import MODEL, NETWORK_ID, PLACES, add_networ
 from tests.composition.drone_journals import ended_missions, handed_over, owners_of, shared_pads
 from tests.composition.flown_drone import FlownDrone
 from tests.composition.lone_replica import lone_replica
+from tests.counting_mint import CountingMint
 
 #: Fleet seconds per second of wall time.
 _RATE = 60.0

@@ -47,13 +47,13 @@ from skyway.runtime.clock import ManualClock
 from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.http.metrics_routes import MetricsGate
 from skyway.runtime.loops import Wake
-from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
 from tests.composition.drone_messages import DroneMessages
 from tests.composition.lone_replica import lone_replica
+from tests.counting_mint import CountingMint
 from tests.shared_app import shared_app
 from tests.unsigned_drones import unsigned_book
 

@@ -35,8 +35,8 @@ from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import MqttUnavailable
-from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received, Will
+from tests.counting_mint import CountingMint
 
 #: The topics of drones that composition reads.
 _READ_TOPICS = (ACKS.template, EVENTS.template, STATE.template, CONNECTION.template)

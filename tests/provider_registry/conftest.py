@@ -30,12 +30,12 @@ from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.http.metrics_routes import MetricsGate
-from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.signature_check import SignatureCheck
 from skyway.runtime.replicas.membership import Membership
 from skyway.runtime.replicas.replica_store import ReplicaStore
 from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, CloudKeyFile
 from skyway.runtime.sql.database import Database
+from tests.counting_mint import CountingMint
 from tests.shared_app import shared_app
 from tests.signing_files import write_cloud_keys
 from tests.unsigned_drones import unsigned_book

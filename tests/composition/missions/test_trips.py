@@ -11,7 +11,7 @@ from skyway.contracts.quote import QuoteQuery
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
-from skyway.runtime.minting import CountingMint
+from tests.counting_mint import CountingMint
 
 pytestmark = pytest.mark.databases("sqlite")
 

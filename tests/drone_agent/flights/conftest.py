@@ -33,8 +33,8 @@ from skyway.contracts.topics import (
 )
 from skyway.contracts.world import NetworkVersion
 from skyway.runtime.errors import MqttUnavailable
-from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received, Will
+from tests.counting_mint import CountingMint
 
 
 class FakeLink:

@@ -16,7 +16,8 @@ from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.delays import WrongKeys
 from skyway.runtime.http.identity import Caller, KeyHolder, RefusedKey
 from skyway.runtime.metrics import COUNTERS
-from skyway.runtime.minting import CountingMint, mint
+from skyway.runtime.minting import mint
+from tests.counting_mint import CountingMint
 from tests.gateway.access.key_calls import bearer, make_key, rotate, status_of
 from tests.gateway.access.test_audit_trail import entries
 from tests.gateway.access.test_entrance import limit

@@ -2,7 +2,8 @@
 
 import re
 
-from skyway.runtime.minting import CountingMint, mint
+from skyway.runtime.minting import mint
+from tests.counting_mint import CountingMint
 
 
 def test_minted_identifiers_differ_and_stay_within_the_alphabet() -> None:

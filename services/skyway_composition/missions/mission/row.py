@@ -25,7 +25,7 @@ J = TypeVar("J", bound=JsonModel)
 
 #: Cached values of one model, about 10 KiB each. The dispatcher reads all open missions of each fleet:
 #: a smaller cache would lose those that drones report about next.
-_MOST: Final = 4_000
+MOST: Final = 4_000
 
 
 class JsonCache(Generic[J]):
@@ -57,7 +57,7 @@ class JsonCache(Generic[J]):
 
     def _keep(self, text: str, value: J) -> None:
         self._cached[text] = value
-        while len(self._cached) > _MOST:
+        while len(self._cached) > MOST:
             del self._cached[next(iter(self._cached))]
 
 

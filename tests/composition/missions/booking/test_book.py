@@ -21,8 +21,8 @@ from skyway.ids import DeliveryId
 from skyway.planner.problem import Problem
 from skyway.runtime.errors import RowRefused
 from skyway.runtime.loops import Wake
-from skyway.runtime.minting import CountingMint
 from skyway.units import moment_to_ms
+from tests.counting_mint import CountingMint
 
 #: What a booking writes; an attempt that fails may leave none of it.
 WRITTEN = ("missions", "mission_steps", "pad_reservations", "instructions", "custody", "outbox")

@@ -1,6 +1,6 @@
 """The cache of JSON values: a recent text is not parsed again, another text is."""
 
-from skyway_composition.missions.mission.row import JsonCache
+from skyway_composition.missions.mission.row import MOST, JsonCache
 
 from skyway.json_model import JsonModel
 
@@ -31,7 +31,7 @@ def test_a_text_written_by_another_replica_is_parsed() -> None:
 def test_a_value_that_left_the_cache_is_parsed_again() -> None:
     cache, note = JsonCache(Note), Note(text="first")
     text = cache.write(note)
-    for number in range(500):
+    for number in range(MOST):
         cache.write(Note(text=str(number)))
 
     assert cache.read(text) == note

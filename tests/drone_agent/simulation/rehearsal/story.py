@@ -14,7 +14,7 @@ from skyway_drone_agent.simulated.disturbances import Disturbances, changed, rea
 from skyway_drone_agent.simulated.link_loss import has_outages, outages
 
 from skyway.contracts.drone_report import DroneEvent
-from skyway.runtime.minting import CountingMint
+from tests.counting_mint import CountingMint
 from tests.drone_agent.simulation.rehearsal.cloud import FakeCloud
 from tests.drone_agent.simulation.rehearsal.disk import Crash, Disk, MortalJournal, PowerCut
 from tests.drone_agent.simulation.rehearsal.findings import Findings
