@@ -23,8 +23,8 @@ from skyway_composition.missions.mission.share import read_shares, shares_json
 J = TypeVar("J", bound=JsonModel)
 
 
-#: Cached values of one model, about 10 KiB each. The dispatcher reads all open missions of each fleet:
-#: a smaller cache would lose those that drones report about next.
+#: Cached values of one model, about 10 KiB each. The dispatcher reads all open missions of each
+#: fleet: a smaller cache would lose those that drones report about next.
 MOST: Final = 4_000
 
 
