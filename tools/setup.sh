@@ -18,8 +18,8 @@ else
         echo "python3 cannot make virtual environments here: apt install python3-venv" >&2
         exit 1
     fi
-    step 1/4 "Making the environment" sh -c 'python3 -m venv "$VENV" && "$VENV/bin/python" -m pip install --quiet \
+    step 1/4 "Making the environment" sh -c 'python3 -m venv "$VENV" && "$VENV/bin/python" -m pip install -qq \
         --disable-pip-version-check --require-hashes --only-binary :all: -r requirements-uv.txt'
 fi
-step 2/4 "Installing 70 packages" sh tools/install.sh -r requirements-run.txt
+step 2/4 "Installing the packages" sh tools/install.sh -r requirements-run.txt
 step 3/4 "Installing Skyway" sh tools/install.sh
