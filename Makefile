@@ -1,8 +1,9 @@
 # The only targets; each is one line of what a developer would type in .venv.
 .PHONY: setup live demo up test check openapi sbom benchmark lock
 VENV := .venv
+export VENV
 BIN := $(VENV)/bin
-UV := $(shell command -v uv 2>/dev/null)
+LOCK := --universal --generate-hashes --no-emit-index-url --no-header --python-version 3.11
 # A system is a dozen processes: each would compile anew all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 CORES := $(shell getconf _NPROCESSORS_ONLN)
@@ -10,26 +11,30 @@ CORES := $(shell getconf _NPROCESSORS_ONLN)
 COMPILED := skyway/planner/kernels/__pycache__/.compiled
 PYTEST := $(BIN)/python -m pytest --maxprocesses 5 --no-loadscope-reorder
 
-setup: $(COMPILED)
+setup: $(VENV)/.developers $(COMPILED)
 
-$(VENV)/.ready: requirements.txt pyproject.toml
-	@UV="$(UV)" VENV="$(VENV)" sh tools/setup.sh
+# What runs Skyway; and what its developers need too.
+$(VENV)/.ready: requirements-run.txt requirements-uv.txt pyproject.toml
+	@sh tools/setup.sh
+	@touch $@
+
+$(VENV)/.developers: requirements.txt $(VENV)/.ready
+	@sh tools/setup.sh developers
 	@touch $@
 
 $(COMPILED): $(VENV)/.ready $(wildcard skyway/planner/kernels/*.py)
-	@echo "Compiling the planner, once: about a minute."
-	@$(BIN)/python -m skyway.planner.warm
-	@$(BIN)/python -m skyway.dispatch.warm
+	@sh tools/step.sh 4/4 "Compiling the planner, once, for about two minutes" \
+		sh -c '$(BIN)/python -m skyway.planner.warm && $(BIN)/python -m skyway.dispatch.warm'
 	@mkdir -p $(@D)
 	@touch $@
 
-live: setup
+live: $(COMPILED)
 	@$(BIN)/skyway up --demo
 
-demo: setup
+demo: $(COMPILED)
 	@$(BIN)/skyway demo
 
-up: setup
+up: $(COMPILED)
 	@$(BIN)/skyway up
 
 # Whole systems mostly wait, so three workers more than cores; what runs where: tests/lanes.py.
@@ -50,20 +55,15 @@ openapi: setup
 sbom:
 	@uvx -q --from cyclonedx-bom cyclonedx-py requirements requirements.txt -o sbom.json
 
-benchmark: setup $(VENV)/.peers
+benchmark: $(VENV)/.peers $(COMPILED)
 	@$(BIN)/python -m benchmarks
 
-$(VENV)/.peers: requirements-peers.txt $(VENV)/.ready
-	@UV="$(UV)" VENV="$(VENV)" sh tools/install_peers.sh
+$(VENV)/.peers: requirements-peers.txt $(VENV)/.developers
+	@sh tools/install.sh -r requirements-peers.txt && touch $@ || \
+		echo "The peers could not be installed; benchmarking without them." >&2
 
 lock:
-	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
-		--python-version 3.11 --extra dev pyproject.toml -o requirements.txt
-	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
-		--python-version 3.11 --extra image -c requirements.txt pyproject.toml -o requirements-image.txt
-	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
-		--python-version 3.11 --extra peers -c requirements.txt pyproject.toml -o requirements-peers.txt
-	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
-		--python-version 3.11 --extra chart -c requirements.txt pyproject.toml -o requirements-chart.txt
-	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
-		--python-version 3.11 --extra ray -c requirements.txt pyproject.toml -o requirements-ray.txt
+	uv pip compile $(LOCK) --extra dev pyproject.toml -o requirements.txt
+	for set in run image peers chart ray; do uv pip compile $(LOCK) -c requirements.txt \
+		--extra $$set pyproject.toml -o requirements-$$set.txt || exit 1; done
+	echo uv | uv pip compile $(LOCK) --no-annotate - -o requirements-uv.txt

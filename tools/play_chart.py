@@ -2,7 +2,7 @@
 
 sudo .venv/bin/python tools/play_chart.py
 
-It needs Linux, root, PostgreSQL, Mosquitto, and .chart_tools (tools/install_chart_tools.sh). The
+It needs Linux, root, PostgreSQL, Mosquitto, and .chart_tools (requirements-chart.txt). The
 secrets and databases are made by the lines of docs/kubernetes.md, and each container of the chart
 runs as in its pod (`pods_on_this_machine`). Nothing listens outside of a network of its own.
 """

@@ -1,10 +1,14 @@
 #!/bin/sh
-# Makes the environment $VENV from the hashed requirements: with uv where it is on PATH, else venv and pip.
+# Makes the environment $VENV and installs what running Skyway needs; with `developers`, what its developers need too.
+# Everything comes from the hashed requirements, by uv: the one on PATH, or one that pip puts into the environment.
 set -eu
-if [ -n "${UV:-}" ]; then
-    "$UV" venv --quiet --allow-existing --python ">=3.11" "$VENV"
-    "$UV" pip install --quiet --python "$VENV" --require-hashes -r requirements.txt
-    "$UV" pip install --quiet --python "$VENV" --no-deps --no-build-isolation -e .
+step() { sh tools/step.sh "$@"; }
+if [ "${1:-}" = developers ]; then
+    step 1/1 "Installing the packages for developers" sh tools/install.sh -r requirements.txt
+    exit
+fi
+if command -v uv >/dev/null; then
+    step 1/4 "Making the environment" uv venv --quiet --allow-existing --python ">=3.11" "$VENV"
 else
     if ! python3 -c 'import sys; raise SystemExit(sys.version_info < (3, 11))'; then
         echo "Skyway needs python3 3.11 or newer; this is $(python3 --version)." >&2
@@ -14,7 +18,8 @@ else
         echo "python3 cannot make virtual environments here: apt install python3-venv" >&2
         exit 1
     fi
-    python3 -m venv "$VENV"
-    "$VENV/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
-    "$VENV/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+    step 1/4 "Making the environment" sh -c 'python3 -m venv "$VENV" && "$VENV/bin/python" -m pip install -qq \
+        --disable-pip-version-check --require-hashes --only-binary :all: -r requirements-uv.txt'
 fi
+step 2/4 "Installing the packages" sh tools/install.sh -r requirements-run.txt
+step 3/4 "Installing Skyway" sh tools/install.sh

@@ -13,16 +13,84 @@ import numba
 from llvmlite import ir
 from numba import types
 from numba.core import caching, cgutils, config
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.environment import lookup_environment
 from numba.extending import intrinsic, overload
 
 from skyway.errors import SkywayError
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
-_OPTIONS: Final[dict[str, Any]] = {"nogil": True, "cache": True, "error_model": "numpy"}
+_OPTIONS: Final[dict[str, Any]] = {"nogil": True, "error_model": "numpy"}
 
+
+class _InnerLibrary(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
+    """The code of a function that only compiled code calls: neither optimised nor made runnable.
+
+    Numba does both for each function, and again for each function that calls it.
+    """
+
+    @property
+    def codegen(self) -> Any:
+        """Itself, because of the codegen only `set_env` is asked for, which follows later."""
+        return self
+
+    def set_env(self, name: str, env: Any) -> None:
+        """Nothing: the entrance that holds this code sets the environment."""
+
+    def finalize(self) -> None:
+        """Keep the code as it is."""
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Null: there is nothing to run."""
+        return 0
+
+
+class _EntranceLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """The code of a function that Python calls, with all the code that it calls, optimised once."""
+
+    def finalize(self) -> None:
+        """Add the inner code that is called through other inner code."""
+        for library in self._linking_libraries:  # grows meanwhile
+            if isinstance(library, _InnerLibrary):
+                known = set(self._linking_libraries)
+                self._linking_libraries += [
+                    each for each in library._linking_libraries if each not in known
+                ]
+        super().finalize()
+        for variable in self._final_module.global_variables:
+            if variable.name.startswith("_ZN08NumbaEnv"):
+                env = lookup_environment(variable.name)
+                if env is not None:
+                    self._codegen.set_env(variable.name, env)
+
+
+class _Inner(Compiler):  # type: ignore[misc]
+    """Compiles a function that only compiled code calls."""
+
+    def __init__(self, typing: Any, target: Any, _library: Any, *others: Any) -> None:
+        super().__init__(typing, target, _InnerLibrary(target.codegen(), "inner"), *others)
+
+
+class _Entrance(Compiler):  # type: ignore[misc]
+    """Compiles a function that Python calls."""
+
+    def __init__(self, typing: Any, target: Any, _library: Any, *others: Any) -> None:
+        library = _EntranceLibrary(target.codegen(), "entrance")
+        library.enable_object_caching()
+        super().__init__(typing, target, library, *others)
+
+
+_ENTRANCE: Final[dict[str, Any]] = {**_OPTIONS, "cache": True, "pipeline_class": _Entrance}
 # Wrappers are for calls from Python.
-_WITHOUT_WRAPPERS: Final[dict[str, Any]] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_INNER: Final[dict[str, Any]] = {
+    **_OPTIONS,
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": _Inner,
+}
 
 
 def _digest_of_sources() -> bytes:
@@ -73,7 +141,7 @@ _LOCATORS: Final = ",".join(
 
 def entrance(function: _Function) -> _Function:
     """Compile this function when it is first called, to be called from Python too."""
-    return _compiled(function, {**_OPTIONS, "_nrt": True})
+    return _compiled(function, {**_ENTRANCE, "_nrt": True})
 
 
 def kernel(function: _Function) -> _Function:
@@ -82,12 +150,12 @@ def kernel(function: _Function) -> _Function:
     Counting them takes half of a search's time. The kernel must not make arrays, and must not call
     kernels that return arrays or handles: nobody would free these.
     """
-    return _compiled(function, {**_OPTIONS, **_WITHOUT_WRAPPERS, "_nrt": False})
+    return _compiled(function, {**_INNER, "_nrt": False})
 
 
 def array_kernel(function: _Function) -> _Function:
     """Compile this function for other kernels alone; it may make, receive and return arrays."""
-    return _compiled(function, {**_OPTIONS, **_WITHOUT_WRAPPERS, "_nrt": True})
+    return _compiled(function, {**_INNER, "_nrt": True})
 
 
 def _compiled(function: _Function, options: dict[str, Any]) -> _Function:
