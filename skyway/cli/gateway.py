@@ -6,13 +6,15 @@ import shlex
 import uuid
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, NoReturn, Self
+from typing import TYPE_CHECKING, Any, NoReturn, Self
 
-import httpx
 import typer
 
 from skyway.cli.data_folder import DataFolder
 from skyway.errors import SkywayError
+
+if TYPE_CHECKING:
+    import httpx
 
 _URL = "SKYWAY_GATEWAY_URL"
 
@@ -43,6 +45,8 @@ def call_gateway(
     The command ends with a message on standard error when a setting is missing, when the gateway
     cannot be reached, and when it answers with a problem.
     """
+    import httpx
+
     settings = needed_settings(folder, _URL, key_name)
     headers = {"Authorization": f"Bearer {settings[key_name]}"}
     if body is not None:
@@ -69,7 +73,7 @@ def fail(message: str, *, exit_code: int = EXIT_REFUSED) -> NoReturn:
     raise typer.Exit(exit_code)
 
 
-def _problem(answer: httpx.Response) -> str:
+def _problem(answer: "httpx.Response") -> str:
     """The problem document in words.
 
     Several wrong fields have a line each. A field that the detail names is not printed twice.
@@ -136,6 +140,8 @@ class GatewayApi:
     """Asynchronous calls to a running gateway; an answer that is not 2xx is a `SkywayError`."""
 
     def __init__(self, url: str) -> None:
+        import httpx
+
         self._client = httpx.AsyncClient(base_url=url, timeout=30.0)
 
     async def __aenter__(self) -> Self:
