@@ -161,24 +161,26 @@ def check_agent_arguments(folder: DataFolder, arguments: Sequence[str]) -> None:
 
 
 def fly(folder: DataFolder, drones: Drones, arguments: list[str]) -> NoReturn:
-    """Become the agent of these drones, until Ctrl-C."""
+    """Become the agent of these drones, until Ctrl-C; its log is a file in the data folder."""
     folder.make()
     fleet_file = folder.path / f"fleet-{drones[0]['drone_id']}.json"
     write_drones(fleet_file, drones)
-    typer.echo(f"{len(drones)} drones fly until Ctrl-C", err=True)
-    become_agent(folder, ["--fleet", str(fleet_file), *arguments])
+    log = os.environ.get("SKYWAY_AGENT_LOG", str(folder.log(fleet_file.stem).resolve()))
+    typer.echo(f"{len(drones)} drones fly until Ctrl-C; their log is {log or 'here'}", err=True)
+    passed = {"SKYWAY_AGENT_LOG": log}
+    become_agent(folder, ["--fleet", str(fleet_file), *arguments], settings=passed)
 
 
 def become_agent(
-    folder: DataFolder, arguments: Sequence[str], *, secrets: Mapping[str, str] | None = None
+    folder: DataFolder, arguments: Sequence[str], *, settings: Mapping[str, str]
 ) -> NoReturn:
     """Become the agent with these arguments; its journals are in the data folder.
 
-    `secrets` are passed in the environment: other users of the machine can read arguments, but not
-    the environment of this user's process.
+    `settings` are passed in the environment, and some are secret: other users of the machine can
+    read arguments, but not the environment of this user's process.
     """
     folder.make()
-    environment = {**_environment(folder), **(secrets or {})}
+    environment = {**_environment(folder), **settings}
     command = [sys.executable, "-m", "skyway_drone_agent", *arguments]
     # The agent replaces this process: a signal that ends this process ends the agent.
     os.execve(sys.executable, command, environment)  # noqa: S606 - no shell is needed
