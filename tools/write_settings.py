@@ -75,6 +75,12 @@ AGENT: Final = (
     Row("SKYWAY_GATEWAY_URL", "text", "or `--api`", "Where the token is exchanged."),
     Row("SKYWAY_PARENT_FD", "whole number", "", "The agent ends when this pipe closes."),
     Row("SKYWAY_LOG_LEVEL", "text", "`INFO`", "DEBUG, INFO, WARNING or ERROR."),
+    Row(
+        "SKYWAY_AGENT_LOG",
+        "path",
+        "standard error; `skyway fleet`: `logs/fleet-....log` in the data folder",
+        "The file of the log. Standard error then gets one line a minute.",
+    ),
 )
 COMMAND_LINE: Final = (
     Row("SKYWAY_DATA", "path", "`.skyway`", "The data folder, where `--data` is not given."),

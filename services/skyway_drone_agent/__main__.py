@@ -2,8 +2,13 @@
 
 import asyncio
 import contextlib
+import logging
 import os
 import sys
+import time
+from collections import Counter
+from logging.handlers import RotatingFileHandler
+from typing import Final, Never
 
 from skyway.runtime.errors import exit_code_after
 from skyway.runtime.garbage import keep_what_is_loaded
@@ -15,11 +20,41 @@ from skyway_drone_agent.fleet import allow_open_files, host_fleet, place
 from skyway_drone_agent.journal.journal import JournalFolder
 from skyway_drone_agent.settings import AgentSettings, read_settings
 
+#: A log file above this size is set aside, bytes, and how many of them are kept.
+_LOG_BYTES: Final = 20 << 20
+_LOGS_KEPT: Final = 4
+
+#: Wall seconds between two lines for people, where the log goes to a file.
+_LINE_EVERY_S: Final = 60.0
+
+
+class News(logging.Handler):
+    """Counts log records by what they say."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._counts: Counter[str] = Counter()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Count a record; events of drones by their kind, and answers by their status."""
+        more = (str(getattr(record, name, "")) for name in ("event_kind", "status"))
+        self._counts[" ".join(part for part in (str(record.msg), *more) if part)] += 1
+
+    def line(self, drones: int) -> str:
+        """What happened since the last line."""
+        found, self._counts = self._counts, Counter()
+        what = ", ".join(f"{count} x {said}" for said, count in sorted(found.items()))
+        return f"{time.strftime('%H:%M')} {drones} drones: {what or 'nothing new'}\n"
+
 
 def main() -> None:
     """Serve until a signal says stop."""
     settings = read_settings(sys.argv[1:], os.environ)
-    configure_logs("drone_agent", settings.log_level)
+    if settings.log_file is None:
+        configure_logs("drone_agent", settings.log_level)
+    else:
+        file = RotatingFileHandler(settings.log_file, "a", _LOG_BYTES, _LOGS_KEPT)
+        configure_logs("drone_agent", settings.log_level, handler=file)
     crew = _crew(settings)
     allow_open_files(len(crew.drones))
     with JournalFolder(settings.journal, (drone.drone_id for drone in crew.drones)) as folder:
@@ -80,7 +115,17 @@ async def _host(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> N
             serving.result()
 
 
+async def _tell(drones: int) -> Never:
+    """Write a line a minute, until the terminal is lost."""
+    logging.getLogger().addHandler(news := News())
+    while True:
+        await asyncio.sleep(_LINE_EVERY_S)
+        sys.stderr.write(news.line(drones))
+        sys.stderr.flush()
+
+
 async def _serve(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> None:
+    telling = None if settings.log_file is None else asyncio.create_task(_tell(len(crew.drones)))
     serving = asyncio.create_task(_host(crew, folder, settings))
     loop = asyncio.get_running_loop()
     if settings.parent_fd is not None:
@@ -91,6 +136,9 @@ async def _serve(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> 
         contextlib.suppress(asyncio.CancelledError),
     ):
         await serving
+    if telling is not None:
+        telling.cancel()
+        await asyncio.wait((telling,))
 
 
 def _leave(serving: asyncio.Task[None], parent_fd: int) -> None:

@@ -40,7 +40,8 @@ class AgentSettings:
     """The drones, the folder of their journals, and the broker.
 
     Without `mqtt_url` each drone connects where its enrolment says. Without a fleet file the agent
-    serves the drones that enrolled here. The agent stops when `parent_fd` is closed.
+    serves the drones that enrolled here. The agent stops when `parent_fd` is closed. With
+    `log_file` the log goes there, and standard error gets a line a minute for people.
     """
 
     fleet: Path | None
@@ -49,6 +50,7 @@ class AgentSettings:
     mqtt_url: str | None
     parent_fd: int | None
     log_level: str
+    log_file: Path | None
     disturbances: Disturbances
     mavlink: MavlinkSettings | None = None
     placed: Placed | None = None
@@ -73,6 +75,7 @@ def read_settings(arguments: Sequence[str], environment: Mapping[str, str]) -> A
         mqtt_url=mqtt_url or None,
         parent_fd=int(parent_fd) if parent_fd else None,
         log_level=environment.get("SKYWAY_LOG_LEVEL", "INFO"),
+        log_file=Path(log_file) if (log_file := environment.get("SKYWAY_AGENT_LOG")) else None,
         disturbances=_disturbances(given),
         mavlink=_mavlink(given),
         placed=_placed(given),

@@ -10,10 +10,6 @@ from typing import Annotated, Final
 import typer
 
 from skyway.cli.data_folder import DataOption, data_folder
-from skyway.cli.system.children import PACKAGES
-from skyway.cli.system.databases import database_urls
-from skyway.cli.system.supervisor import ProcessEnded
-from skyway.runtime.archive.export import WrittenDay
 
 #: The services that archive; the registry keeps its own history of telemetry.
 _SERVICES: Final = ("gateway", "composition")
@@ -24,6 +20,11 @@ def archive_command(
     data: DataOption = None,
 ) -> None:
     """Write each day that is over, and has no file yet, as Parquet files."""
+    from skyway.cli.system.children import PACKAGES
+    from skyway.cli.system.databases import database_urls
+    from skyway.cli.system.supervisor import ProcessEnded
+    from skyway.runtime.archive.export import WrittenDay
+
     own = data_folder(data)
     urls = asyncio.run(database_urls(own))
     for service in _SERVICES:

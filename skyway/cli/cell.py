@@ -1,8 +1,10 @@
 """`skyway cell`: which server of composition serves which network."""
 
+import json
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from typing import Annotated, Any, Final
 from urllib.parse import quote
 
@@ -10,23 +12,12 @@ import typer
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import call_gateway, fail
-from skyway.cli.system.children import PACKAGES
-from skyway.contracts.cells import CellState
-from skyway.json_model import JsonModel
 
 cell_app = typer.Typer(help="Show, add, close and move the cells of networks.")
 
 _OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
 
 _NetworkArgument = Annotated[str, typer.Argument(metavar="NETWORK", help="Id of the network.")]
-
-
-class _ServerPlace(JsonModel):
-    url: str
-
-
-class _StateChange(JsonModel):
-    state: CellState
 
 
 @cell_app.command("list")
@@ -46,19 +37,19 @@ def add_command(
     data: DataOption = None,
 ) -> None:
     """Give a network a server of its own; publish the network after that."""
-    _show(_call(data_folder(data), "PUT", network, _ServerPlace(url=url)))
+    _show(_call(data_folder(data), "PUT", network, {"url": url}))
 
 
 @cell_app.command("close")
 def close_command(network: _NetworkArgument, data: DataOption = None) -> None:
     """Accept no new requests for a network; its missions are flown to their end."""
-    _show(_call(data_folder(data), "PATCH", network, _StateChange(state="CLOSED")))
+    _show(_call(data_folder(data), "PATCH", network, {"state": "CLOSED"}))
 
 
 @cell_app.command("open")
 def open_command(network: _NetworkArgument, data: DataOption = None) -> None:
     """Accept new requests for a network again."""
-    _show(_call(data_folder(data), "PATCH", network, _StateChange(state="OPEN")))
+    _show(_call(data_folder(data), "PATCH", network, {"state": "OPEN"}))
 
 
 @cell_app.command("copy")
@@ -89,12 +80,14 @@ def move_command(
     data: DataOption = None,
 ) -> None:
     """Move a closed network to another server with a copy of its database, and open it again."""
-    _show(_call(data_folder(data), "POST", f"{network}/moves", _ServerPlace(url=url)))
+    _show(_call(data_folder(data), "POST", f"{network}/moves", {"url": url}))
     typer.echo("the old server does nothing more: stop it when you like")
 
 
 def _run_composition(*arguments: str, database: str, failed: str) -> str:
     """What a command of composition prints; `failed` begins the error if it fails."""
+    from skyway.cli.system.children import PACKAGES
+
     done = subprocess.run(
         [sys.executable, "-m", PACKAGES["composition"], *arguments],
         env={**os.environ, "SKYWAY_DATABASE_URL": database},
@@ -112,7 +105,7 @@ def _show(cell: dict[str, Any]) -> None:  # a cell as the gateway answers
 
 
 def _call(  # Any: JSON, as the route says
-    folder: DataFolder, method: str, path: str, body: JsonModel | None = None
+    folder: DataFolder, method: str, path: str, body: Mapping[str, str] | None = None
 ) -> Any:
     below = f"/{quote(path)}" if path else ""
     return call_gateway(
@@ -120,5 +113,5 @@ def _call(  # Any: JSON, as the route says
         f"/v1/cells{below}",
         key_name=_OPERATOR_KEY,
         folder=folder,
-        body=None if body is None else body.model_dump_json().encode(),
+        body=None if body is None else json.dumps(body).encode(),
     )

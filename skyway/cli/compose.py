@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, Never
 import typer
 
 from skyway.cli.data_folder import data_folder, keep_kernels
-from skyway.delivery.plan import Plan, PlanStatus
 from skyway.errors import FieldFault, InvalidInput
 
 if TYPE_CHECKING:
     from skyway.cli.problem_composer import ProblemComposer
+    from skyway.delivery.plan import Plan
 
 
 class _ExitCode(IntEnum):
@@ -63,6 +63,7 @@ def compose_command(
     """Compose a plan for each problem in a file."""
     keep_kernels(data_folder())
     from skyway.cli.problem_composer import ProblemComposer
+    from skyway.delivery.plan import Plan, PlanStatus
 
     composer = ProblemComposer(_overrides(strategy, time_limit))
     exit_codes = {_ExitCode.ALL_ANSWERED}
@@ -105,7 +106,7 @@ def _overrides(strategy: str | None, time_limit_s: float | None) -> dict[str, An
 
 def _outcome(
     composer: "ProblemComposer", document: Document | NotJson
-) -> Plan | tuple[int, list[FieldFault]]:
+) -> "Plan | tuple[int, list[FieldFault]]":
     """The plan; or the line number and the faults of the problem."""
     if isinstance(document, NotJson):
         return document.line, [FieldFault("problem", document.detail)]

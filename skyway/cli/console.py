@@ -1,4 +1,4 @@
-"""`skyway console`: a link that logs a browser in to the console."""
+"""Ways to watch a running Skyway: `skyway console` in a browser, `skyway top` in a terminal."""
 
 from enum import StrEnum
 from typing import Annotated
@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from skyway.cli.data_folder import DataOption, data_folder
-from skyway.cli.gateway import call_gateway
+from skyway.cli.gateway import call_gateway, fail, needed_settings
 
 
 class ConsoleRole(StrEnum):
@@ -28,3 +28,20 @@ def console_command(
     key_name = f"SKYWAY_{role.name}_KEY"
     link = call_gateway("POST", "/v1/session-links", key_name=key_name, folder=data_folder(data))
     typer.echo(link["url"])
+
+
+def top_command(
+    once: Annotated[bool, typer.Option("--once", help="Print it once, for scripts.")] = False,
+    data: DataOption = None,
+) -> None:
+    """Show a running Skyway on one screen: drones, missions, deliveries, alarms, lag."""
+    from skyway.cli.top import watch
+    from skyway.cli.top_reader import NoAnswer, TopReader
+
+    settings = needed_settings(data_folder(data), "SKYWAY_GATEWAY_URL", "SKYWAY_OPERATOR_KEY")
+    url, key = settings["SKYWAY_GATEWAY_URL"], settings["SKYWAY_OPERATOR_KEY"]
+    with TopReader(url, key=key, metrics_key=settings.get("SKYWAY_METRICS_KEY")) as reader:
+        try:
+            watch(reader, once=once)
+        except NoAnswer as error:
+            fail(str(error))

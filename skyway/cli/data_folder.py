@@ -2,12 +2,13 @@
 
 import fcntl
 import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Annotated, Final
+from typing import IO, Annotated, Final
 
 import typer
 
@@ -153,9 +154,33 @@ def held(folder: DataFolder) -> Iterator[None]:
     SkywayError
         Another process has locked it.
     """
-    with folder.lock_file.open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise SkywayError(f"another Skyway runs on {folder.path}; stop it first") from error
+    with folder.lock_file.open("a") as lock:
+        if not _locks(lock):
+            time.sleep(0.05)  # a command that asks `is_starting` has the lock for a moment
+            if not _locks(lock):
+                raise SkywayError(f"another Skyway runs on {folder.path}; stop it first")
+        lock.truncate(0)
         yield
+
+
+def note_ready(folder: DataFolder) -> None:
+    """Note that the system that has locked the folder is ready."""
+    folder.lock_file.write_text("ready\n")
+
+
+def is_starting(folder: DataFolder) -> bool:
+    """Whether a system has locked the folder and is not ready yet."""
+    try:
+        with folder.lock_file.open() as lock:
+            return not lock.read() and not _locks(lock)
+    except FileNotFoundError:
+        return False
+
+
+def _locks(lock: IO[str]) -> bool:
+    """Lock the file until it is closed; False when another process has locked it."""
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True

@@ -6,17 +6,13 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from datetime import datetime
 from types import MappingProxyType
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
-import httpx
 import typer
-from pydantic import TypeAdapter
-from rich.console import Console
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.event_text import event_text
 from skyway.cli.gateway import call_gateway, fail, read_keys
-from skyway.cli.progress_text import progress_line
 from skyway.cli.request_options import (
     CUSTOMER_KEY,
     EarliestPickupOption,
@@ -35,7 +31,9 @@ from skyway.cli.request_options import (
     PromiseOption,
     RequestOptions,
 )
-from skyway.runtime.clock import AnchoredClock
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 #: The last event of a delivery, and the exit code of the command that followed it.
 _EXIT_CODES: Final = {
@@ -75,7 +73,10 @@ def request_command(
     follow: _FollowOption = False,
     data: DataOption = None,
 ) -> None:
-    """Request a delivery and print its id."""
+    """Request a delivery and print its id.
+
+    A MOMENT is in fleet time: 2026-03-02T14:00:00Z, or +2h30m from now.
+    """
     folder = data_folder(data)
     options = RequestOptions(
         pickup=pickup,
@@ -182,6 +183,11 @@ def _follow(folder: DataFolder, delivery_id: str, *, as_json: bool = False) -> N
 
     At a terminal, a line below the events says how far the delivery is and when it comes.
     """
+    import httpx
+    from rich.console import Console
+
+    from skyway.cli.progress_text import progress_line
+
     console = Console()
     call_gateway("GET", f"/v1/deliveries/{delivery_id}", key_name=CUSTOMER_KEY, folder=folder)
     settings = read_keys(folder)
@@ -207,18 +213,24 @@ def _follow(folder: DataFolder, delivery_id: str, *, as_json: bool = False) -> N
 
 def _clock(folder: DataFolder) -> Callable[[], datetime]:
     """Fleet time, by this machine's clock and the gateway's anchor."""
+    from pydantic import TypeAdapter
+
+    from skyway.runtime.clock import AnchoredClock
+
     answer = call_gateway("GET", "/v1/clock", key_name=CUSTOMER_KEY, folder=folder)
     anchor = {name: answer[name] for name in ("fleet_at", "wall_at", "rate")}
     return TypeAdapter(AnchoredClock).validate_python(anchor).now
 
 
 def _print_events(
-    console: Console, url: str, headers: dict[str, str], *, as_json: bool
+    console: "Console", url: str, headers: dict[str, str], *, as_json: bool
 ) -> Iterator[str]:
     """Print the events of a delivery's stream, and yield the type of each; "" at a heartbeat.
 
     `headers` keep the id of the last event, so that the next stream continues there.
     """
+    import httpx
+
     timeout = httpx.Timeout(10, read=None)
     with httpx.stream("GET", f"{url}/events", headers=headers, timeout=timeout) as lines:
         for line in lines.iter_lines():
@@ -237,7 +249,7 @@ def _print_events(
                 yield ""
 
 
-def _print_proofs(console: Console, folder: DataFolder, delivery_id: str) -> None:
+def _print_proofs(console: "Console", folder: DataFolder, delivery_id: str) -> None:
     """Say of each mission's plan whether it is proven to deliver earliest."""
     path = f"/v1/deliveries/{delivery_id}/plan"
     planned = call_gateway("GET", path, key_name=CUSTOMER_KEY, folder=folder)

@@ -9,20 +9,17 @@ from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 from urllib.parse import urlsplit
 
-import httpx
 import typer
-from rich.console import Console
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_folder
 from skyway.cli.gateway import read_keys
-from skyway.cli.system.children import PACKAGES, named_broker
-from skyway.contracts.broker_rules import DEPLOYMENT_OPERATOR
 from skyway.errors import SkywayError
-from skyway.runtime.mqtt.address import BrokerAddress
-from skyway.runtime.mqtt.connection import Login, MqttConnection
+
+if TYPE_CHECKING:
+    import httpx
 
 #: How long a database, a broker and a gateway may take to answer, wall seconds.
 _ANSWERS_WITHIN_S: Final = 5.0
@@ -41,6 +38,8 @@ class Finding:
 
 def doctor_command(data: DataOption = None) -> None:
     """Ask database, broker and gateway, and say what is missing; exit code 1 when something is."""
+    from rich.console import Console
+
     console = Console()
     findings = list(_findings(data_folder(data)))
     for finding in findings:
@@ -50,6 +49,8 @@ def doctor_command(data: DataOption = None) -> None:
 
 
 def _findings(folder: DataFolder) -> Iterator[Finding]:
+    from skyway.cli.system.children import PACKAGES
+
     for package in (*PACKAGES.values(), "skyway_drone_agent"):
         is_missing = importlib.util.find_spec(package) is None
         yield Finding(package, "is not installed: make setup" if is_missing else "", is_missing)
@@ -129,6 +130,8 @@ def _broker(folder: DataFolder, *, is_running: bool) -> Finding:
     The embedded broker answers only while the system runs; a broker that `SKYWAY_MQTT_URL` names
     must always answer.
     """
+    from skyway.cli.system.children import named_broker
+
     named = named_broker()
     if named is None and not is_running:
         return Finding("broker", f"{_EMBEDDED_BROKER}: skyway up starts it")
@@ -152,6 +155,10 @@ def _broker(folder: DataFolder, *, is_running: bool) -> Finding:
 
 async def _log_in(url: str, password: str) -> None:
     """Connect to every node of the broker as the operator, and leave it again."""
+    from skyway.contracts.broker_rules import DEPLOYMENT_OPERATOR
+    from skyway.runtime.mqtt.address import BrokerAddress
+    from skyway.runtime.mqtt.connection import Login, MqttConnection
+
     login = Login(f"doctor-{secrets.token_hex(8)}", DEPLOYMENT_OPERATOR, password, keepalive_s=10)
     for address in BrokerAddress.parse_all(url):
         link = MqttConnection(login, will=None, on_message=lambda _name, _payload, _retained: None)
@@ -164,6 +171,8 @@ async def _log_in(url: str, password: str) -> None:
 
 def _gateway(folder: DataFolder) -> tuple[bool, Finding]:
     """Whether the gateway answers, and whether everything that it needs is ready."""
+    import httpx
+
     url = read_keys(folder).get("SKYWAY_GATEWAY_URL", "")
     try:
         answer = httpx.get(f"{url}/readyz", timeout=_ANSWERS_WITHIN_S)
@@ -178,7 +187,7 @@ def _gateway(folder: DataFolder) -> tuple[bool, Finding]:
     return True, Finding("gateway", f"{url} answers: {_detail(answer)}", is_trouble=True)
 
 
-def _detail(problem: httpx.Response) -> str:
+def _detail(problem: "httpx.Response") -> str:
     try:
         return str(problem.json()["detail"])
     except (ValueError, KeyError, TypeError):
@@ -187,6 +196,8 @@ def _detail(problem: httpx.Response) -> str:
 
 def _contents(folder: DataFolder) -> Iterator[Finding]:
     """What an empty system still needs before it can deliver; an empty system is no trouble."""
+    import httpx
+
     settings = read_keys(folder)
     url, key = settings["SKYWAY_GATEWAY_URL"], settings.get("SKYWAY_OPERATOR_KEY", "")
     requested = {

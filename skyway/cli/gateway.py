@@ -3,21 +3,28 @@
 import os
 import re
 import shlex
+import time
 import uuid
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, NoReturn, Self
+from typing import TYPE_CHECKING, Any, Final, NoReturn, Self
 
-import httpx
 import typer
 
-from skyway.cli.data_folder import DataFolder
+from skyway.cli.data_folder import DataFolder, is_starting
 from skyway.errors import SkywayError
+
+if TYPE_CHECKING:
+    import httpx
 
 _URL = "SKYWAY_GATEWAY_URL"
 
 #: Seconds; the gateway needs a while to check and store a network of many thousand stations.
 _TIMEOUT_S = 120.0
+
+#: How long a command waits for a system that starts, and how often it looks, wall seconds.
+_STARTS_WITHIN_S: Final = 600.0
+_LOOK_EVERY_S: Final = 0.2
 
 #: Names the cells whose part of a list is missing (docs/reference/rest.md).
 _SILENT_CELLS = "Skyway-Silent-Cells"
@@ -43,16 +50,16 @@ def call_gateway(
     The command ends with a message on standard error when a setting is missing, when the gateway
     cannot be reached, and when it answers with a problem.
     """
-    settings = needed_settings(folder, _URL, key_name)
-    headers = {"Authorization": f"Bearer {settings[key_name]}"}
-    if body is not None:
-        headers["Content-Type"] = "application/json"
+    import httpx
+
+    headers = {} if body is None else {"Content-Type": "application/json"}
     if idempotency_key is not None:
         headers["Idempotency-Key"] = idempotency_key
+    settings = needed_settings(folder, _URL, key_name)
+    headers["Authorization"] = f"Bearer {settings[key_name]}"
+    url = settings[_URL] + path
     try:
-        answer = httpx.request(
-            method, settings[_URL] + path, content=body, headers=headers, timeout=_TIMEOUT_S
-        )
+        answer = httpx.request(method, url, content=body, headers=headers, timeout=_TIMEOUT_S)
     except (httpx.TransportError, httpx.InvalidURL) as error:
         fail(f"no answer from {settings[_URL]}: {error}. Is `skyway up` running?")
     if not answer.is_success:
@@ -63,13 +70,24 @@ def call_gateway(
     return answer.json() if answer.content else None
 
 
+def _wait_for_start(folder: DataFolder) -> None:
+    """Wait until the system that starts on this folder is ready, if one starts."""
+    until_s = time.monotonic() + _STARTS_WITHIN_S
+    if is_starting(folder):
+        typer.echo("Skyway is starting; this command goes on when it is ready.", err=True)
+    while is_starting(folder):
+        if time.monotonic() > until_s:
+            fail(f"Skyway was not ready within {_STARTS_WITHIN_S:g} s")
+        time.sleep(_LOOK_EVERY_S)
+
+
 def fail(message: str, *, exit_code: int = EXIT_REFUSED) -> NoReturn:
     """End the command with this message on standard error."""
     typer.echo(message, err=True)
     raise typer.Exit(exit_code)
 
 
-def _problem(answer: httpx.Response) -> str:
+def _problem(answer: "httpx.Response") -> str:
     """The problem document in words.
 
     Several wrong fields have a line each. A field that the detail names is not printed twice.
@@ -108,7 +126,11 @@ def read_keys(folder: DataFolder) -> dict[str, str]:
 
 
 def needed_settings(folder: DataFolder, *names: str) -> dict[str, str]:
-    """All settings; the command ends with a message when one of these is missing."""
+    """All settings; the command ends with a message when one of these is missing.
+
+    It first waits for a system that starts on the folder.
+    """
+    _wait_for_start(folder)
     settings = read_keys(folder)
     for name in names:
         if not settings.get(name):
@@ -136,6 +158,8 @@ class GatewayApi:
     """Asynchronous calls to a running gateway; an answer that is not 2xx is a `SkywayError`."""
 
     def __init__(self, url: str) -> None:
+        import httpx
+
         self._client = httpx.AsyncClient(base_url=url, timeout=30.0)
 
     async def __aenter__(self) -> Self:

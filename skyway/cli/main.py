@@ -1,45 +1,105 @@
 """The `skyway` command: its subcommands, `--version`, and the printing of errors."""
 
 import sys
-from collections.abc import Iterable
 from importlib import import_module
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import typer
+from typer.core import TyperGroup
 
 from skyway.runtime.errors import exit_code_after
 
-#: Each subcommand, and what runs it.
+#: What runs each subcommand, in this package, and the first line of its help.
 _COMMANDS: Final = {
-    "up": "skyway.cli.up:up_command",
-    "demo": "skyway.cli.demo.command:demo_command",
-    "compose": "skyway.cli.compose:compose_command",
-    "dispatch": "skyway.cli.dispatch:dispatch_command",
-    "experiment": "skyway.cli.experiment:experiment_command",
-    "quote": "skyway.cli.quote:quote_command",
-    "accept": "skyway.cli.delivery:accept_command",
-    "request": "skyway.cli.delivery:request_command",
-    "track": "skyway.cli.delivery:track_command",
-    "drone": "skyway.cli.drones.drone:drone_command",
-    "fleet": "skyway.cli.drones.fleet:fleet_command",
-    "battery": "skyway.cli.drones.upkeep:battery_app",
-    "maintenance": "skyway.cli.drones.upkeep:maintenance_app",
-    "console": "skyway.cli.console:console_command",
-    "alarms": "skyway.cli.alarms:alarms_command",
-    "mission": "skyway.cli.mission:mission_app",
-    "closures": "skyway.cli.closures.open:closures_command",
-    "close": "skyway.cli.closures.close:close_app",
-    "open": "skyway.cli.closures.open:open_app",
-    "top": "skyway.cli.top:top_command",
-    "schedule": "skyway.cli.schedule:schedule_command",
-    "cell": "skyway.cli.cell:cell_app",
-    "quarantine": "skyway.cli.quarantine:quarantine_command",
-    "secrets": "skyway.cli.system.secrets:secrets_command",
-    "nats": "skyway.cli.system.nats_files:nats_command",
-    "archive": "skyway.cli.archive:archive_command",
-    "verify": "skyway.cli.verify.command:verify_command",
-    "doctor": "skyway.cli.doctor:doctor_command",
-    "network": "skyway.cli.network:network_app",
+    "up": ("up:up_command", "Start all processes and keep them running until Ctrl-C."),
+    "demo": (
+        "demo.command:demo_command",
+        "Play the paper's scenario through real processes, and end.",
+    ),
+    "compose": ("compose:compose_command", "Compose a plan for each problem in a file."),
+    "dispatch": ("dispatch:dispatch_command", "Plan all open requests of a fleet together."),
+    "experiment": (
+        "experiment:experiment_command",
+        "Measure the planner against the paper's strategies; write a page, figures and CSV files.",
+    ),
+    "quote": (
+        "quote:quote_command",
+        "Ask what providers offer for a delivery request; the best offer comes first.",
+    ),
+    "accept": ("delivery:accept_command", "Accept an offer and print the id of its delivery."),
+    "request": ("delivery:request_command", "Request a delivery and print its id."),
+    "track": (
+        "delivery:track_command",
+        "Print what happens to a delivery, in fleet time, until it ends.",
+    ),
+    "drone": ("drones.drone:drone_command", "Run the agent of one drone until Ctrl-C."),
+    "fleet": (
+        "drones.fleet:fleet_command",
+        "Run many simulated drones in one agent process until Ctrl-C.",
+    ),
+    "battery": (
+        "drones.upkeep:battery_app",
+        "Register batteries, and note which drone each is in.",
+    ),
+    "maintenance": (
+        "drones.upkeep:maintenance_app",
+        "Set when drones are due for maintenance, list those that are, record what was done.",
+    ),
+    "console": (
+        "console:console_command",
+        "Print a link to the console that logs a browser in once, within ten minutes.",
+    ),
+    "alarms": ("alarms:alarms_command", "List the open alarms, the newest first; acknowledge one."),
+    "mission": (
+        "mission:mission_app",
+        "Command a mission: hold, resume, divert, return home, cancel, give up.",
+    ),
+    "closures": (
+        "closures.open:closures_command",
+        "List what is closed now, or will be: stations, pads, segments, zones, ground stops.",
+    ),
+    "close": (
+        "closures.close:close_app",
+        "Close a station, a pad, a segment or an area; stop drones on the ground.",
+    ),
+    "open": (
+        "closures.open:open_app",
+        "Open what was closed: a station, a pad, a segment, a zone; end a ground stop.",
+    ),
+    "top": (
+        "console:top_command",
+        "Show a running Skyway on one screen: drones, missions, deliveries, alarms, lag.",
+    ),
+    "schedule": (
+        "schedule:schedule_command",
+        "Draw the calendars of drones, or of a station's pads: a line for each, in fleet time.",
+    ),
+    "cell": ("cell:cell_app", "Show, add, close and move the cells of networks."),
+    "quarantine": (
+        "quarantine:quarantine_command",
+        "List the messages of drones that were not taken, the newest first; replay or delete one.",
+    ),
+    "secrets": (
+        "system.secrets:secrets_command",
+        "Make the missing secrets, keys.env and Mosquitto's configuration.",
+    ),
+    "nats": (
+        "system.nats_files:nats_command",
+        "Write a folder for each node of NATS, with its configuration and its certificates.",
+    ),
+    "archive": (
+        "archive:archive_command",
+        "Write each day that is over, and has no file yet, as Parquet files.",
+    ),
+    "verify": (
+        "verify.command:verify_command",
+        "Check all invariants of the databases; exit code 1 when one is violated.",
+    ),
+    "doctor": (
+        "doctor:doctor_command",
+        "Ask database, broker and gateway, and say what is missing; exit code 1 when something is.",
+    ),
+    "network": ("network:network_app", "Build, show, publish and fetch skyway networks."),
 }
 
 
@@ -66,17 +126,45 @@ def _options(
     """The open backend for drone-based multi-package delivery."""
 
 
-def make_app(commands: Iterable[str] = tuple(_COMMANDS)) -> typer.Typer:
-    """The command with these subcommands, whose modules are imported now."""
-    app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+class _Commands(TyperGroup):
+    """Imports the module of a subcommand when it is called: the list of all needs none of them."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # Typer keeps the types private
+        """The name of the subcommand that is called, the subcommand, and its arguments."""
+        name, _, rest = super().resolve_command(ctx, args)
+        return name, _load(str(name)), rest
+
+
+def _plain_app(**options: Any) -> typer.Typer:
+    """An app without boxes and colours: rich would double the time until a help text appears."""
+    return typer.Typer(
+        add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None, **options
+    )
+
+
+def _load(name: str) -> Any:  # a command, whose class Typer keeps private
+    """Import a subcommand."""
+    module, _, member = _COMMANDS[name][0].partition(":")
+    found = getattr(import_module(f"skyway.cli.{module}"), member)
+    app = _plain_app()
+    if isinstance(found, typer.Typer):
+        app.add_typer(found, name=name)
+    else:
+        app.command(name)(found)
     app.callback()(_options)
-    for name in commands:
-        module, _, member = _COMMANDS[name].partition(":")
-        command = getattr(import_module(module), member)
-        if isinstance(command, typer.Typer):
-            app.add_typer(command, name=name)
-        else:
-            app.command(name)(command)
+    command = typer.main.get_group(app).commands[name]
+    if isinstance(command, TyperGroup):
+        for each in command.commands.values():
+            each.short_help = str(each.help).partition("\n")[0]  # else Typer cuts a long line
+    return command
+
+
+def make_app() -> typer.Typer:
+    """The command with all its subcommands."""
+    app = _plain_app(cls=_Commands, no_args_is_help=True)
+    app.callback()(_options)
+    for name, (_, summary) in _COMMANDS.items():
+        app.command(name, short_help=summary)(_options)
     return app
 
 
@@ -86,6 +174,4 @@ def main() -> None:
     An error that Skyway reports ends it with a message and the error's own exit code, or 1. So does
     a file that cannot be used, because a wrong path is the most frequent mistake.
     """
-    # One subcommand needs a third of the time to start that all of them need.
-    given = [name for name in sys.argv[1:2] if name in _COMMANDS]
-    sys.exit(exit_code_after("skyway", make_app(given or _COMMANDS)))
+    sys.exit(exit_code_after("skyway", make_app()))

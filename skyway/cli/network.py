@@ -5,22 +5,18 @@ import sys
 from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 from urllib.parse import quote
 
 import typer
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import call_gateway
-from skyway.cli.weather_file import NETCDF_SUFFIXES, read_netcdf
 from skyway.errors import SkywayError
-from skyway.network.bundled import texas_corridor
-from skyway.network.components import component_sizes
-from skyway.network.geojson import read_network
-from skyway.network.geojson_text import network_text, read_network_text
-from skyway.network.network import Network
-from skyway.network.synthetic import synthetic_city
 from skyway.units import km_to_m, m_to_km
+
+if TYPE_CHECKING:
+    from skyway.network.network import Network
 
 network_app = typer.Typer(help="Build, show, publish and fetch skyway networks.")
 
@@ -73,6 +69,10 @@ def build(
     ] = None,
 ) -> None:
     """Write a network to standard output as GeoJSON."""
+    from skyway.network.bundled import texas_corridor
+    from skyway.network.geojson_text import network_text
+    from skyway.network.synthetic import synthetic_city
+
     try:
         if kind is Kind.TEXAS:
             _refuse_options(kind, {"--stations": stations, "--seed": seed})
@@ -114,6 +114,8 @@ def publish(
     data: DataOption = None,
 ) -> None:
     """Publish a network on the running Skyway as a new version (needs the operator's key)."""
+    from skyway.network.geojson_text import network_text
+
     if network_id is None:
         if file != BUNDLED:
             raise typer.BadParameter("a FILE needs an id", param_hint="--network-id")
@@ -195,6 +197,9 @@ def weather(
 
 def _forecast(file: str, network_id: str, *, source: str | None, folder: DataFolder) -> bytes:
     """The forecast in a file as JSON; of a NetCDF file the part around the network's stations."""
+    from skyway.cli.weather_file import NETCDF_SUFFIXES, read_netcdf
+    from skyway.network.geojson import read_network
+
     if not file.lower().endswith(NETCDF_SUFFIXES):
         if source is not None:
             raise typer.BadParameter(
@@ -244,8 +249,11 @@ def _path(network_id: str) -> str:
     return f"/v1/networks/{quote(network_id, safe='')}"
 
 
-def _read(file: str) -> Network:
+def _read(file: str) -> "Network":
     """The network in this file; the command ends when the file holds none."""
+    from skyway.network.bundled import texas_corridor
+    from skyway.network.geojson_text import read_network_text
+
     if file == BUNDLED:
         return texas_corridor()
     try:
@@ -267,7 +275,9 @@ def _unreadable(message: str) -> NoReturn:
     raise typer.Exit(EXIT_UNREADABLE)
 
 
-def _facts(network: Network) -> list[tuple[str, str]]:
+def _facts(network: "Network") -> list[tuple[str, str]]:
+    from skyway.network.components import component_sizes
+
     columns = network.columns
     facts = [
         ("stations", str(len(network.stations))),

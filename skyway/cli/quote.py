@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import typer
 
-from skyway.bounds import printable
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import call_gateway
 from skyway.cli.request_options import (
@@ -58,6 +57,7 @@ def quote_command(
     """Ask what providers offer for a delivery request; the best offer comes first.
 
     Exit code: 0 with offers, 1 without.
+    A MOMENT is in fleet time: 2026-03-02T14:00:00Z, or +2h30m from now.
     """
     folder = data_folder(data)
     options = RequestOptions(
@@ -104,6 +104,8 @@ def price_in_words(price: dict[str, Any]) -> str:
 
 def _provider_names(folder: DataFolder) -> dict[str, str]:
     """The names of the first 200 providers, by their ids."""
+    from skyway.bounds import printable
+
     page = call_gateway("GET", "/v1/providers?limit=200", key_name=CUSTOMER_KEY, folder=folder)
     # Providers choose their names, and this is a customer's terminal.
     return {each["provider_id"]: str(printable(each["name"])) for each in page["items"]}

@@ -97,20 +97,14 @@ MayBeLaterOption = Annotated[
     ),
 ]
 
-_WINDOWS = "Windows, in fleet time: 2026-03-02T14:00:00Z, or +2h30m from now"
-
 EarliestPickupOption = Annotated[
     str | None,
-    typer.Option(
-        metavar="MOMENT",
-        help="Loading does not begin before.",
-        rich_help_panel=_WINDOWS,
-    ),
+    typer.Option(metavar="MOMENT", help="Loading does not begin before."),
 ]
 
 LatestPickupOption = Annotated[
     str | None,
-    typer.Option(metavar="MOMENT", help="Loading is over by then.", rich_help_panel=_WINDOWS),
+    typer.Option(metavar="MOMENT", help="Loading is over by then."),
 ]
 
 NotBeforeOption = Annotated[
@@ -118,7 +112,6 @@ NotBeforeOption = Annotated[
     typer.Option(
         metavar="[STATION=]MOMENT",
         help="The hand-over does not begin before; without STATION at every destination.",
-        rich_help_panel=_WINDOWS,
     ),
 ]
 
@@ -127,7 +120,6 @@ LatestOption = Annotated[
     typer.Option(
         metavar="[STATION=]MOMENT",
         help="The hand-over is over by then; without STATION at every destination.",
-        rich_help_panel=_WINDOWS,
     ),
 ]
 

@@ -1,12 +1,11 @@
-"""`skyway top`: drones, missions, deliveries and alarms on one screen, until Ctrl-C."""
+"""The screen of `skyway top`: drones, missions, deliveries and alarms until Ctrl-C."""
 
 import time
 from collections.abc import Mapping
 from contextlib import suppress
 from datetime import datetime
-from typing import Annotated, Final
+from typing import Final
 
-import typer
 from rich.columns import Columns
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -14,14 +13,10 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from skyway.cli.data_folder import DataOption, data_folder
-from skyway.cli.gateway import fail, read_keys
 from skyway.cli.top_reader import Alarm, NoAnswer, Picture, TopReader
 
 #: Wall seconds between two reads.
 _EVERY_S = 1.0
-
-_NEEDED = ("SKYWAY_GATEWAY_URL", "SKYWAY_OPERATOR_KEY")
 
 _LEVELS: Final = {"CRITICAL": "bold red", "URGENT": "red", "WARNING": "yellow"}
 
@@ -54,38 +49,15 @@ _ORDERS: Final = {
 }
 
 
-def top_command(
-    once: Annotated[bool, typer.Option("--once", help="Print it once, for scripts.")] = False,
-    data: DataOption = None,
-) -> None:
-    """Show a running Skyway on one screen: drones, missions, deliveries, alarms, lag."""
-    folder = data_folder(data)
-    settings = read_keys(folder)
-    for name in _NEEDED:
-        if not settings.get(name):
-            fail(f"{name} is not set, neither in the environment nor in {folder.keys_file}")
-    url, key = (settings[name] for name in _NEEDED)
-    with TopReader(url, key=key, metrics_key=settings.get("SKYWAY_METRICS_KEY")) as reader:
-        try:
-            reader.read()
-        except NoAnswer as error:
-            fail(str(error))
-        if once:
-            _print_once(reader)
-        else:
-            with suppress(KeyboardInterrupt):
-                _watch(reader)
-
-
-def _print_once(reader: TopReader) -> None:
-    """Print the second of two reads: rates need two reads."""
-    time.sleep(_EVERY_S)
-    console = Console()
-    console.print(TopScreen(console).shown(reader.read()))
-
-
-def _watch(reader: TopReader) -> None:
-    with TopScreen(Console()) as screen:
+def watch(reader: TopReader, *, once: bool) -> None:
+    """Show the screen until Ctrl-C; or once, the second of two reads, because rates need two."""
+    reader.read()
+    if once:
+        time.sleep(_EVERY_S)
+        console = Console()
+        console.print(TopScreen(console).shown(reader.read()))
+        return
+    with suppress(KeyboardInterrupt), TopScreen(Console()) as screen:
         while True:
             due_s = time.monotonic() + _EVERY_S
             try:

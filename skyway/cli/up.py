@@ -1,16 +1,16 @@
 """`skyway up`: the whole system on this machine, until Ctrl-C."""
 
 import asyncio
-from typing import IO, Annotated, Final, cast
+from typing import IO, TYPE_CHECKING, Annotated, Final, cast
 
 import typer
-from rich.console import Console
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder, keep_kernels
-from skyway.cli.system.announce import LastingOutput, announce, asked_to_stop, login_link
-from skyway.cli.system.children import Ports
-from skyway.cli.system.running_system import running_system
-from skyway.cli.system.supervisor import first_of
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from skyway.cli.system.children import Ports
 
 #: Fleet seconds per second of wall time. In the small world a flight between two stations takes
 #: about ten seconds, so that one sees the drones move.
@@ -58,6 +58,8 @@ def up_command(
     ] = 0,
 ) -> None:
     """Start all processes and keep them running until Ctrl-C."""
+    from skyway.cli.system.children import Ports
+
     folder = data_folder(data)
     keep_kernels(folder)
     ports = Ports(gateway=port, broker=mqtt_port)
@@ -65,7 +67,12 @@ def up_command(
     asyncio.run(_up(folder, rate=chosen_rate, ports=ports, demo=demo, cells=cells))
 
 
-async def _up(folder: DataFolder, *, rate: float, ports: Ports, demo: bool, cells: int) -> None:
+async def _up(folder: DataFolder, *, rate: float, ports: "Ports", demo: bool, cells: int) -> None:
+    from rich.console import Console
+
+    from skyway.cli.system.announce import LastingOutput, asked_to_stop
+    from skyway.cli.system.supervisor import first_of
+
     console = Console(file=cast("IO[str]", LastingOutput(folder)))
     with asked_to_stop(console) as asked:
         running = _run(console, folder, rate=rate, ports=ports, demo=demo, cells=cells)
@@ -74,8 +81,12 @@ async def _up(folder: DataFolder, *, rate: float, ports: Ports, demo: bool, cell
 
 
 async def _run(
-    console: Console, folder: DataFolder, *, rate: float, ports: Ports, demo: bool, cells: int
+    console: "Console", folder: DataFolder, *, rate: float, ports: "Ports", demo: bool, cells: int
 ) -> None:
+    from skyway.cli.system.announce import announce, login_link
+    from skyway.cli.system.running_system import running_system
+    from skyway.cli.system.supervisor import first_of
+
     def say(line: str) -> None:
         console.print(line, soft_wrap=True, markup=False)
 

@@ -167,9 +167,9 @@ class JsonLines(logging.Formatter):
         return json.dumps(line, default=str, ensure_ascii=False)
 
 
-def configure_logs(service: str, level: str) -> None:
-    """Write all records of this process, from `level` on, as JSON lines on standard error."""
-    handler = logging.StreamHandler(sys.stderr)
+def configure_logs(service: str, level: str, *, handler: logging.Handler | None = None) -> None:
+    """Write all records from `level` on as JSON lines to `handler`, else to standard error."""
+    handler = handler or logging.StreamHandler(sys.stderr)
     handler.setFormatter(JsonLines(service))
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
     logging.captureWarnings(capture=True)

@@ -43,8 +43,9 @@ def _parse(arguments: list[str]) -> None:
     """Parse as the command line would, without running; an unknown name or option raises."""
     command = typer.main.get_command(make_app())
     while isinstance(command, TyperGroup):
-        command = command.commands[arguments[0]]
-        arguments = arguments[1:]
+        _, found, arguments = command.resolve_command(typer.Context(command), arguments)
+        assert found is not None
+        command = found
     command.make_context(command.name, list(arguments))
 
 

@@ -8,7 +8,7 @@ from skyway_composition.verify.rules import RULES as COMPOSITION
 from skyway_gateway.verify.rules import RULES as GATEWAY
 from skyway_provider_registry.verify import RULES as REGISTRY
 
-from skyway.cli.verify.command import RULES as ACROSS
+from skyway.cli.verify.drone_rules import RULES as ACROSS
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/reference/invariants.md").read_text()

@@ -22,6 +22,8 @@ def test_the_shortest_path_has_four_commands() -> None:
 def test_a_command_of_the_shortest_path_can_be_parsed(line: str) -> None:
     command, arguments = typer.main.get_command(make_app()), line.split()
     while isinstance(command, TyperGroup):
-        command, arguments = command.commands[arguments[0]], arguments[1:]
+        _, found, arguments = command.resolve_command(typer.Context(command), arguments)
+        assert found is not None
+        command = found
 
     command.make_context(command.name, list(arguments))

@@ -1,6 +1,7 @@
 """The agent as a process."""
 
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from skyway_drone_agent.__main__ import News
 
 COMMAND = [sys.executable, "-m", "skyway_drone_agent"]
 
@@ -60,6 +62,35 @@ def test_a_missing_broker_is_named_and_ends_the_process(files: list[str]) -> Non
     assert "--mqtt-url or SKYWAY_MQTT_URL" in done.stderr
     assert "drn_1 names none" in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_the_log_goes_to_a_file_and_the_terminal_stays_quiet(
+    tmp_path: Path, files: list[str]
+) -> None:
+    log = tmp_path / "fleet.log"
+    environment = {**os.environ, "SKYWAY_AGENT_LOG": str(log)}
+    with subprocess.Popen(
+        [*COMMAND, *files], stderr=subprocess.PIPE, text=True, env=environment
+    ) as running:
+        while not (log.exists() and "no connection to the broker" in log.read_text()):
+            assert running.poll() is None
+        running.send_signal(signal.SIGTERM)
+        _, said = running.communicate(timeout=60)
+
+    assert (running.returncode, said) == (0, "")
+    assert all(json.loads(line) for line in log.read_text().splitlines())
+
+
+def test_the_line_of_a_minute_counts_what_happened() -> None:
+    news, log = News(), logging.getLogger("a fleet")
+    log.addHandler(news)
+    for kind in ("STEP_ENDED", "STEP_ENDED", "MISSION_ENDED"):
+        log.warning("drone event", extra={"event_kind": kind})
+
+    assert news.line(10)[5:] == (
+        " 10 drones: 1 x drone event MISSION_ENDED, 2 x drone event STEP_ENDED\n"
+    )
+    assert news.line(10)[5:] == " 10 drones: nothing new\n"
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])

@@ -42,7 +42,7 @@ def quote(system: LocalSystem, network: str, *, to: str | None = None) -> httpx.
 def run(system: LocalSystem, *arguments: str) -> Result:
     """`skyway cell` in this process, because a process of its own takes seconds to start."""
     command = ["cell", *arguments, "--data", str(system.folder.path)]
-    return CliRunner().invoke(make_app(["cell"]), command)
+    return CliRunner().invoke(make_app(), command)
 
 
 def refusal(system: LocalSystem, *arguments: str) -> str:
@@ -60,7 +60,7 @@ def accept(system: LocalSystem, *arguments: str) -> None:
 def copy(source: CellServer, target: CellServer) -> bool:
     """Copy a database; False while its server has work to do."""
     urls = ["--from", source.database_url, "--to", target.database_url]
-    done = CliRunner().invoke(make_app(["cell"]), ["cell", "copy", *urls])
+    done = CliRunner().invoke(make_app(), ["cell", "copy", *urls])
     assert done.exit_code == 0 or "missions are not over" in done.output, done.output
     return done.exit_code == 0
 

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from skyway.cli.verify.command import RULES as ACROSS
+from skyway.cli.verify.drone_rules import RULES as ACROSS
 from skyway.cli.verify.looks import ServiceLook, broken_across, still_broken
 from skyway.runtime.sql.database import Database
 from skyway.runtime.verification.check import check

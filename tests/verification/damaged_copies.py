@@ -16,7 +16,7 @@ from skyway_gateway.verify.rules import RULES as GATEWAY_RULES
 from skyway_provider_registry.verify import FACTS as REGISTRY_FACTS
 from skyway_provider_registry.verify import RULES as REGISTRY_RULES
 
-from skyway.cli.verify.command import RULES as ACROSS
+from skyway.cli.verify.drone_rules import RULES as ACROSS
 from skyway.cli.verify.looks import ServiceLook, broken_across
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database

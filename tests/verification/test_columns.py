@@ -10,7 +10,7 @@ from skyway_composition.tables import metadata as composition
 from skyway_gateway.tables import metadata as gateway
 from skyway_provider_registry.tables import metadata as registry
 
-from skyway.cli.verify.command import RULES as ACROSS
+from skyway.cli.verify.drone_rules import RULES as ACROSS
 from tests.verification.damaged_copies import RULES
 
 PAGE: Final = Path(__file__).parents[2] / "docs/reference/invariants.md"

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from skyway.cli.verify.command import RULES as ACROSS
+from skyway.cli.verify.drone_rules import RULES as ACROSS
 from tests.end_to_end.verified import broken_rules
 from tests.verification.access_corruptions import ACCESS_CORRUPTIONS
 from tests.verification.calendar_corruptions import CALENDAR_CORRUPTIONS

@@ -4,7 +4,6 @@ import json
 from typing import Annotated, Any, Final
 from urllib.parse import quote
 
-import httpx
 import typer
 
 from skyway.cli.closures.operate import (
@@ -99,6 +98,8 @@ def _lift(folder: DataFolder, path: str, closure_id: str) -> None:
 
 def _all_closures(folder: DataFolder) -> dict[str, Any]:
     """All closures by id, which the first event of the live picture holds."""
+    import httpx
+
     settings = needed_settings(folder, "SKYWAY_GATEWAY_URL", OPERATOR_KEY)
     url = settings["SKYWAY_GATEWAY_URL"]
     headers = {"Authorization": f"Bearer {settings[OPERATOR_KEY]}"}

@@ -5,14 +5,8 @@ import shutil
 from typing import IO, Annotated, cast
 
 import typer
-from rich.console import Console
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder, held, keep_kernels
-from skyway.cli.demo.screen import DemoScreen
-from skyway.cli.system.announce import LastingOutput, announce, asked_to_stop, login_link
-from skyway.cli.system.children import Ports
-from skyway.cli.system.running_system import running_system
-from skyway.cli.system.supervisor import first_of
 from skyway.errors import SkywayError
 
 #: The delivery shall take about this long on the wall (docs/reference/time.md).
@@ -44,11 +38,18 @@ def _empty(folder: DataFolder) -> None:
 
 
 async def _demo(folder: DataFolder, *, stay: bool) -> None:
-    console = Console(file=cast("IO[str]", LastingOutput(folder)))
-    # Imported here: the planner takes a second, and other commands do not need it.
-    from skyway.cli.demo.scenario import play
-    from skyway.cli.demo.world import rehearse
+    # Imported here: all of it takes a second, and the help text does not need it.
+    from rich.console import Console
 
+    from skyway.cli.demo.scenario import play
+    from skyway.cli.demo.screen import DemoScreen
+    from skyway.cli.demo.world import rehearse
+    from skyway.cli.system.announce import LastingOutput, announce, asked_to_stop, login_link
+    from skyway.cli.system.children import Ports
+    from skyway.cli.system.running_system import running_system
+    from skyway.cli.system.supervisor import first_of
+
+    console = Console(file=cast("IO[str]", LastingOutput(folder)))
     planned_s = rehearse()
     rate = planned_s / _WALL_S
     ports = Ports() if stay else Ports(gateway=0, broker=0)

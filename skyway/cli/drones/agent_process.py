@@ -18,8 +18,6 @@ FileArgument = Annotated[
     typer.Argument(metavar="[FILE]", help="The answer of POST /v1/providers/{id}/drones."),
 ]
 
-_ENROLMENT = "Enrolment"
-
 EnrolOption = Annotated[
     str | None,
     typer.Option(
@@ -27,78 +25,56 @@ EnrolOption = Annotated[
         envvar="SKYWAY_ENROLMENT_TOKEN",
         show_envvar=True,
         help="Exchange this token for the drone's credentials, once.",
-        rich_help_panel=_ENROLMENT,
     ),
 ]
 
 ApiOption = Annotated[
     str | None,
-    typer.Option(
-        help="The gateway's URL; without it SKYWAY_GATEWAY_URL.", rich_help_panel=_ENROLMENT
-    ),
+    typer.Option(help="The gateway's URL; without it SKYWAY_GATEWAY_URL."),
 ]
 
 RotateOption = Annotated[
     bool,
-    typer.Option(
-        "--rotate",
-        help="Rotate the credentials before the drone flies.",
-        rich_help_panel=_ENROLMENT,
-    ),
+    typer.Option("--rotate", help="Rotate the credentials before the drone flies."),
 ]
-
-_DISTURBED = "Differences from the plan"
 
 ScenarioOption = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME|FILE",
-        help="A day with wind and faults: calm, windy, stormy, ... or a file.",
-        rich_help_panel=_DISTURBED,
+        metavar="NAME|FILE", help="A day with wind and faults: calm, windy, stormy, ... or a file."
     ),
 ]
 
 SeedOption = Annotated[
     int | None,
-    typer.Option(
-        min=0,
-        help="The seed of the scenario; each seed is another day.",
-        rich_help_panel=_DISTURBED,
-    ),
+    typer.Option(min=0, help="The seed of the scenario; each seed is another day."),
 ]
 
 FlightTimeOption = Annotated[
     float | None,
-    typer.Option(help="Flight times are multiplied by this.", rich_help_panel=_DISTURBED),
+    typer.Option(help="Flight times are multiplied by this."),
 ]
 
 FlightEnergyOption = Annotated[
     float | None,
-    typer.Option(help="Flight energies are multiplied by this.", rich_help_panel=_DISTURBED),
+    typer.Option(help="Flight energies are multiplied by this."),
 ]
 
 ChargeTimeOption = Annotated[
     float | None,
-    typer.Option(help="Recharge times are multiplied by this.", rich_help_panel=_DISTURBED),
+    typer.Option(help="Recharge times are multiplied by this."),
 ]
 
 AbsentOption = Annotated[
     list[str] | None,
-    typer.Option(
-        metavar="STATION",
-        help="A station without a recipient; repeat it for more.",
-        rich_help_panel=_DISTURBED,
-    ),
+    typer.Option(metavar="STATION", help="A station without a recipient; repeat it for more."),
 ]
-
-_REAL = "A real drone (docs/mavlink.md)"
 
 VehicleOption = Annotated[
     str | None,
     typer.Option(
         metavar="mavlink:ADDRESS",
-        help="The autopilot, such as mavlink:udpin:127.0.0.1:14550.",
-        rich_help_panel=_REAL,
+        help="The autopilot of a real drone, such as mavlink:udpin:127.0.0.1:14550.",
     ),
 ]
 
@@ -106,13 +82,12 @@ PayloadOption = Annotated[
     str | None,
     typer.Option(
         metavar="RELEASE",
-        help="The package release: gripper:NUMBER or servo:NUMBER:MICROSECONDS.",
-        rich_help_panel=_REAL,
+        help="The package release of a real drone: gripper:NUMBER or servo:NUMBER:MICROSECONDS.",
     ),
 ]
 
 AltitudeOption = Annotated[
-    float | None, typer.Option(help="Metres above the take-off point.", rich_help_panel=_REAL)
+    float | None, typer.Option(help="Of a real drone: metres above the take-off point.")
 ]
 
 _BROKER: Final = "SKYWAY_MQTT_URL"
@@ -186,24 +161,26 @@ def check_agent_arguments(folder: DataFolder, arguments: Sequence[str]) -> None:
 
 
 def fly(folder: DataFolder, drones: Drones, arguments: list[str]) -> NoReturn:
-    """Become the agent of these drones, until Ctrl-C."""
+    """Become the agent of these drones, until Ctrl-C; its log is a file in the data folder."""
     folder.make()
     fleet_file = folder.path / f"fleet-{drones[0]['drone_id']}.json"
     write_drones(fleet_file, drones)
-    typer.echo(f"{len(drones)} drones fly until Ctrl-C", err=True)
-    become_agent(folder, ["--fleet", str(fleet_file), *arguments])
+    log = os.environ.get("SKYWAY_AGENT_LOG", str(folder.log(fleet_file.stem).resolve()))
+    typer.echo(f"{len(drones)} drones fly until Ctrl-C; their log is {log or 'here'}", err=True)
+    passed = {"SKYWAY_AGENT_LOG": log}
+    become_agent(folder, ["--fleet", str(fleet_file), *arguments], settings=passed)
 
 
 def become_agent(
-    folder: DataFolder, arguments: Sequence[str], *, secrets: Mapping[str, str] | None = None
+    folder: DataFolder, arguments: Sequence[str], *, settings: Mapping[str, str]
 ) -> NoReturn:
     """Become the agent with these arguments; its journals are in the data folder.
 
-    `secrets` are passed in the environment: other users of the machine can read arguments, but not
-    the environment of this user's process.
+    `settings` are passed in the environment, and some are secret: other users of the machine can
+    read arguments, but not the environment of this user's process.
     """
     folder.make()
-    environment = {**_environment(folder), **(secrets or {})}
+    environment = {**_environment(folder), **settings}
     command = [sys.executable, "-m", "skyway_drone_agent", *arguments]
     # The agent replaces this process: a signal that ends this process ends the agent.
     os.execve(sys.executable, command, environment)  # noqa: S606 - no shell is needed

@@ -85,4 +85,4 @@ def _enrolment_arguments(drone_id: str | None, api: str | None, rotate: bool) ->
 def _run_enrolled(folder: DataFolder, token: str | None, arguments: list[str]) -> NoReturn:
     """Become the agent of the drones that enrolled with this data folder."""
     secrets = {} if token is None else {"SKYWAY_ENROLMENT_TOKEN": token}
-    become_agent(folder, arguments, secrets=secrets)
+    become_agent(folder, arguments, settings=secrets)

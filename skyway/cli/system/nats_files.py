@@ -1,16 +1,16 @@
 """`skyway nats`: the files with which each node of a cluster of NATS runs."""
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from skyway.broker_setup.nats import NatsNode, NatsTls, nats_conf
-from skyway.broker_setup.nats_accounts import NatsAccounts
 from skyway.broker_setup.private_file import write_private
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import fail
-from skyway.cli.system.secrets import make_secret, make_secrets, read_secret
+
+if TYPE_CHECKING:
+    from skyway.broker_setup.nats import NatsTls
 
 #: The ports of nodes that name none: for MQTT over TLS, and between nodes.
 _MQTT_PORT: Final = 8883
@@ -38,6 +38,10 @@ def nats_command(
     """Write a folder for each node of NATS, with its configuration and its certificates."""
     if len(hosts) not in (1, 3, 5) or len(set(hosts)) < len(hosts):
         fail("name one, three or five different nodes: JetStream decides by a majority")
+    from skyway.broker_setup.nats import NatsNode, nats_conf
+    from skyway.broker_setup.nats_accounts import NatsAccounts
+    from skyway.cli.system.secrets import make_secret, make_secrets, read_secret
+
     folder = data_folder(data)
     make_secrets(folder)
     if not folder.broker_passwords.exists():
@@ -64,14 +68,14 @@ def nats_command(
     )
 
 
-def _certificates(folder: DataFolder, place: Path, host: str) -> tuple[NatsTls, NatsTls]:
+def _certificates(folder: DataFolder, place: Path, host: str) -> "tuple[NatsTls, NatsTls]":
     """A node's certificates, for its clients and for the other nodes.
 
     They come from two authorities. The first one also signs drones, and a drone must not join the
     cluster as a node.
     """
-    # Imported here: X.509 takes a tenth of a second, and no other command needs it.
     from skyway.broker_setup.certificates import CertificateAuthority
+    from skyway.broker_setup.nats import NatsTls
 
     place.mkdir(parents=True, exist_ok=True, mode=0o700)
     clients = CertificateAuthority.make(folder.drone_ca)

@@ -8,7 +8,7 @@ from contextlib import ExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from skyway.cli.data_folder import DataFolder, held
+from skyway.cli.data_folder import DataFolder, held, note_ready
 from skyway.cli.system.broker_files import write_mosquitto_files
 from skyway.cli.system.cells import keep_ports, kept_ports
 from skyway.cli.system.children import (
@@ -120,6 +120,7 @@ async def running_system(
                 # Each service says for as long as it takes what it waits for.
                 servers = {**system.urls, **its_cells}
                 await first_of(until_ready(servers, say=say), system.supervisor.failed())
+                note_ready(folder)
                 yield system
         finally:
             for keeper in keepers:

@@ -10,13 +10,8 @@ import typer
 from skyway.broker_setup.private_file import write_private
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder, DataOption, data_folder
 from skyway.cli.gateway import fail
-from skyway.cli.system.broker_files import give_broker_files, make_drone_ca, write_mosquitto_files
-from skyway.cli.system.children import OWN_BROKER_URL
-from skyway.cli.system.service_secrets import write_service_secrets
 from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.metrics import METRICS_KEY
-from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, read_signing_key
-from skyway.runtime.signing.key_pair import PrivateKey
 
 #: Broker accounts that exist before any drone: the services' and the operator's.
 _BROKER_ACCOUNTS = (*CLOUD_SERVICES, "operator")
@@ -34,6 +29,8 @@ _PROVIDER_KEY = "provider_key"
 
 def make_secrets(folder: DataFolder) -> None:
     """Write the missing secrets; only this user can read them."""
+    from skyway.runtime.signing.key_pair import PrivateKey
+
     folder.make()
     for service in CLOUD_SERVICES:
         _write_once(folder.secrets / f"service_{service}", secrets.token_urlsafe(32))
@@ -52,6 +49,8 @@ def make_secrets(folder: DataFolder) -> None:
 
 def _publish_signing_keys(folder: DataFolder) -> None:
     """Add the services' public keys to those that drones get; earlier lines stay."""
+    from skyway.runtime.signing.cloud_key_file import CLOUD_KEYS, read_signing_key
+
     file = folder.secrets / CLOUD_KEYS
     before = file.read_text() if file.exists() else ""
     keys = {each: read_signing_key(folder.secrets, each).public_key for each in _SIGNERS}
@@ -94,6 +93,8 @@ def write_keys_file(
 
     `own_broker_url` is the URL of the embedded broker, if the system runs it.
     """
+    from skyway.cli.system.children import OWN_BROKER_URL
+
     values = {
         "SKYWAY_GATEWAY_URL": gateway_url,
         "SKYWAY_MQTT_URL": mqtt_url,
@@ -159,6 +160,9 @@ def secrets_command(
     data: DataOption = None,
 ) -> None:
     """Make the missing secrets, keys.env and Mosquitto's configuration."""
+    from skyway.cli.system import broker_files
+    from skyway.cli.system.service_secrets import write_service_secrets
+
     if (postgres_host is None) != (postgres_passwords is None):
         fail("--postgres-host and --postgres-passwords go together")
     folder = data_folder(data)
@@ -166,12 +170,12 @@ def secrets_command(
     write_keys_file(folder, gateway_url, mqtt_url)
     if mosquitto_user is not None:
         try:
-            give_broker_files(folder, mosquitto_user)
+            broker_files.give_broker_files(folder, mosquitto_user)
         except InvalidSettings as error:
             fail(str(error))
     if tls_name:
-        make_drone_ca(folder, tls_name)
-    write_mosquitto_files(folder, host=mosquitto_host)
+        broker_files.make_drone_ca(folder, tls_name)
+    broker_files.write_mosquitto_files(folder, host=mosquitto_host)
     if postgres_host is not None and postgres_passwords is not None:
         make_database_passwords(folder, postgres_passwords, host=postgres_host)
     if service_secrets is not None:

@@ -6,28 +6,17 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import fail
 from skyway.cli.system.cells import cell_names, kept_ports
-from skyway.cli.system.databases import database_urls
-from skyway.cli.verify.delivery_rules import DELIVERY_RULES
-from skyway.cli.verify.drone_rules import COPY_RULES, DRONE_RULES
-from skyway.cli.verify.looks import (
-    AnyCrossRule,
-    broken_across,
-    cell_name,
-    look,
-    still_broken,
-)
 from skyway.errors import SkywayError
-from skyway.runtime.verification.rule import BrokenRule
 
-#: The rules that no service can check alone.
-RULES: Final[tuple[AnyCrossRule, ...]] = (*DELIVERY_RULES, *DRONE_RULES, *COPY_RULES)
+if TYPE_CHECKING:
+    from skyway.runtime.verification.rule import BrokenRule
 
 #: How long a running system needs to settle, seconds of wall time.
 _SETTLES_WITHIN_S: Final = 2.0
@@ -49,6 +38,9 @@ def verify_command(
     ] = False,
 ) -> None:
     """Check all invariants of the databases; exit code 1 when one is violated."""
+    from skyway.cli.system.databases import database_urls
+    from skyway.cli.verify.looks import cell_name
+
     folder = data_folder(data)
     own = cell_names(len(kept_ports(folder)))
     urls = asyncio.run(database_urls(folder, own))
@@ -75,8 +67,11 @@ def verify_command(
 
 def _all_broken(
     folder: DataFolder, urls: Mapping[str, str], scratch: Path
-) -> dict[str, Sequence[BrokenRule]]:
+) -> "dict[str, Sequence[BrokenRule]]":
     """The broken rules of each service, and of the services together."""
+    from skyway.cli.verify.drone_rules import RULES
+    from skyway.cli.verify.looks import broken_across, look, still_broken
+
     first = look(folder, urls, scratch / "first")
     found: dict[str, Sequence[BrokenRule]] = {
         service: look_at.broken for service, look_at in first.items()

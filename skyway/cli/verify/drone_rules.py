@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Final
 
-from skyway.cli.verify.looks import CrossRule, ServiceLook
+from skyway.cli.verify.delivery_rules import DELIVERY_RULES
+from skyway.cli.verify.looks import AnyCrossRule, CrossRule, ServiceLook
 from skyway.contracts.service_facts import CopyFacts, DroneFacts, HintFacts, ProviderFacts
 
 _of_hints = partial(CrossRule[HintFacts], facts=ServiceLook.hints)
@@ -161,3 +162,6 @@ DRONE_RULES: Final = (
         advice="Delete the row of `mission_hints`, if composition has not lost the mission.",
     ),
 )
+
+#: All rules that no service can check alone.
+RULES: Final[tuple[AnyCrossRule, ...]] = (*DELIVERY_RULES, *DRONE_RULES, *COPY_RULES)

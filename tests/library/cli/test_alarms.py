@@ -37,7 +37,7 @@ def gateway(answering_gateway: Gateway) -> Gateway:
 
 
 def run(*arguments: str) -> Any:
-    return CliRunner().invoke(make_app(["alarms"]), ["alarms", *arguments])
+    return CliRunner().invoke(make_app(), ["alarms", *arguments])
 
 
 def test_each_open_alarm_has_a_line(gateway: Gateway) -> None:

@@ -19,7 +19,7 @@ def gateway(answering_gateway: Gateway) -> Gateway:
 
 
 def run(*arguments: str) -> Any:
-    return CliRunner().invoke(make_app(["console"]), ["console", *arguments])
+    return CliRunner().invoke(make_app(), ["console", *arguments])
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,16 @@
 """Calls to the gateway, their problems in words, and the keys of the command line."""
 
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
 
-from skyway.cli.data_folder import DataFolder
-from skyway.cli.gateway import call_gateway, read_keys
+from skyway.cli.data_folder import DataFolder, held, is_starting, note_ready
+from skyway.cli.gateway import call_gateway, needed_settings, read_keys
+from skyway.errors import SkywayError
 from tests.library.cli.conftest import Gateway
 
 
@@ -80,3 +83,84 @@ def test_each_error_of_a_problem_is_printed_once(
         call_gateway("GET", "/v1/x", key_name="SKYWAY_CUSTOMER_KEY", folder=DataFolder(tmp_path))
 
     assert capsys.readouterr().err == f"GET /v1/x was answered {printed}"
+
+
+@pytest.fixture
+def starting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Callable[[Callable[[], object]], None]]:
+    """A system that starts on the folder, and is ready after a command has waited once."""
+    folder = DataFolder(tmp_path)
+
+    def ready_after(change: Callable[[], object]) -> None:
+        def end_of_start(_: float) -> None:
+            change()
+            note_ready(folder)
+
+        monkeypatch.setattr(time, "sleep", end_of_start)
+
+    with held(folder):
+        yield ready_after
+
+
+Starting = Callable[[Callable[[], object]], None]
+WAITING = "Skyway is starting; this command goes on when it is ready.\n"
+
+
+def test_a_command_waits_for_a_system_that_starts(
+    answering_gateway: Gateway,
+    starting: Starting,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    answers = answering_gateway.answers
+    answers["GET", "/v1/x"] = (503, {"detail": "service is unavailable: it is starting"})
+    starting(lambda: answers.update({("GET", "/v1/x"): (200, {"a": 1})}))
+
+    found = call_gateway(
+        "GET", "/v1/x", key_name="SKYWAY_CUSTOMER_KEY", folder=DataFolder(tmp_path)
+    )
+
+    assert found == {"a": 1}
+    assert capsys.readouterr().err == WAITING
+
+
+def test_a_command_waits_for_the_keys_of_a_system_that_starts(
+    starting: Starting, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keys = tmp_path / "keys.env"
+    starting(lambda: keys.write_text("export SKYWAY_GATEWAY_URL=http://gateway:1\n"))
+
+    found = needed_settings(DataFolder(tmp_path), "SKYWAY_GATEWAY_URL")
+
+    assert found["SKYWAY_GATEWAY_URL"] == "http://gateway:1"
+    assert capsys.readouterr().err == WAITING
+
+
+def test_a_command_does_not_wait_for_a_part_that_a_ready_system_lacks(
+    answering_gateway: Gateway, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = DataFolder(tmp_path)
+    answering_gateway.answers["GET", "/v1/x"] = (503, {"detail": "composition is unavailable"})
+
+    with held(folder):
+        note_ready(folder)
+        with pytest.raises(typer.Exit):
+            call_gateway("GET", "/v1/x", key_name="SKYWAY_CUSTOMER_KEY", folder=folder)
+
+    assert "503: composition is unavailable" in capsys.readouterr().err
+
+
+def test_a_system_that_was_ready_before_it_was_killed_is_not_starting(tmp_path: Path) -> None:
+    folder = DataFolder(tmp_path)
+    with held(folder):
+        assert is_starting(folder)
+        note_ready(folder)
+        assert not is_starting(folder)
+        with pytest.raises(SkywayError), held(folder):
+            pass
+        assert not is_starting(folder)
+
+    assert not is_starting(folder)
+    with held(folder):
+        assert is_starting(folder)

@@ -25,7 +25,7 @@ def gateway(answering_gateway: Gateway) -> Gateway:
 
 
 def run(*arguments: str) -> Any:
-    return CliRunner().invoke(make_app(["mission"]), ["mission", *arguments])
+    return CliRunner().invoke(make_app(), ["mission", *arguments])
 
 
 @pytest.mark.parametrize(

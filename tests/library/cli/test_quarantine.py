@@ -31,7 +31,7 @@ def gateway(answering_gateway: Gateway) -> Gateway:
 
 
 def run(*arguments: str) -> Any:
-    return runner.invoke(make_app(["quarantine"]), ["quarantine", *arguments])
+    return runner.invoke(make_app(), ["quarantine", *arguments])
 
 
 def test_each_message_has_a_line_with_its_reason(gateway: Gateway) -> None:

@@ -11,7 +11,6 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from skyway.cli import up
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.main import make_app
 from skyway.cli.system.announce import announce
@@ -36,7 +35,7 @@ def test_a_system_that_is_still_starting_can_be_stopped(
         finally:
             happened.append("ended")
 
-    monkeypatch.setattr(up, "running_system", never_ready)
+    monkeypatch.setattr("skyway.cli.system.running_system.running_system", never_ready)
 
     done = CliRunner().invoke(make_app(), ["up", "--data", str(tmp_path)])
 

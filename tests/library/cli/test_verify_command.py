@@ -29,8 +29,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> DataFolder:
             for each in urls
         }
 
-    monkeypatch.setattr("skyway.cli.verify.command.database_urls", urls)
-    monkeypatch.setattr("skyway.cli.verify.command.look", look)
+    monkeypatch.setattr("skyway.cli.system.databases.database_urls", urls)
+    monkeypatch.setattr("skyway.cli.verify.looks.look", look)
     return made
 
 

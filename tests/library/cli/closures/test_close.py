@@ -62,7 +62,7 @@ def area(tmp_path: Path) -> Path:
 
 
 def run(*arguments: str) -> Any:
-    return CliRunner().invoke(make_app(["close"]), ["close", *arguments])
+    return CliRunner().invoke(make_app(), ["close", *arguments])
 
 
 def test_a_closed_station_names_the_missions_that_need_another_plan(gateway: Gateway) -> None:

@@ -32,7 +32,7 @@ SEGMENT: dict[str, Any] = {
 
 
 def run(*arguments: str) -> Any:
-    return CliRunner().invoke(make_app(arguments[:1]), [*arguments])
+    return CliRunner().invoke(make_app(), [*arguments])
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ async def test_a_demo_that_waits_for_its_services_ends_when_it_is_asked_to(
         await asyncio.Event().wait()
         yield
 
-    monkeypatch.setattr(command, "running_system", never_ready)
+    monkeypatch.setattr("skyway.cli.system.running_system.running_system", never_ready)
     monkeypatch.setattr("skyway.cli.demo.world.rehearse", lambda: 60.0)
 
     async with asyncio.timeout(60):

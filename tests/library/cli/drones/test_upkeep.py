@@ -73,7 +73,7 @@ def gateway(answering_gateway: Gateway) -> Gateway:
 
 
 def run(*arguments: str) -> Any:
-    return CliRunner().invoke(make_app([arguments[0]]), arguments)
+    return CliRunner().invoke(make_app(), arguments)
 
 
 @pytest.mark.parametrize(
