@@ -23,7 +23,7 @@ from skyway.cli.system.running_system import System, running_system
 from skyway.runtime.signing.fleet_keys import FleetKeys
 from tests.end_to_end.local_system import TERMINAL
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.integration]
+pytestmark = [pytest.mark.end_to_end, pytest.mark.long, pytest.mark.integration]
 
 WORLD = Burst(
     storage="production",
