@@ -111,7 +111,7 @@ def test_a_customer_takes_an_offer_and_follows_its_delivery(
     expect(page.get_by_label("Tracking link")).to_contain_text("There is no link")
     assert recipient.page.request.get(f"{recipient.page.url}/state").status == 404
     assert (recipient.foreign, recipient.errors) == ([], [])
-    expect(page.get_by_label("What happened")).to_contain_text("Delivery completed", timeout=60_000)
+    expect(page.get_by_label("What happened")).to_contain_text("Delivery completed")
 
 
 @pytest.mark.long
