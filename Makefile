@@ -1,5 +1,5 @@
 # The only targets; each is one line of what a developer would type in .venv.
-.PHONY: setup live demo up test check openapi sbom benchmark lock
+.PHONY: setup live demo up test test-all check openapi sbom benchmark lock
 VENV := .venv
 export VENV
 BIN := $(VENV)/bin
@@ -39,15 +39,18 @@ up: $(COMPILED)
 
 # Whole systems mostly wait, so three workers more than cores; what runs where: tests/lanes.py.
 test: setup
-	@$(PYTEST) -n $$(($(CORES) + 3))
+	@$(PYTEST) -n $$(($(CORES) + 3)) -m "not long"
 
-# Everything without brokers, databases and whole systems: about three minutes on two cores.
-# The import rules are among these tests.
+# The same, and then the tests with the mark `long`.
+test-all: test
+	@$(PYTEST) -n $$(($(CORES) + 3)) -m long
+
+# Without brokers, databases and whole systems. The import rules are among these tests.
 check: setup
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
-	@$(PYTEST) -n $(CORES) -m "not integration and not end_to_end"
+	@$(PYTEST) -n $(CORES) -m "not integration and not end_to_end and not long"
 
 openapi: setup
 	@$(BIN)/python tools/write_openapi.py

@@ -8,6 +8,8 @@ import pytest
 from skyway.cli.system.service_secrets import PEERS
 from tests.chart.rendered import Document, Documents, Outcomes, Pod, selects
 
+pytestmark = pytest.mark.long
+
 #: A pod, the pod that it calls, and the port.
 Call = tuple[str, str, int]
 

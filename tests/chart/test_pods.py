@@ -15,6 +15,8 @@ from tests.chart.chart_cases import CASES
 from tests.chart.rendered import Documents, Outcomes, environment
 from tools.write_settings import AGENT, COMMAND_LINE
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 DOCKERFILE = (ROOT / "Dockerfile").read_text()
 SERVICES: dict[str, type[BaseSettings]] = {

@@ -9,6 +9,8 @@ import yaml
 from tests.chart.chart_cases import CASES, WRONG
 from tests.chart.rendered import Outcomes, selects
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 
 

@@ -11,6 +11,8 @@ from typer.testing import CliRunner
 from skyway.cli.main import make_app
 from tests.chart.rendered import Outcomes
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/kubernetes.md").read_text()
 VALUES = yaml.safe_load((ROOT / "deploy/helm/skyway/values.yaml").read_text())

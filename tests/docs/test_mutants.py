@@ -10,15 +10,18 @@ from tools.plant_mutants import Mutant, mutants, page
 
 ROOT = Path(__file__).parents[2]
 MUTANTS = mutants()
+LONG = "pytest.mark.long"
 each_mutant = pytest.mark.parametrize("mutant", MUTANTS, ids=range(1, len(MUTANTS) + 1))
 
 
 @cache
 def names_of_tests(path: Path) -> set[str]:
-    """The names of the test functions of a file."""
-    functions = (ast.FunctionDef, ast.AsyncFunctionDef)
+    """The names of the test functions of a file that `make test` runs: those not marked `long`."""
     nodes = ast.parse(path.read_text()).body
-    return {node.name for node in nodes if isinstance(node, functions)}
+    if any(isinstance(node, ast.Assign) and LONG in ast.unparse(node) for node in nodes):
+        return set()
+    functions = [node for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+    return {each.name for each in functions if LONG not in map(ast.unparse, each.decorator_list)}
 
 
 def test_the_tool_writes_the_same_page() -> None:
@@ -42,7 +45,7 @@ def test_the_text_that_a_mutant_replaces_is_in_its_file_once(mutant: Mutant) -> 
 
 
 @each_mutant
-def test_the_test_that_catches_a_mutant_exists(mutant: Mutant) -> None:
+def test_make_test_runs_the_test_that_catches_a_mutant(mutant: Mutant) -> None:
     path, _, name = mutant.test.partition("::")
 
     assert name in names_of_tests(ROOT / path)

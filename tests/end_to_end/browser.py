@@ -18,7 +18,7 @@ needs_browser = pytest.mark.skipif(
 )
 
 #: Milliseconds: longer than anything that a page waits for.
-LONGEST_WAIT_MS = 60_000
+LONGEST_WAIT_MS = 300_000
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from tests.end_to_end.cell_server import CellServer, cell_server
 from tests.end_to_end.conftest import free_port
 from tests.end_to_end.local_system import LocalSystem
 
-pytestmark = pytest.mark.end_to_end
+pytestmark = [pytest.mark.end_to_end, pytest.mark.long]
 
 
 @pytest.fixture

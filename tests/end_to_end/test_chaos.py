@@ -19,6 +19,7 @@ FAULTS = (
 
 
 @pytest.mark.end_to_end
+@pytest.mark.long
 def test_nothing_is_lost_and_nothing_done_twice_while_parts_fail() -> None:
     options = [f"--only={fault}" for fault in FAULTS]
     command = [sys.executable, "-m", "benchmarks.chaos", "--minutes=0.3", "--seed=2", *options]

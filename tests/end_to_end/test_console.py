@@ -129,6 +129,7 @@ def test_an_operator_sees_a_drone_move_and_opens_its_plan(
     assert console.serious_problems() == []
 
 
+@pytest.mark.long
 def test_a_click_on_the_map_opens_what_is_there(console: ConsolePage, system: Any) -> None:
     page = console.page
     shown_network(page, "clicked")
@@ -140,6 +141,7 @@ def test_a_click_on_the_map_opens_what_is_there(console: ConsolePage, system: An
     expect(console.panel("Station")).to_contain_text("Clicked T3")
 
 
+@pytest.mark.long
 def test_a_pad_is_closed_after_its_dry_run_and_opened_again(
     console: ConsolePage, system: Any
 ) -> None:
@@ -154,6 +156,7 @@ def test_a_pad_is_closed_after_its_dry_run_and_opened_again(
     expect(panel).not_to_contain_text("is closed")
 
 
+@pytest.mark.long
 def test_a_closure_of_later_is_seen_on_the_map_ahead(console: ConsolePage, system: Any) -> None:
     now = datetime.fromisoformat(system.operate("GET", "/v1/clock")["now"])
     span = {"from_at": now + timedelta(hours=20), "until": now + timedelta(hours=30)}
@@ -174,6 +177,7 @@ def test_a_closure_of_later_is_seen_on_the_map_ahead(console: ConsolePage, syste
     expect(item).to_have_count(0)
 
 
+@pytest.mark.long
 def test_a_closed_station_diverts_a_drone(
     console: ConsolePage, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -198,6 +202,7 @@ def test_a_closed_station_diverts_a_drone(
     expect(happened).to_contain_text(re.compile("p1 (as planned|.+ later than planned)"))
 
 
+@pytest.mark.long
 def test_an_area_is_drawn_and_closed(console: ConsolePage, system: Any) -> None:
     page = console.page
     shown_network(page, "area")
@@ -220,6 +225,7 @@ def test_an_area_is_drawn_and_closed(console: ConsolePage, system: Any) -> None:
     expect(item).to_have_count(0)
 
 
+@pytest.mark.long
 def test_a_ground_stop_for_all_is_made_and_lifted(console: ConsolePage) -> None:
     console.show("alarms")
     page = console.page
@@ -232,6 +238,7 @@ def test_a_ground_stop_for_all_is_made_and_lifted(console: ConsolePage) -> None:
     expect(item).to_have_count(0)
 
 
+@pytest.mark.long
 def test_nothing_happens_when_an_operator_thinks_again(console: ConsolePage, system: Any) -> None:
     console.show("alarms")
     console.page.get_by_role("button", name="Stop all take-offs").click()
@@ -241,6 +248,7 @@ def test_nothing_happens_when_an_operator_thinks_again(console: ConsolePage, sys
     expect(console.page.locator("main")).to_contain_text("Nothing is closed")
 
 
+@pytest.mark.long
 def test_a_mission_is_held_and_resumed(
     console: ConsolePage, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -264,6 +272,7 @@ def test_a_mission_is_held_and_resumed(
     expect(ordered).to_contain_text("crowd at the station")
 
 
+@pytest.mark.long
 def test_a_drone_is_diverted_after_the_dry_runs_of_other_commands(
     console: ConsolePage, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -292,6 +301,7 @@ def test_a_drone_is_diverted_after_the_dry_runs_of_other_commands(
     expect(ordered).to_contain_text("smoke ahead")
 
 
+@pytest.mark.long
 def test_an_alarm_that_one_acknowledges_leaves_every_console(
     chromium: Browser, console: ConsolePage, system: Any
 ) -> None:
@@ -320,6 +330,7 @@ def test_an_alarm_that_one_acknowledges_leaves_every_console(
     other.page.close()
 
 
+@pytest.mark.long
 def test_a_delivery_is_found_and_followed_to_its_proof(console: ConsolePage, system: Any) -> None:
     body = {
         "pickup": {"station_id": "proof-s1"},
@@ -346,6 +357,7 @@ def test_a_delivery_is_found_and_followed_to_its_proof(console: ConsolePage, sys
     expect(page.locator("main img, main b")).to_have_count(0)
 
 
+@pytest.mark.long
 def test_the_calendar_shows_missions_and_pads_and_moves_by_keys(
     console: ConsolePage, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -365,6 +377,7 @@ def test_the_calendar_shows_missions_and_pads_and_moves_by_keys(
     expect(calendar.locator(".row", has_text="Booked S").first).to_be_attached()
 
 
+@pytest.mark.long
 def test_the_console_goes_on_after_the_gateway_was_killed(
     console: ConsolePage, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -379,6 +392,7 @@ def test_the_console_goes_on_after_the_gateway_was_killed(
     expect(console.panel("Drone")).to_contain_text("Flying")
 
 
+@pytest.mark.long
 def test_a_silent_service_is_named(console: ConsolePage, system: Any) -> None:
     status = console.page.locator(".connection")
     with system.silent("skyway_provider_registry"):
@@ -387,6 +401,7 @@ def test_a_silent_service_is_named(console: ConsolePage, system: Any) -> None:
     expect(status).to_have_text("Live")
 
 
+@pytest.mark.long
 def test_a_provider_sees_its_own_drones_and_no_command(
     chromium: Browser, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -406,6 +421,7 @@ def test_a_provider_sees_its_own_drones_and_no_command(
     page.close()
 
 
+@pytest.mark.long
 def test_an_operator_sees_how_the_services_are(console: ConsolePage, system: Any) -> None:
     page = console.show("health").page
     for service in ("Gateway", "Registry", "Composition"):
@@ -420,6 +436,7 @@ def test_an_operator_sees_how_the_services_are(console: ConsolePage, system: Any
     expect(page.locator(".card", has_text="Composition")).to_contain_text("all ready")
 
 
+@pytest.mark.long
 def test_a_past_hour_is_played_again(
     console: ConsolePage, system: Any, fleets: dict[str, Any]
 ) -> None:

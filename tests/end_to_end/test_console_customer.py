@@ -111,9 +111,10 @@ def test_a_customer_takes_an_offer_and_follows_its_delivery(
     expect(page.get_by_label("Tracking link")).to_contain_text("There is no link")
     assert recipient.page.request.get(f"{recipient.page.url}/state").status == 404
     assert (recipient.foreign, recipient.errors) == ([], [])
-    expect(page.get_by_label("What happened")).to_contain_text("Delivery completed", timeout=60_000)
+    expect(page.get_by_label("What happened")).to_contain_text("Delivery completed")
 
 
+@pytest.mark.long
 def test_a_customer_asks_by_keyboard_and_learns_why_nobody_can_fly(
     customer: ConsolePage, system: Any
 ) -> None:
@@ -130,6 +131,7 @@ def test_a_customer_asks_by_keyboard_and_learns_why_nobody_can_fly(
     expect(answer.get_by_role("listitem").first).to_be_visible()
 
 
+@pytest.mark.long
 def test_markup_in_a_reference_stays_text(customer: ConsolePage, system: Any) -> None:
     page = new_delivery(customer, "quoted")
     page.get_by_role("combobox", name="Pickup").select_option("quoted-s1")
@@ -145,6 +147,7 @@ def test_markup_in_a_reference_stays_text(customer: ConsolePage, system: Any) ->
     assert page.locator("main img, main b").count() == 0
 
 
+@pytest.mark.long
 def test_a_key_is_made_shown_once_and_deleted(operator: ConsolePage, system: Any) -> None:
     page = operator.show("account").page
     page.get_by_label("For: a customer").fill("river-books")
@@ -170,6 +173,7 @@ def test_a_key_is_made_shown_once_and_deleted(operator: ConsolePage, system: Any
     assert system.call("GET", "/v1/clock", key=made).status_code == 401
 
 
+@pytest.mark.long
 def test_a_customer_gets_the_next_key_and_the_session_ends_with_the_first(
     browser: Browser, system: Any
 ) -> None:
@@ -186,6 +190,7 @@ def test_a_customer_gets_the_next_key_and_the_session_ends_with_the_first(
     assert system.call("GET", "/v1/clock", key=made["key"]).status_code == 401
 
 
+@pytest.mark.long
 def test_a_customer_tests_a_webhook_and_sees_the_attempt(
     customer: ConsolePage, system: Any
 ) -> None:
@@ -209,6 +214,7 @@ def test_a_customer_tests_a_webhook_and_sees_the_attempt(
     expect(page.get_by_role("table", name="Webhooks")).to_contain_text("No webhook.")
 
 
+@pytest.mark.long
 def test_a_customer_sees_no_view_of_others(customer: ConsolePage) -> None:
     page = customer.page
     views = page.get_by_role("navigation", name="Views").get_by_role("link")

@@ -23,6 +23,7 @@ def login_link(system: Any, key: str) -> str:
     return url
 
 
+@pytest.mark.long
 def test_a_key_opens_the_console_and_a_wrong_key_does_not(browser: Browser, system: Any) -> None:
     console = ConsolePage(browser, system)
     page = console.page
@@ -55,6 +56,7 @@ def test_a_login_link_opens_the_console_once(browser: Browser, system: Any) -> N
     expect(second.page.get_by_label("API key")).to_be_visible()
 
 
+@pytest.mark.long
 def test_a_link_asks_before_it_replaces_a_session(browser: Browser, system: Any) -> None:
     console = ConsolePage(browser, system).open_with(system.keys["SKYWAY_OPERATOR_KEY"])
     page, name = console.page, console.page.locator(".who")
@@ -79,6 +81,7 @@ def test_a_link_asks_before_it_replaces_a_session(browser: Browser, system: Any)
     assert console.sound()
 
 
+@pytest.mark.long
 def test_a_deleted_key_ends_its_console(browser: Browser, system: Any) -> None:
     made = system.operate("POST", "/v1/keys", {"role": "operator", "subject_id": "night-shift"})
     console = ConsolePage(browser, system).open_with(made["key"])

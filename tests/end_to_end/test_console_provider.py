@@ -89,6 +89,7 @@ def test_a_provider_registers_a_drone_and_sees_its_token(
     assert len(drones_of(system, provider)) == 2
 
 
+@pytest.mark.long
 def test_a_provider_takes_a_drone_into_maintenance_and_back(
     opened: OpenConsole, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -106,6 +107,7 @@ def test_a_provider_takes_a_drone_into_maintenance_and_back(
     system.until_available(provider["provider_id"], drones=1)
 
 
+@pytest.mark.long
 def test_loading_is_confirmed_at_the_desk(
     opened: OpenConsole, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -133,6 +135,7 @@ def test_loading_is_confirmed_at_the_desk(
     expect(page.get_by_text("with 1 delivery in 1 mission")).to_be_visible()
 
 
+@pytest.mark.long
 def test_a_missing_package_ends_the_mission(
     opened: OpenConsole, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -146,6 +149,7 @@ def test_a_missing_package_ends_the_mission(
     expect(page.get_by_role("status").filter(has_text="The mission has ended")).to_be_visible()
 
 
+@pytest.mark.long
 def test_a_provider_sees_its_own_fleet_and_an_operator_every_one(
     opened: OpenConsole, system: Any, fleets: dict[str, Any]
 ) -> None:

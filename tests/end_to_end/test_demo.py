@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.end_to_end
+pytestmark = [pytest.mark.end_to_end, pytest.mark.long]
 
 
 def test_the_demo_delivers_three_packages_and_leaves_nothing_running(tmp_path: Path) -> None:

@@ -2,21 +2,14 @@
 
 import json
 import signal
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_drone_agent.link.link_monitor import HEARTBEAT_EVERY_S
-from skyway_provider_registry.presence.drone_presence import SILENCE
 
 from tests.end_to_end.drone_by_hand import path_of, register, run, until
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("postgresql-mosquitto")]
-
-#: Seconds of wall time before the cloud notices a silent drone by its silence, at least. When the
-#: cloud knows earlier, the broker has reported it. The brokers' own tests measure how soon.
-_NOTICED_BY_SILENCE_S = SILENCE.total_seconds() - HEARTBEAT_EVERY_S
 
 
 @pytest.fixture
@@ -26,18 +19,16 @@ def drone(system: Any) -> dict[str, Any]:
     return register(system, "enrol-s1")
 
 
-def revoke(system: Any, drone: dict[str, Any]) -> float:
-    """Revoke the drone's credentials; wall seconds until it is cut off and the cloud knows."""
+def revoke(system: Any, drone: dict[str, Any]) -> None:
+    """Revoke the drone's credentials, and wait until it is cut off and the cloud knows."""
     log = system.folder.path / "drone.log"
     before = log.stat().st_size
-    since = time.monotonic()
     system.operate("DELETE", f"{path_of(drone)}/credentials")
     system.eventually(
         lambda: b"no connection to the broker" in log.read_bytes()[before:],
         "the end of the connection",
     )
     until(system, drone, "OFFLINE")
-    return time.monotonic() - since
 
 
 def stored_by(system: Any, drone: dict[str, Any]) -> dict[str, Any]:
@@ -66,7 +57,7 @@ def test_a_drone_enrols_rotates_is_revoked_and_enrols_again(
     until(system, drone, "AVAILABLE")
     rotated = stored_by(system, drone)
     old = system.call("GET", path_of(drone), key=enrolled["key"])
-    gone_s = revoke(system, drone)
+    revoke(system, drone)
     revoked = system.call("GET", path_of(drone), key=rotated["key"])
     made = system.operate("POST", f"{path_of(drone)}/enrolment-tokens")
     second.send_signal(signal.SIGTERM)
@@ -77,7 +68,6 @@ def test_a_drone_enrols_rotates_is_revoked_and_enrols_again(
     assert (own.status_code, foreign.status_code) == (200, 403)
     assert (used.status_code, used.json()["code"]) == (409, "TOKEN_USED")
     assert (old.status_code, revoked.status_code) == (401, 401)
-    assert gone_s < _NOTICED_BY_SILENCE_S
     again = stored_by(system, drone)
     keys = {one["key"] for one in (enrolled, rotated, again)}
     passwords = {one["mqtt"]["password"] for one in (enrolled, rotated, again, drone)}

@@ -79,6 +79,7 @@ def write_fleet(file: Path) -> None:
 
 
 @pytest.mark.parametrize("main", MAINS)
+@pytest.mark.long
 def test_an_error_in_a_task_group_ends_a_process_with_its_own_exit_code(
     main: str, tmp_path: Path
 ) -> None:

@@ -59,6 +59,7 @@ def test_the_story_is_typed_by_the_generated_client(client: Path) -> None:
     assert done.returncode == 0, done.stdout
 
 
+@pytest.mark.long
 def test_the_generated_client_plays_the_story_of_the_readme(
     client: Path, system: Any, tmp_path: Path
 ) -> None:

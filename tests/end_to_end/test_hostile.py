@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[2]
 @pytest.mark.parametrize(
     "storage", ["embedded", pytest.param("production", marks=pytest.mark.integration)]
 )
+@pytest.mark.long
 def test_rogues_break_nothing_and_honest_people_go_on(storage: str) -> None:
     command = [sys.executable, "-m", "benchmarks.hostile", f"--storage={storage}", "--seed=3"]
 

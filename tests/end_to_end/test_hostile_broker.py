@@ -19,7 +19,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 from skyway.contracts.broker_rules import DEPLOYMENT_OPERATOR
 from skyway.runtime.signing.key_pair import PrivateKey
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(60.0)]
+pytestmark = [pytest.mark.end_to_end, pytest.mark.long, pytest.mark.fleet_rate(60.0)]
 
 #: Further than all honest numbers.
 FAR = 2**40

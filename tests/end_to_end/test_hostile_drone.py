@@ -55,6 +55,7 @@ def test_a_hostile_drone_and_a_hostile_customer_harm_nobody(system: Any) -> None
 
 
 @pytest.mark.storage_pair("postgresql-mosquitto")
+@pytest.mark.long
 def test_the_drone_is_believed_again_after_a_theft(system: Any) -> None:
     system.publish_corridor("theft")
     drone = _registered(system, home="theft-s1")

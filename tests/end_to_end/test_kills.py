@@ -19,6 +19,7 @@ PROCESSES = (
 @pytest.mark.fleet_rate(60.0)
 @pytest.mark.storage_pair("embedded")
 @pytest.mark.system_name("trouble")
+@pytest.mark.long
 def test_a_delivery_completes_while_every_process_is_killed_in_turn(system: Any) -> None:
     system.publish_corridor("killed")
     provider = system.start_fleet(["killed-s1"])

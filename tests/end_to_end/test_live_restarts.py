@@ -8,7 +8,7 @@ import pytest
 from tests.end_to_end.eventually import eventually
 from tests.end_to_end.live_viewer import LiveViewer, live_events
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("embedded")]
+pytestmark = [pytest.mark.end_to_end, pytest.mark.long, pytest.mark.storage_pair("embedded")]
 
 SERVICES = ("skyway_composition", "skyway_provider_registry", "skyway_gateway")
 

@@ -8,6 +8,7 @@ from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
 
 pytestmark = [
     pytest.mark.end_to_end,
+    pytest.mark.long,
     pytest.mark.fleet_rate(60.0),
     pytest.mark.storage_pair("postgresql-mosquitto"),
 ]

@@ -32,6 +32,7 @@ def started_by(pid: int) -> list[int]:
 
 
 @pytest.mark.parametrize("is_controlling", [True, False], ids=["SIGHUP", "no signal"])
+@pytest.mark.long
 def test_a_closed_terminal_stops_everything_in_order(
     tmp_path: Path, *, is_controlling: bool
 ) -> None:

@@ -49,6 +49,7 @@ def test_the_accepted_offer_is_flown(system: Any) -> None:
 
 
 @pytest.mark.storage_pair("postgresql-mosquitto")
+@pytest.mark.long
 def test_drones_of_another_network_at_the_same_place_are_no_candidates(system: Any) -> None:
     system.publish_corridor("here")
     system.publish_corridor("there")

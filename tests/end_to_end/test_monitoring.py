@@ -39,6 +39,7 @@ def test_rules_and_panels_ask_for_what_the_services_show(system: Any) -> None:
     eventually(lambda: not missing(), "all that is asked for", instead=missing)
 
 
+@pytest.mark.long
 def test_the_gauges_show_a_fleet_and_its_mission(system: Any) -> None:
     system.publish_corridor("gauged")
     provider = system.start_fleet(["gauged-s1"])

@@ -7,6 +7,7 @@ import pytest
 # Slow enough that the second customer asks while the first one's mission waits for others.
 pytestmark = [
     pytest.mark.end_to_end,
+    pytest.mark.long,
     pytest.mark.storage_pair("embedded"),
     pytest.mark.fleet_rate(120.0),
 ]

@@ -15,7 +15,7 @@ from tests.end_to_end.eventually import LONGEST_WAIT_S, eventually
 from tests.end_to_end.local_system import SKYWAY, LocalSystem
 from tests.end_to_end.test_demo import processes_using
 
-pytestmark = pytest.mark.end_to_end
+pytestmark = [pytest.mark.end_to_end, pytest.mark.long]
 
 
 @pytest.fixture

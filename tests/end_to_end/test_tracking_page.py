@@ -42,6 +42,7 @@ def test_a_recipient_follows_a_delivery_to_its_proof(browser: Browser, system: A
     assert (watched.foreign, watched.errors) == ([], [])
 
 
+@pytest.mark.long
 def test_a_page_ends_when_its_link_is_renewed_and_the_new_one_works(
     browser: Browser, system: Any
 ) -> None:

@@ -8,6 +8,7 @@ pytestmark = pytest.mark.end_to_end
 
 
 @pytest.mark.storage_pair("embedded")
+@pytest.mark.long
 def test_an_online_drone_is_preferred_to_an_offline_drone(system: Any) -> None:
     system.publish_corridor("away")
     away = system.start_fleet(["away-s1"], name="Away Air")

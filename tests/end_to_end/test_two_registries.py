@@ -21,9 +21,10 @@ from skyway.cli.gateway import GatewayApi, read_keys
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import System, running_system
 from skyway.runtime.signing.fleet_keys import FleetKeys
+from tests.end_to_end.eventually import LONGEST_WAIT_S
 from tests.end_to_end.local_system import TERMINAL
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.integration]
+pytestmark = [pytest.mark.end_to_end, pytest.mark.long, pytest.mark.integration]
 
 WORLD = Burst(
     storage="production",
@@ -34,7 +35,7 @@ WORLD = Burst(
     seconds=1.0,
     clock_rate=300.0,
     agents=1,
-    longest_wait_s=60.0,
+    longest_wait_s=LONGEST_WAIT_S,
     seed=1,
 )
 
@@ -48,7 +49,7 @@ def folder(tmp_path: Path) -> Iterator[DataFolder]:
 
 
 async def until_ready(api: GatewayApi, key: str, drones: int) -> None:
-    async with asyncio.timeout(120):
+    async with asyncio.timeout(LONGEST_WAIT_S):
         while True:
             fleets = await api.call("GET", "/v1/stats/fleets", key=key)
             if fleets["by_state"].get("AVAILABLE", 0) >= drones:
@@ -69,7 +70,7 @@ async def start_new_drone(system: System, api: GatewayApi, key: str, city: City)
 
 async def until_over(api: GatewayApi, key: str, delivery_ids: list[str]) -> list[Any]:
     """The states of these deliveries when all are over."""
-    async with asyncio.timeout(120):
+    async with asyncio.timeout(LONGEST_WAIT_S):
         while True:
             states = [
                 (await api.call("GET", f"/v1/deliveries/{each}", key=key))["state"]

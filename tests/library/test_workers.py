@@ -53,6 +53,7 @@ def meet(folder: Path, number: int) -> str:
     return str(ray.get_runtime_context().get_node_id())
 
 
+@pytest.mark.long
 def test_two_nodes_of_a_ray_cluster_find_the_plan_that_is_found_here(ray_address, tmp_path):
     problem = small_fleet(3, drones=3, requests=6)
     here = optimise(problem, rounds=2, searches=2)
@@ -65,6 +66,7 @@ def test_two_nodes_of_a_ray_cluster_find_the_plan_that_is_found_here(ray_address
     assert on_cluster == here
 
 
+@pytest.mark.long
 def test_an_error_of_a_task_on_a_cluster_reaches_the_caller(ray_address):
     with open_workers(1, warm_up=no_preparation, ray_address=ray_address) as executor:
         future = executor.submit(int, "no number")

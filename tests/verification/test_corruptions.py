@@ -29,6 +29,8 @@ CORRUPTIONS = (
     *REGISTRY_CORRUPTIONS,
     *NEWER_CORRUPTIONS,
 )
+#: The first corruption of each rule.
+FIRST = {each.rule: each for each in reversed(CORRUPTIONS)}
 NOTHING = Corruption("nothing", "none")
 
 
@@ -38,7 +40,13 @@ def test_a_sound_system_breaks_no_rule(
     assert aside.run(stopped_system.broken(NOTHING)) == []
 
 
-@pytest.mark.parametrize("corruption", CORRUPTIONS, ids=lambda each: each.name)
+@pytest.mark.parametrize(
+    "corruption",
+    [
+        pytest.param(each, id=each.name, marks=() if FIRST[each.rule] is each else pytest.mark.long)
+        for each in CORRUPTIONS
+    ],
+)
 def test_a_corruption_is_named(
     stopped_system: StoppedSystem, aside: asyncio.Runner, corruption: Corruption
 ) -> None:

@@ -110,7 +110,7 @@ async def test_a_subscribe_above_its_limit_ends_the_connection(embedded):
 
 @pytest.mark.parametrize("sent", [b"", bytes((0x30, 100)) + text("half of a topic")])
 async def test_a_silent_client_and_half_a_packet_are_ended_without_a_keepalive(limited, sent):
-    broker = await limited(dataclasses.replace(LIMITS, silence_s=0.05, packet_s=0.05))
+    broker = await limited(dataclasses.replace(LIMITS, silence_s=0.5, packet_s=0.5))
     async with Raw(broker.port) as client:
         await client.ask(connect_packet("p/drone-1"), 4)
         client.writer.write(sent)
@@ -119,7 +119,7 @@ async def test_a_silent_client_and_half_a_packet_are_ended_without_a_keepalive(l
 
 
 async def test_a_connection_without_a_connect_is_ended(limited):
-    broker = await limited(dataclasses.replace(LIMITS, introduction_s=0.05))
+    broker = await limited(dataclasses.replace(LIMITS, introduction_s=0.5))
     async with Raw(broker.port) as client:
         client.writer.write(connect_packet("p/drone-1")[:-1])
 

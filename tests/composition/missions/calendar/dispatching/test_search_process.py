@@ -97,6 +97,6 @@ async def test_a_process_in_the_middle_of_a_search_ends_with_its_owner() -> None
 async def test_the_first_search_of_a_new_process_has_its_whole_budget() -> None:
     """The later request lies on the drone's way to the earlier one, which only a round finds."""
     async with SearchProcess() as process:
-        found = await process.find(make_search(budget_s=0.1, requests=TWO_REQUESTS), line_network())
+        found = await process.find(make_search(budget_s=1.0, requests=TWO_REQUESTS), line_network())
 
     assert found.orders == {"d": ("msn_2", "msn_1")}
