@@ -23,12 +23,15 @@ def tracked(pattern: str) -> list[Path]:
     return [ROOT / name for name in listed.stdout.splitlines() if (ROOT / name).exists()]
 
 
-def test_no_python_file_is_over_450_lines() -> None:
-    """A test file mirrors a source file and may be longer; test_house.py allows sources 300."""
+def test_no_python_file_is_over_480_lines() -> None:
+    """A test file tells all stories of one page or source file; test_house.py allows sources 400.
+
+    Its marks are lines too.
+    """
     too_long = {
         path.relative_to(ROOT): lines
         for path in tracked("*.py")
-        if (lines := len(path.read_text().splitlines())) > 450
+        if (lines := len(path.read_text().splitlines())) > 480
     }
 
     assert not too_long
