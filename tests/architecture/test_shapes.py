@@ -51,7 +51,7 @@ def test_nothing_is_left_to_do_in_the_code(word: str) -> None:
     assert not found
 
 
-@pytest.mark.parametrize("lock", ["", "-image", "-peers"])
+@pytest.mark.parametrize("lock", ["", "-run", "-uv", "-image", "-peers"])
 def test_the_lock_names_no_address_and_every_hash(lock: str) -> None:
     lines = (ROOT / f"requirements{lock}.txt").read_text().splitlines()
     pins = [line for line in lines if re.match(r"^[a-z0-9]", line)]

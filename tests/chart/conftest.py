@@ -18,10 +18,7 @@ TOOLS = ROOT / ".chart_tools"
 def outcomes() -> Outcomes:
     """What became of every case of `chart_cases`."""
     if not (TOOLS / "helm_python").exists():
-        pytest.skip(
-            "Helm's SDK is not in .chart_tools: "
-            "sh tools/install.sh --target .chart_tools -r requirements-chart.txt"
-        )
+        pytest.skip("Helm's SDK is not in .chart_tools: see CONTRIBUTING.md")
     script = Path(__file__).with_name("render_chart.py")
     done = subprocess.run(
         [sys.executable, script, TOOLS, ROOT / "deploy/helm/skyway"],

@@ -26,9 +26,7 @@ def no_preparation() -> None:
 @pytest.fixture(scope="module")
 def ray_address() -> Iterator[str]:
     """A Ray cluster of two nodes on this machine, each with one processor."""
-    pytest.importorskip(
-        "ray", reason="Ray is not installed: sh tools/install.sh -r requirements-ray.txt"
-    )
+    pytest.importorskip("ray", reason="no Ray: sh tools/install.sh -r requirements-ray.txt")
     from ray.cluster_utils import Cluster
 
     # Ray's own limits, 30 s, are short for a machine that runs other tests too.

@@ -12,6 +12,9 @@ from skyway.runtime.mqtt.address import BrokerAddress
 #: named later, because on a slow machine services take longer to start.
 _LONG_S, _LONG_TO_START_S = 5.0, 30.0
 
+#: Wall seconds after which a start that goes on says so again.
+_GOES_ON_EVERY_S = 4.0
+
 #: What a service lacks that is ready and connected.
 _NOTHING = ""
 
@@ -28,13 +31,21 @@ async def until_ready(
     say: Callable[[str], None],
     long_s: float = _LONG_S,
     long_to_start_s: float = _LONG_TO_START_S,
+    goes_on_every_s: float = _GOES_ON_EVERY_S,
 ) -> None:
-    """Return once all services are ready; in a long wait, `say` gets each reason once."""
+    """Return once all services are ready; in a long wait, `say` gets each reason once.
+
+    Every few seconds `say` also gets which services are not ready yet.
+    """
     loop = asyncio.get_running_loop()
+    began_s = said_s = loop.time()
     explains_from_s, starts_until_s = loop.time() + long_s, loop.time() + long_to_start_s
     said = set[str]()
     async with httpx.AsyncClient(timeout=_ANSWERS_WITHIN_S) as client:
         while lacks := await _lacks(client, urls):
+            if loop.time() >= said_s + goes_on_every_s:
+                said_s = loop.time()
+                say(f"Starting for {said_s - began_s:.0f} s; not ready yet: {', '.join(lacks)}.")
             if loop.time() >= explains_from_s:
                 if loop.time() < starts_until_s:
                     lacks = {name: lack for name, lack in lacks.items() if lack is not None}

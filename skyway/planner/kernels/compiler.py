@@ -5,7 +5,9 @@ the kernels that it calls, so here compiled code is kept until any kernel file c
 """
 
 import hashlib
+import logging
 from collections.abc import Callable
+from functools import cache
 from importlib.resources import files
 from typing import Any, Final, TypeVar
 
@@ -22,22 +24,35 @@ from skyway.errors import SkywayError
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
+log = logging.getLogger(__name__)
+
+
+@cache
+def _say_once() -> None:
+    """Say why this process waits; without a log of its own, on standard error."""
+    log.warning(
+        "The planner is compiled for this processor, once; this usually takes half a minute. "
+        "The result is kept on disk."
+    )
+
+
 _OPTIONS: Final[dict[str, Any]] = {"nogil": True, "error_model": "numpy"}
 
 
 class _InnerLibrary(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
     """The code of a function that only compiled code calls: neither optimised nor made runnable.
 
-    Numba does both for each function, and again for each function that calls it.
+    Numba does both for each function, and again for each function that calls it. That took two
+    thirds of the time.
     """
 
     @property
     def codegen(self) -> Any:
-        """Itself, because of the codegen only `set_env` is asked for, which follows later."""
+        """Itself: only `set_env` is called on it."""
         return self
 
     def set_env(self, name: str, env: Any) -> None:
-        """Nothing: the entrance that holds this code sets the environment."""
+        """Do nothing: the entrance that holds this code sets the environment."""
 
     def finalize(self) -> None:
         """Keep the code as it is."""
@@ -52,13 +67,12 @@ class _EntranceLibrary(JITCodeLibrary):  # type: ignore[misc]
     """The code of a function that Python calls, with all the code that it calls, optimised once."""
 
     def finalize(self) -> None:
-        """Add the inner code that is called through other inner code."""
-        for library in self._linking_libraries:  # grows meanwhile
+        """Optimise, with the inner code that is called by other inner code."""
+        for library in self._linking_libraries:  # the list grows meanwhile
             if isinstance(library, _InnerLibrary):
                 known = set(self._linking_libraries)
-                self._linking_libraries += [
-                    each for each in library._linking_libraries if each not in known
-                ]
+                more = (each for each in library._linking_libraries if each not in known)
+                self._linking_libraries.extend(dict.fromkeys(more))
         super().finalize()
         for variable in self._final_module.global_variables:
             if variable.name.startswith("_ZN08NumbaEnv"):
@@ -78,6 +92,7 @@ class _Entrance(Compiler):  # type: ignore[misc]
     """Compiles a function that Python calls."""
 
     def __init__(self, typing: Any, target: Any, _library: Any, *others: Any) -> None:
+        _say_once()
         library = _EntranceLibrary(target.codegen(), "entrance")
         library.enable_object_caching()
         super().__init__(typing, target, library, *others)

@@ -89,6 +89,15 @@ async def test_a_service_that_is_starting_is_given_more_time() -> None:
     assert said == ["Still waiting: no planner."]
 
 
+async def test_a_start_that_goes_on_says_again_what_is_not_ready() -> None:
+    said: list[str] = []
+
+    async with a_gateway([SILENT, SILENT, None]) as url:
+        await until_ready({"gateway": url}, say=said.append, goes_on_every_s=0.0)
+
+    assert said == ["Starting for 0 s; not ready yet: gateway."] * 2
+
+
 async def test_a_service_that_never_answers_is_named() -> None:
     async with a_gateway([SILENT]) as url:
         assert await said_first(url) == "Still waiting: gateway does not answer yet."

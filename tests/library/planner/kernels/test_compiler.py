@@ -30,6 +30,29 @@ def test_every_entry_point_is_compiled_for_one_signature() -> None:
     assert [len(each.signatures) for each in entrances] == [1] * 3
 
 
+def test_only_what_python_calls_is_kept_and_a_wait_for_the_compiler_is_explained(
+    tmp_path: Path,
+) -> None:
+    code = """
+import numpy as np
+from skyway.planner.kernels.bounds import fill_floors
+fill_floors(np.zeros((4, 2)), np.zeros(2), np.zeros(5))
+"""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", code]
+
+    first, second = (
+        subprocess.run(command, env=environment, capture_output=True, check=True, text=True)
+        for _ in range(2)
+    )
+
+    assert first.stderr.count("The planner is compiled for this processor") == 1
+    assert second.stderr == ""
+    assert {path.name.partition("-")[0] for path in tmp_path.rglob("*.nbi")} == {
+        "bounds.fill_floors"
+    }
+
+
 def test_kernels_without_a_folder_that_can_be_written_to_are_refused_with_the_setting(
     tmp_path: Path,
 ) -> None:
