@@ -115,7 +115,7 @@ async def _host(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> N
             serving.result()
 
 
-async def _write_lines(drones: int) -> Never:
+async def _report(drones: int) -> Never:
     """Write a line a minute, until the terminal is lost."""
     logging.getLogger().addHandler(news := News())
     while True:
@@ -125,9 +125,9 @@ async def _write_lines(drones: int) -> Never:
 
 
 async def _serve(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> None:
-    writing = None
-    if settings.log_file is not None:
-        writing = asyncio.create_task(_write_lines(len(crew.drones)))
+    reporting = (
+        None if settings.log_file is None else asyncio.create_task(_report(len(crew.drones)))
+    )
     serving = asyncio.create_task(_host(crew, folder, settings))
     loop = asyncio.get_running_loop()
     if settings.parent_fd is not None:
@@ -138,9 +138,9 @@ async def _serve(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> 
         contextlib.suppress(asyncio.CancelledError),
     ):
         await serving
-    if writing is not None:
-        writing.cancel()
-        await asyncio.wait((writing,))
+    if reporting is not None:
+        reporting.cancel()
+        await asyncio.wait((reporting,))
 
 
 def _leave(serving: asyncio.Task[None], parent_fd: int) -> None:

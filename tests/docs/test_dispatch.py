@@ -34,6 +34,17 @@ def test_the_command_prints_what_the_page_shows(tmp_path: Path) -> None:
     assert result.stdout == block("text")
 
 
+def test_the_lines_of_python_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "fleet.json").write_text(block("json"), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+
+    exec(block("python").replace("budget_s=10.0", "rounds=5"), {})
+
+    assert "r3" in capsys.readouterr().out
+
+
 def test_the_picture_is_drawn(tmp_path: Path) -> None:
     script = runpy.run_path(str(FOLDER / "dispatch_picture.py"))
 

@@ -15,7 +15,7 @@ SHORTEST_PATH = re.findall(r"^\.venv/bin/skyway (.+?)(?: &)?$", README, re.MULTI
 
 def test_the_shortest_path_has_four_commands() -> None:
     assert len(SHORTEST_PATH) == 3
-    assert "```\nmake up\n.venv/bin/skyway" in README
+    assert "```sh\nmake up\n.venv/bin/skyway" in README
 
 
 @pytest.mark.parametrize("line", SHORTEST_PATH)

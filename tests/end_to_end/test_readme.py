@@ -15,6 +15,26 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("embedded")]
 README = (Path(__file__).parents[2] / "README.md").read_text()
 
 
+def test_the_four_commands_in_the_readme_complete_a_delivery(system: Any) -> None:
+    (pasted,) = re.findall(r"```sh\n(make up\n.*?)```", README, re.DOTALL)
+    commands = pasted.removeprefix("make up\n").replace(".venv/bin/skyway", "skyway")
+    environment = system.environment | {"PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin"}
+
+    done = subprocess.run(
+        ["bash", "-c", f"set -e\n{commands}\nkill %1"],
+        cwd=system.folder.path.parent,
+        env=environment | {"SKYWAY_DATA": str(system.folder.path)},
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+
+    assert done.returncode == 0, done.stderr
+    assert "COMPLETED" in done.stdout.splitlines()[-1]
+    assert all(line[:1] != "{" for line in done.stderr.splitlines()), done.stderr
+
+
 def test_the_commands_in_the_readme_complete_a_delivery(system: Any) -> None:
     (pasted,) = re.findall(r"```bash\n(.*?)```", README, re.DOTALL)
     folder = system.folder.path.parent
