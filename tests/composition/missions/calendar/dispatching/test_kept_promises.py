@@ -35,6 +35,20 @@ async def test_a_host_that_cancels_leaves_the_promise_of_each_package_of_its_gue
     assert all(at <= promised[each] + timedelta(seconds=60) for each, at in now.items())
 
 
+async def test_a_host_keeps_its_first_promise_when_another_delivery_joins(
+    world: BusyWorld,
+) -> None:
+    await book(world, "dlv1", asks("b"))
+    (alone,) = await world.planned()
+
+    await book(world, "dlv2", asks("b", "c"))
+
+    host, guest = (await shared_mission(world)).shares
+    promised = {each.package_id: each.eta_at for each in (await shared_mission(world)).promised}
+    assert {*promised} == {*host.packages, *guest.packages}
+    assert all(promised[each.package_id] == each.eta_at for each in alone.promised)
+
+
 async def test_a_mission_that_waits_for_its_packages_begins_where_its_drone_is_then(
     world: BusyWorld,
 ) -> None:
