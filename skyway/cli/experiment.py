@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 def experiment_command(
     quick: Annotated[
-        bool, typer.Option("--quick", help="Tiny sizes: all experiments within a minute.")
+        bool,
+        typer.Option("--quick", help="Tiny sizes: all experiments within 90 s of processor time."),
     ] = False,
     only: Annotated[
         list[str] | None, typer.Option(help="Run only this part; repeat it for more.")
@@ -69,7 +70,7 @@ def _run(
 ) -> Mapping[str, "Section"]:
     """Run these parts one after the other; the page is written anew after each."""
     from skyway.experiments.laboratory import open_laboratory
-    from skyway.experiments.page import PARTS, write_fragment, write_page
+    from skyway.experiments.page import PARTS, QUICK_S, write_fragment, write_page
     from skyway.planner.stop import stopwatch
 
     sections = {}
@@ -78,6 +79,8 @@ def _run(
     )
     with laboratories as laboratory:
         for name in names:
+            if is_quick:
+                typer.echo(f"{name}: about {QUICK_S[name]} s on one core", err=True)
             elapsed_s = stopwatch()
             section = sections[name] = PARTS[name](laboratory)
             write_fragment(laboratory, name, section, elapsed_s=elapsed_s())

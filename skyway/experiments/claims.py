@@ -25,13 +25,17 @@ FAR_FASTER = 10.0
 NEAR_AT_MEDIAN = 0.05
 NEAR_AT_P95 = 0.20
 
+#: A claim is open on fewer solved instances: the bootstrap interval of a few zeros has no width.
+LEAST_SOLVED = 30
+
 _RESAMPLES = 200
 
 HOLDS, FAILS, OPEN = "holds", "fails", "open"
 
 HOW_TESTED = (
     f"Each claim is tested on its 95 % bootstrap interval. It holds when it holds on the whole "
-    f"interval, fails when it fails on the whole interval, and is open otherwise. "
+    f"interval, fails when it fails on the whole interval, and is open otherwise. With fewer than "
+    f"{LEAST_SOLVED} solved instances it is open whatever they show. "
     f"**Grows exponentially**: the exhaustive time at least doubles every {DOUBLING_STATIONS:g} "
     f"stations (slope of its logarithm over all runs, by a regression for censored data). "
     f"**Far faster**: the heuristic needs at most a {FAR_FASTER:g}th of the time on the same "
@@ -78,9 +82,10 @@ def grows_exponentially(contest: Contest, *, seed: int) -> ClaimResult:
     low, high = (float(end) for end in np.quantile(slopes, (0.025, 0.975)))
     slope = Estimate(growth_per_station(times), low, high)
     factors = [f"{math.exp(10 * end):.3g}" for end in (slope.value, low, high)]
-    return ClaimResult(
+    return _result(
         f"× {factors[0]} every 10 stations ({factors[1]} to {factors[2]})",
         _answer(slope, at_least=math.log(2) / DOUBLING_STATIONS),
+        solved=sum(not run.is_censored for run in runs),
     )
 
 
@@ -94,9 +99,10 @@ def is_far_faster(contest: Contest, *, seed: int) -> ClaimResult:
     median = ratios.median(seed=seed)
     is_at_least = contest.times(EXHAUSTIVE).share_finished < 1
     measured = Estimate(median.value, median.low, median.high, is_at_least)
-    return ClaimResult(
+    return _result(
         estimated(measured, lambda ratio: f"{ratio:.3g} times"),
         _answer(measured, at_least=FAR_FASTER),
+        solved=sum(not fast.is_censored for _, fast in runs),
     )
 
 
@@ -106,10 +112,18 @@ def is_near_optimal(gaps: Sample, *, seed: int) -> ClaimResult:
         return ClaimResult("no run finished", OPEN)
     median, p95 = gaps.median(seed=seed), gaps.quantile(0.95, seed=seed)
     answers = {_answer(median, at_most=NEAR_AT_MEDIAN), _answer(p95, at_most=NEAR_AT_P95)}
-    return ClaimResult(
+    return _result(
         f"p50 {percent(median.value)}, p95 {percent(p95.value)}, max {percent(max(gaps.values))}",
         next(answer for answer in (FAILS, OPEN, HOLDS) if answer in answers),
+        solved=len(gaps.values),
     )
+
+
+def _result(measured: str, answer: str, *, solved: int) -> ClaimResult:
+    """The answer; a claim stays open on too few solved instances."""
+    if solved < LEAST_SOLVED:
+        return ClaimResult(f"{measured}; {solved} solved, {LEAST_SOLVED} needed", OPEN)
+    return ClaimResult(f"{measured}; {solved} solved", answer)
 
 
 def _answer(measured: Estimate, *, at_least: float = -math.inf, at_most: float = math.inf) -> str:

@@ -49,6 +49,27 @@ PARTS: Mapping[str, Callable[[Laboratory], Section]] = MappingProxyType(
     }
 )
 
+#: About how long a quick run of each part takes on a slow machine, seconds of processor time: three
+#: times what each took on a core of an AMD EPYC, once the planner was compiled.
+QUICK_S: Mapping[str, int] = MappingProxyType(
+    {
+        "paper": 7,
+        "open-settings": 3,
+        "paper-recharging": 6,
+        "destinations": 4,
+        "widening": 3,
+        "causes": 3,
+        "recharging": 1,
+        "congestion": 3,
+        "booked-fleet": 1,
+        "fleet": 6,
+        "dispatch": 6,
+        "ablations": 2,
+        "flown": 3,
+        "weather": 3,
+        "scale": 2,
+    }
+)
 
 PAGE = "experiments.md"
 

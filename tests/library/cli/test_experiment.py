@@ -3,6 +3,7 @@
 from typer.testing import CliRunner
 
 from skyway.cli.main import make_app
+from skyway.experiments.page import PARTS, QUICK_S
 
 
 def test_an_unknown_part_is_refused():
@@ -12,12 +13,18 @@ def test_an_unknown_part_is_refused():
     assert "'nothing' is not a part" in result.stderr
 
 
+def test_a_quick_run_of_all_parts_takes_at_most_90_s_of_processor_time():
+    assert QUICK_S.keys() == PARTS.keys()
+    assert sum(QUICK_S.values()) <= 90
+
+
 def test_one_part_alone_writes_its_page_figures_and_rows(tmp_path):
     arguments = ["experiment", "--quick", "--only", "congestion", "--out", str(tmp_path)]
 
     result = CliRunner().invoke(make_app(), arguments)
 
     assert result.exit_code == 0
+    assert f"congestion: about {QUICK_S['congestion']} s on one core" in result.stderr
     assert "delivery time, 0 to 95% taken" in result.stdout.replace("\n", " ") or result.stdout
     written = {path.name for path in (tmp_path / "experiments").iterdir()}
     assert {"congestion.csv", "congestion.md", "congestion-time.png"} <= written

@@ -1,6 +1,11 @@
 import pytest
 
-from skyway.experiments.claims import grows_exponentially, is_far_faster, is_near_optimal
+from skyway.experiments.claims import (
+    LEAST_SOLVED,
+    grows_exponentially,
+    is_far_faster,
+    is_near_optimal,
+)
 from skyway.experiments.sample import Sample
 
 SIZES = (10, 15, 20, 25, 30)
@@ -41,7 +46,7 @@ def test_slow_growth_among_censored_runs_proves_nothing(make_run, make_contest):
 @pytest.mark.parametrize(("slow_s", "answer"), [(20.0, "holds"), (5.0, "fails")])
 def test_far_faster_is_ten_times(make_run, make_contest, slow_s, answer):
     runs = [make_run("exhaustive", elapsed_s=slow_s), make_run("heuristic", elapsed_s=1.0)]
-    contest = make_contest([(20, runs)] * 6)
+    contest = make_contest([(20, runs)] * 30)
 
     assert is_far_faster(contest, seed=1).answer == answer
 
@@ -49,10 +54,27 @@ def test_far_faster_is_ten_times(make_run, make_contest, slow_s, answer):
 @pytest.mark.parametrize(
     ("gaps", "answer"),
     [
-        ([0.0, 0.01, 0.02, 0.03] * 5, "holds"),
-        ([0.3, 0.4] * 10, "fails"),
-        ([0.0] * 18 + [9.0, 9.0], "open"),
+        ([0.0, 0.01, 0.02, 0.03] * 8, "holds"),
+        ([0.3, 0.4] * 15, "fails"),
+        ([0.0] * 28 + [9.0, 9.0], "open"),
     ],
 )
 def test_near_optimal_means_the_median_and_the_95th_percentile(gaps, answer):
     assert is_near_optimal(Sample.of(gaps), seed=1).answer == answer
+
+
+def test_a_claim_on_too_few_solved_instances_is_open(make_run, make_contest):
+    few = LEAST_SOLVED - 1
+    fast = [make_run("exhaustive", elapsed_s=20.0), make_run("heuristic", elapsed_s=1.0)]
+    solved = [(20 + n % 2 * 10, [make_run("exhaustive", elapsed_s=1.0 + n)]) for n in range(few)]
+    unsolved = [(30, [make_run("exhaustive", is_censored=True)])] * 30
+
+    found = [
+        is_near_optimal(Sample.of([0.0] * few), seed=1),
+        is_near_optimal(Sample.of([9.0] * few), seed=1),
+        is_far_faster(make_contest([(20, fast)] * few), seed=1),
+        grows_exponentially(make_contest([*solved, *unsolved]), seed=1),
+    ]
+
+    assert {finding.answer for finding in found} == {"open"}
+    assert all(f"{few} solved, {LEAST_SOLVED} needed" in finding.measured for finding in found)
