@@ -37,9 +37,10 @@ demo: $(COMPILED)
 up: $(COMPILED)
 	@$(BIN)/skyway up
 
-# Whole systems mostly wait, so three workers more than cores; what runs where: tests/lanes.py.
+# What a person waits for. Whole systems mostly wait, so there are more workers than cores: two wait
+# while others compute. What runs where: tests/lanes.py.
 test: setup
-	@$(PYTEST) -n $$(($(CORES) + 3)) -m "not long"
+	@$(PYTEST) -n $$(($(CORES) + 2)) -m "not long"
 
 # The same, and then the tests with the mark `long`.
 test-all: test

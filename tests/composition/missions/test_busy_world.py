@@ -17,6 +17,7 @@ _ACTIONS = st.lists(st.tuples(st.sampled_from(ACTIONS), _SEEDS), min_size=25, ma
 _STORIES = {"sqlite": 5, "postgresql": 2}
 
 
+@pytest.mark.long
 def test_no_invariant_breaks_in_any_order_of_events(migrated_url: str) -> None:
     dialect, _, _ = migrated_url.partition(":")
 

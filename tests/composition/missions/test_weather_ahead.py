@@ -18,6 +18,8 @@ from tests.composition.busy_network import MODEL, NETWORK_ID, PLACES
 from tests.composition.busy_world import BusyWorld
 from tests.composition.flown_drone import FlownDrone
 
+pytestmark = pytest.mark.databases("sqlite")
+
 
 class WindyWorld(BusyWorld):
     """One drone, at a, that does not fly in more than 15 m/s."""

@@ -9,6 +9,8 @@ from skyway.ids import MissionId, StationId
 from skyway.runtime.errors import RowRefused
 from skyway.scheduling.trip import BookedPad
 
+pytestmark = pytest.mark.databases("sqlite")
+
 
 def pad(station: str, number: int, start_ms: int, end_ms: int) -> BookedPad:
     return BookedPad(StationId(station), number, start_ms, end_ms)

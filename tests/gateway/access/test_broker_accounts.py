@@ -9,6 +9,8 @@ from skyway.ids import KeyId, SubjectId
 from tests.gateway.access.key_calls import make_key, rotate, status_of
 from tests.gateway.whole_gateway import Gateway
 
+pytestmark = pytest.mark.databases("sqlite")
+
 
 async def delete(gateway: Gateway, issued: Any) -> None:
     path = f"/v1/keys/{issued['key_id']}"
@@ -22,6 +24,7 @@ async def next_key(gateway: Gateway, issued: Any, **headers: str) -> Any:
     return answer.json()
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_stolen_keys_password_ends_with_it_although_another_key_stays(
     gateway_on_both: Gateway,
 ) -> None:
@@ -47,6 +50,7 @@ async def test_a_password_of_a_later_key_stays_when_an_earlier_key_ends(
 
 
 @pytest.mark.parametrize("role", ["customer", "operator"])
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_rotation_gives_the_account_a_new_password(
     gateway_on_both: Gateway, role: str
 ) -> None:

@@ -11,6 +11,8 @@ from skyway.runtime.http.identity import KeyHolder, RefusedKey
 from tests.gateway.access.key_calls import bearer, make_key, rotate, status_of
 from tests.gateway.whole_gateway import START, Gateway
 
+pytestmark = pytest.mark.databases("sqlite")
+
 
 async def next_key(gateway: Gateway, issued: Any, **headers: str) -> dict[str, Any]:
     answer = await rotate(gateway, issued, **headers)
@@ -140,6 +142,7 @@ async def test_rotations_at_the_same_time_leave_one_next_key(gateway_on_both: Ga
     assert sorted(found) == [200, 401, 401, 401]
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_next_key_is_first_used_by_several_calls_together(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     new = await next_key(gateway, await make_key(gateway))

@@ -16,6 +16,8 @@ from skyway.ids import NetworkId, ProviderId, StationId
 from skyway.units import moment_to_ms
 from tests.gateway.whole_gateway import Gateway, make_request
 
+pytestmark = pytest.mark.databases("sqlite")
+
 
 async def deliver(gateway: Gateway, *, late: timedelta) -> str:
     """A delivery whose package came so much later than promised."""
@@ -273,6 +275,7 @@ async def test_an_unknown_promise_is_refused(gateway: Gateway) -> None:
         assert "qos.promise" in answer.text
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_kept_promises_are_shown_by_network_and_provider(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     await teach(gateway)

@@ -13,6 +13,8 @@ from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
 from tests.provider_registry.conftest import Server
 
+pytestmark = pytest.mark.databases("sqlite")
+
 OPERATOR = "operator:op"
 NORTH, SOUTH = "http://north", "http://south"
 
@@ -268,6 +270,7 @@ async def test_a_cell_does_not_open_while_its_database_is_sealed(
     assert (opened.json()["state"], opened.json()["closed_at"]) == ("OPEN", None)
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_the_networks_of_one_server_move_together(
     api: Any, close: Any, north: Server, south: Server
 ) -> None:
@@ -286,6 +289,7 @@ async def test_the_networks_of_one_server_move_together(
     assert await table(api) == [("ohio", SOUTH, "OPEN"), ("texas", SOUTH, "OPEN")]
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_drone_does_not_change_its_cell(api: Any, db: Database, stations: Any) -> None:
     drone = await api.drone(await api.provider())
     stations.elsewhere = {"mcqueeney": "ohio"}

@@ -20,6 +20,8 @@ from skyway.broker_setup.passwords import hash_password, matches, read_password_
 from skyway.runtime.errors import InvalidSettings, MqttUnavailable, ServiceUnavailable
 from skyway.runtime.sql.database import Database
 
+pytestmark = pytest.mark.databases("sqlite")
+
 #: Says that it is ready, and which signals came.
 BROKER = """
 import signal
@@ -96,6 +98,7 @@ async def test_a_reader_sees_the_old_file_or_the_new_one(
     assert "ann" in read_password_file(tmp_path / "passwords")
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_simultaneous_calls_all_find_their_account_in_the_file(
     db: Database, password_file: PasswordFile, tmp_path: Path
 ) -> None:
@@ -122,6 +125,7 @@ class SlowAccounts(MosquittoAccounts):
         MosquittoAccounts(self.password_file).write(*files)
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_slow_replica_does_not_replace_the_accounts_of_a_faster_one(
     db: Database, secrets_dir: Path, tmp_path: Path, password_file: PasswordFile
 ) -> None:
@@ -283,6 +287,7 @@ async def test_a_broker_that_is_not_there_is_no_error(
     assert (tmp_path / "passwords").exists()
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_the_connection_of_a_drone_whose_credentials_end_is_ended_once_the_files_say_so(
     db: Database, secrets_dir: Path, tmp_path: Path, api: Any
 ) -> None:

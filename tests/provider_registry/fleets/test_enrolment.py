@@ -14,6 +14,8 @@ from skyway.runtime.sql.database import Database
 from tests.broken_rules import broken_rules
 from tests.provider_registry.broker_accounts import accounts_in
 
+pytestmark = pytest.mark.databases("sqlite")
+
 GATEWAY = "service:gateway"
 MONTH = timedelta(days=30)
 
@@ -73,6 +75,7 @@ async def test_a_token_works_once(api: Any, tmp_path: Path) -> None:
     assert logs_in(tmp_path, drone["drone_id"], first["mqtt"]["password"])
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_lost_answer_is_repeated_for_the_same_key(api: Any, tmp_path: Path) -> None:
     drone = await api.drone(await api.provider())
     lost = await enrol(api, drone["enrolment_token"], "made up before asking")
@@ -144,6 +147,7 @@ async def test_another_provider_cannot_make_tokens_or_revoke(api: Any, tmp_path:
     assert logs_in(tmp_path, drone["drone_id"], drone["mqtt"]["password"])
 
 
+@pytest.mark.databases("sqlite", "postgresql")
 async def test_no_secret_is_stored(api: Any, db: Database) -> None:
     drone = await api.drone(await api.provider())
     enrolled = (await enrol(api, drone["enrolment_token"], "key")).json()

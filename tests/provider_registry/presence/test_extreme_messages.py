@@ -11,6 +11,8 @@ from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY, Topic
 from skyway.runtime.clock import ManualClock
 from tests.provider_registry.presence.test_follow import Fleet
 
+pytestmark = pytest.mark.databases("sqlite")
+
 #: Messages after which the drone is looked at.
 _SHOWN_EVERY = 20
 

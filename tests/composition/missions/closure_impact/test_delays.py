@@ -5,6 +5,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.databases("sqlite")
+
 OPERATOR = "operator:op"
 
 PATHS = ("/v1/stations/b/closures", "/v1/segments/a/b/closures", "/v1/ground-stops")
