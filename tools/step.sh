@@ -5,12 +5,13 @@ what="[$1] $2"
 shift 2
 if [ -t 1 ]; then every_s=1 begin='\r' end=''; else every_s=4 begin='' end='\n'; fi
 began_s=$(date +%s)
-say() { printf "$begin%s: %s$end" "$what" "$1"; }
+say() { printf "$begin%s: %-16s$end" "$what" "$1"; }
 say "begins"
-# The sleep outlives this loop by its last moment, so it must not hold the output open.
-(while sleep "$every_s" >/dev/null 2>&1; do say "$(($(date +%s) - began_s)) s"; done) &
+# The sleep outlives this loop by its last moment, so it must not hold the output open. The loop ends with this script.
+(while sleep "$every_s" >/dev/null 2>&1 && kill -0 $$ 2>/dev/null; do say "$(($(date +%s) - began_s)) s"; done) &
 ticks=$!
 trap 'kill "$ticks" 2>/dev/null' EXIT
+trap 'exit 130' INT TERM
 code=0
 "$@" || code=$?
 kill "$ticks" 2>/dev/null
