@@ -24,7 +24,7 @@ def tracked(pattern: str) -> list[Path]:
 
 
 def test_no_python_file_is_over_480_lines() -> None:
-    """A test file tells all stories of one page or source file; test_house.py allows sources 400.
+    """A test file has all tests of one page or source file; test_house.py allows sources 400.
 
     Its marks are lines too.
     """
