@@ -35,7 +35,7 @@ HOLDS, FAILS, OPEN = "holds", "fails", "open"
 HOW_TESTED = (
     f"Each claim is tested on its 95 % bootstrap interval. It holds when it holds on the whole "
     f"interval, fails when it fails on the whole interval, and is open otherwise. With fewer than "
-    f"{LEAST_SOLVED} solved instances it is always open. "
+    f"{LEAST_SOLVED} solved instances it is open. "
     f"**Grows exponentially**: the exhaustive time at least doubles every {DOUBLING_STATIONS:g} "
     f"stations (slope of its logarithm over all runs, by a regression for censored data). "
     f"**Far faster**: the heuristic needs at most a {FAR_FASTER:g}th of the time on the same "

@@ -43,7 +43,7 @@ def open_settings(laboratory: Laboratory) -> Section:
         )
         for cell in cells
         for stations in sizes
-        for number in range(laboratory.size(quick=2, full=stations // 2))
+        for number in range(laboratory.size(quick=2, full=30))
     ]
     contest = hold(laboratory, "open-settings", trials)
     found_of = {

@@ -29,7 +29,7 @@ def paper_recharging(laboratory: Laboratory) -> Section:
     """10 to 35 stations, the drone of the paper's scenario, 40 % of the pads' time taken."""
     sizes = laboratory.size(quick=(10, 14), full=(10, 15, 20, 25, 30, 35))
     limit_s = laboratory.size(quick=0.2, full=5.0)
-    runs = laboratory.size(quick=3, full=30)
+    runs = laboratory.size(quick=3, full=40)
     trials = [
         Trial(
             Setting(stations=stations, spacing_m=_SPACING_M, taken=_TAKEN, model=PAPER_SCENARIO),
