@@ -47,12 +47,12 @@ test: setup
 test-all: test
 	@$(PYTEST) -n $$(($(CORES) + 3)) -m long
 
-# Without brokers, databases and whole systems. The import rules are among these tests.
+# Without brokers, databases (SQLite too) and whole systems. The import rules are among these tests.
 check: setup
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
-	@$(PYTEST) -n $(CORES) -m "not integration and not end_to_end and not long"
+	@$(PYTEST) -n $(CORES) -m "not sql and not integration and not end_to_end and not long"
 
 openapi: setup
 	@$(BIN)/python tools/write_openapi.py

@@ -31,6 +31,8 @@ from tests.shared_statements import share_statements
 #: Data files that tests in several folders read.
 _DATA = Path(__file__).parent / "data"
 _DIALECTS = ("sqlite", pytest.param("postgresql", marks=pytest.mark.integration))
+#: The fixtures that make a database.
+_DATABASES = {"database_url", "migrated_url", "sqlite_url"}
 _BINARIES = ("initdb", "pg_ctl", "postgres")
 #: A shell script that waits until its input closes, then stops the cluster and removes its folder.
 _REAP = 'cat; "$1" -D "$2" -w -m immediate stop; rm -rf "$3"'
@@ -75,7 +77,10 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Sort the tests, so that those that take longest begin first."""
+    """Mark the tests that use a database, and sort: those that take longest begin first."""
+    for item in items:
+        if not _DATABASES.isdisjoint(getattr(item, "fixturenames", ())):
+            item.add_marker("sql")
     items[:] = sorted((item for item in items if _is_on_its_database(item)), key=rank)
 
 
