@@ -23,7 +23,7 @@ $(VENV)/.developers: requirements.txt $(VENV)/.ready
 	@touch $@
 
 $(COMPILED): $(VENV)/.ready $(wildcard skyway/planner/kernels/*.py)
-	@sh tools/step.sh 4/4 "Compiling the planner, once, for about 40 s" sh -c \
+	@sh tools/step.sh 4/4 "Compiling the planner, once, for up to a minute" sh -c \
 		'$(BIN)/python -m skyway.dispatch.warm & trap "kill $$! 2>/dev/null" EXIT; trap "exit 130" INT TERM; \
 		$(BIN)/python -m skyway.planner.warm && wait $$!'
 	@mkdir -p $(@D)

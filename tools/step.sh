@@ -3,9 +3,9 @@
 # At a terminal one line counts the seconds; elsewhere each word is a line. The command's errors come between.
 what="[$1] $2"
 shift 2
-if [ -t 1 ]; then every_s=1 begin='\r' end=''; else every_s=4 begin='' end='\n'; fi
+if [ -t 1 ]; then every_s=1 begin='\r' end='        '; else every_s=4 begin='' end='\n'; fi
 began_s=$(date +%s)
-say() { printf "$begin%s: %-16s$end" "$what" "$1"; }
+say() { printf "$begin%s: %s$end" "$what" "$1"; }
 say "begins"
 # The sleep outlives this loop by its last moment, so it must not hold the output open. The loop ends with this script.
 (while sleep "$every_s" >/dev/null 2>&1 && kill -0 $$ 2>/dev/null; do say "$(($(date +%s) - began_s)) s"; done) &
@@ -17,5 +17,5 @@ code=0
 kill "$ticks" 2>/dev/null
 if [ "$code" -eq 0 ]; then state=done; else state=failed; fi
 say "$state after $(($(date +%s) - began_s)) s"
-[ -z "$end" ] && echo
+[ -t 1 ] && echo
 exit "$code"

@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 def _say_once() -> None:
     """Say why this process waits; without a log of its own, on standard error."""
     log.warning(
-        "The planner is compiled for this processor, once; this usually takes half a minute. "
+        "The planner is compiled for this processor, once; this usually takes up to a minute. "
         "The result is kept on disk."
     )
 
@@ -42,8 +42,7 @@ _OPTIONS: Final[dict[str, Any]] = {"nogil": True, "error_model": "numpy"}
 class _InnerLibrary(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
     """The code of a function that only compiled code calls: neither optimised nor made runnable.
 
-    Numba does both for each function, and again for each function that calls it. That took two
-    thirds of the time.
+    Numba does both for each function, and again for each function that calls it.
     """
 
     @property
