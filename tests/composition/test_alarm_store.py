@@ -15,7 +15,7 @@ from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, 
 
 from skyway.contracts.drone_report import Fault
 from skyway.contracts.drones import DRONE_ALARMS, DroneAlarm
-from skyway.ids import DroneId, ProviderId
+from skyway.ids import DroneId, MissionId, ProviderId
 
 pytestmark = pytest.mark.databases("sqlite")
 
@@ -98,6 +98,30 @@ async def test_an_alarm_about_a_mission_ends_when_what_it_says_is_over(
     assert await open_codes(composition) == []
     (alarm,) = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
     assert alarm["acknowledged_by"] == "service:composition"
+
+
+async def test_the_end_of_an_alarm_ends_none_about_another_mission_or_drone(
+    composition: Any,
+) -> None:
+    pairs = [(DroneId(drone), MissionId(of)) for drone in ("d1", "d2") for of in ("m1", "m2")]
+    mint = composition.parts.mint
+    async with composition.db.write() as tx:
+        for drone_id, mission_id in pairs:
+            await alarm_store.add(
+                tx,
+                level="URGENT",
+                code="X",
+                detail="of a test",
+                at_ms=1,
+                mint=mint,
+                drone_id=drone_id,
+                mission_id=mission_id,
+            )
+        await alarm_store.end(tx, {"X"}, about=pairs[0], at_ms=2)
+        shown = alarm_store.AlarmFilter(state="OPEN")
+        found = await alarm_store.page(tx.connection, shown, before=None, limit=9)
+
+    assert {(each.drone_id, each.mission_id) for each in found} == {*pairs[1:]}
 
 
 async def test_an_alarm_that_an_operator_has_acknowledged_stays_the_operators(

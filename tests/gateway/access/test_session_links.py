@@ -15,6 +15,7 @@ from skyway_gateway.tables import session_links
 from sqlalchemy import select
 
 from skyway.runtime.http.delays import WrongKeys
+from skyway.units import moment_to_ms
 from tests.gateway.access.key_calls import bearer, make_key
 from tests.gateway.access.test_audit_trail import entries
 from tests.gateway.access.test_entrance import limit
@@ -110,6 +111,16 @@ async def test_a_link_ends_with_its_key(gateway: Gateway) -> None:
     code = await linked(gateway, bearer(issued))
 
     await gateway.http.delete(f"/v1/keys/{issued['key_id']}", headers=gateway.operator)
+
+    assert (await log_in(gateway, code)).status_code == 401
+
+
+async def test_a_link_ends_when_its_key_expires(gateway: Gateway) -> None:
+    code = await linked(gateway, gateway.customer)
+    soon_ms = moment_to_ms(gateway.clock.wall_now() + timedelta(minutes=2))
+    await gateway.execute(f"UPDATE api_keys SET ends_wall_ms = {soon_ms}")
+
+    gateway.clock.advance(timedelta(minutes=3))
 
     assert (await log_in(gateway, code)).status_code == 401
 
@@ -235,14 +246,16 @@ async def test_neither_database_nor_audit_log_holds_a_code(gateway: Gateway) -> 
 
 
 async def test_a_key_has_a_bounded_number_of_links(gateway: Gateway) -> None:
+    of_another_key = await linked(gateway, gateway.provider)
     first = await linked(gateway, gateway.customer)
     for _ in range(MOST_LINKS_PER_KEY):
         gateway.clock.advance(timedelta(seconds=1))
         last = await linked(gateway, gateway.customer)
 
-    assert len(await rows(gateway)) == MOST_LINKS_PER_KEY
+    assert len(await rows(gateway)) == MOST_LINKS_PER_KEY + 1
     assert (await log_in(gateway, first)).status_code == 401
-    assert (await log_in(gateway, last)).status_code == 201
+    for code in (last, of_another_key):
+        assert (await log_in(gateway, code)).status_code == 201
 
 
 async def test_links_are_deleted_when_they_have_expired(gateway: Gateway) -> None:

@@ -101,6 +101,13 @@ def test_a_body_with_too_many_values_or_texts_is_refused_unparsed(raw: bytes) ->
     assert BOUNDS.excess(raw) is not None
 
 
+def test_one_text_more_than_the_bound_is_refused() -> None:
+    bounds = BodyBounds(1_000, values=100, texts=8)
+
+    assert bounds.excess(json.dumps(["x"] * 8).encode()) is None
+    assert bounds.excess(json.dumps(["x"] * 9).encode()) is not None
+
+
 @pytest.mark.parametrize("text", [",[{" * 60, '"' * 200, "\\" * 200, '\\"' * 100])
 def test_brackets_and_quotes_within_a_text_do_not_count(text: str) -> None:
     raw = json.dumps({"parcels": [{"label": text, "sizes": [1] * 300}] * 3}).encode()

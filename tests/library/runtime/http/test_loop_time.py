@@ -170,3 +170,17 @@ async def test_a_caller_that_leaves_gives_up_its_turn() -> None:
     await asyncio.gather(*requests.tasks, return_exceptions=True)
 
     assert (requests.begun, requests.turns.waiting) == (["bob"], 0)
+
+
+async def test_callers_that_have_left_hold_up_nobody() -> None:
+    requests = Requests(pass_s=2 * SHORT_PASS_S, mallory=0.0, bob=1.0)
+    requests.ask(*["mallory"] * 20, "bob")
+    await asyncio.sleep(0)
+    began_s = requests.now_s
+
+    for task in requests.tasks[:20]:
+        task.cancel()
+    await asyncio.gather(*requests.tasks, return_exceptions=True)
+
+    assert requests.begun == ["bob"]
+    assert requests.now_s - began_s < 2 * LONGEST_PAUSE_S

@@ -94,6 +94,36 @@ async def test_drones_of_a_dead_replica_are_gained_and_were_not_owned_before(
 
 
 @on_postgresql
+async def test_a_drone_that_another_replica_had_meanwhile_was_not_owned_all_the_time(
+    db: Database, join: Join, clock: ManualClock
+) -> None:
+    first, second = join("a"), join("b")
+    await beat(first)
+    began_at = clock.now()
+    clock.advance(timedelta(seconds=10))
+    await beat(second, first)
+    lent = {each for each in DRONES if second.owns(each)}
+
+    await pass_time(db, by_ms=DEAD_AFTER_MS + 100)
+    clock.advance(timedelta(seconds=10))
+    await beat(first)
+
+    assert all(first.owns(each) for each in DRONES)
+    assert {each for each in DRONES if not first.has_owned(each, began_at)} == lent
+
+
+@on_postgresql
+async def test_a_row_from_the_future_is_no_live_replica(db: Database, join: Join) -> None:
+    damaged, sound = join("a"), join("b")
+    await beat(damaged)
+    await pass_time(db, by_ms=-86_400_000)
+
+    await beat(sound)
+
+    assert (sound.alive, sound.leads) == (1, True)
+
+
+@on_postgresql
 async def test_a_replica_that_leaves_or_loses_the_broker_is_replaced_at_the_next_beat(
     db: Database, join: Join
 ) -> None:

@@ -85,3 +85,12 @@ def test_four_replicas_own_about_the_same_number_of_drones() -> None:
     counted = Counter(owner_of(f"drn_{number}", "abcd") for number in range(4_000))
 
     assert all(900 < each < 1_100 for each in counted.values())
+
+
+def test_a_replica_in_the_place_of_another_one_may_change_who_owns_what() -> None:
+    """One list has as many replicas as the other."""
+    before = seen_by("a", {"a", "b"}, listening={"a", "b"})
+    now = seen_by("a", {"a", "c"}, listening={"a", "c"})
+
+    assert now.may_own_more_than(before)
+    assert any(now.owns(each) and not before.owns(each) for each in DRONES)

@@ -18,7 +18,7 @@ from skyway_composition.missions.calendar.dispatching.search_process import (
 )
 from skyway_composition.missions.interventions import cancel
 from skyway_composition.missions.interventions.stop_packages import release_queued
-from skyway_composition.tables import drone_links
+from skyway_composition.tables import drone_links, stations
 from skyway_provider_registry.presence.store import store_reports
 from skyway_provider_registry.tables import drones, mission_hints, presence, providers
 from sqlalchemy import select, update
@@ -117,6 +117,49 @@ async def test_a_mission_moves_to_a_drone_that_delivers_it_sooner(world: BusyWor
     await world.end()
     assert sorted(delivered_by(world, 1) + delivered_by(world, 2)) == _ALL
     assert "dlv3" in delivered_by(world, 2)
+
+
+@_on_sqlite
+@pytest.mark.parametrize("is_agreed", [False, True], ids=["before", "after"])
+async def test_a_drone_whose_last_waiting_mission_moves_away_flies_home_and_charges(
+    world: BusyWorld, is_agreed: bool
+) -> None:
+    """Before or after its drone has agreed to end its standby for that mission."""
+    assert await book(world, "dlv1", "a", "b", "c", drone=1) == "BOOKED"
+    assert await book(world, "dlv2", "a", "c", drone=2) == "BOOKED"
+    asked = request("dlv3", "c", "a")
+    first = world.drones[:1]
+    assert await world.book("dlv3", asked, loading="AUTOMATIC", drones=first) == "BOOKED"
+    if is_agreed:
+        await world.keep_calendars()
+
+    assert (await dispatch_fairly(world))[0] == "adopted"
+
+    assert [each.drone_id for each in (await waiting_missions(world)).values()] == ["drn_2"]
+    await world.end()
+    assert delivered_by(world, 2) == ["dlv2", "dlv3"]
+    assert first[0].logbook.station_id == first[0].drone.home_station_id
+    assert first[0].logbook.soc > 0.9
+
+
+@_on_sqlite
+async def test_a_waiting_mission_that_stays_ends_its_standby_for_one_that_comes(
+    world: BusyWorld,
+) -> None:
+    """It begins too soon to move. Without another mission its drone would charge after it."""
+    assert await book(world, "dlv1", "c", "b", drone=4) == "BOOKED"
+    assert await book(world, "dlv2", "b", "a", drone=4) == "BOOKED"
+    assert await book(world, "dlv3", "a", "b", "c", drone=1) == "BOOKED"
+    assert await book(world, "dlv4", "a", "b", drone=1) == "BOOKED"
+    await world.pass_time(timedelta(minutes=11))
+
+    assert (await dispatch_fairly(world))[0] == "adopted"
+
+    stays, comes = (await waiting_missions(world)).values()
+    assert [each.mission.delivery_id for each in (stays, comes)] == ["dlv2", "dlv4"]
+    assert stays.drone_id == comes.drone_id == "drn_4"
+    assert moment_to_ms(stays.mission.released_at) <= comes.start.at_ms
+    await world.end()
 
 
 @pytest.fixture
@@ -380,6 +423,28 @@ async def test_a_cancellation_locks_the_drone_to_which_its_mission_has_just_move
     assert (await cancelling).released == (f"{moved.mission.delivery_id}_1",)
     assert locked == [True]
     await world.check()
+
+
+@pytest.mark.parametrize("migrated_url", ["postgresql"], indirect=True)
+async def test_an_adoption_locks_the_stations_of_all_its_missions_before_it_moves_any(
+    world: BusyWorld,
+) -> None:
+    """The first drone's mission needs no pad at a, and the second drone's does."""
+    assert await book(world, "dlv1", "b", "c", drone=3) == "BOOKED"
+    assert await book(world, "dlv2", "c", "a", drone=4) == "BOOKED"
+    assert await book(world, "dlv3", "a", "b", "c", drone=3) == "BOOKED"
+    assert await book(world, "dlv4", "c", "b", drone=3) == "BOOKED"
+    dispatcher = dispatcher_of(world)
+    better = await better_order(dispatcher)
+
+    async with world.db.write() as tx:
+        await tx.execute(select(stations).where(stations.c.station_id == "a").with_for_update())
+        adopting = asyncio.create_task(dispatcher.adopt(better))
+        await until_a_lock_is_waited_for(world.db)
+        free = await free_keys(world.db, "stations", "station_id")
+
+    assert await adopting == "adopted"
+    assert free == {"b", "c"}
 
 
 async def test_bookings_go_on_while_orders_are_adopted(migrated_url: str) -> None:
