@@ -16,6 +16,7 @@ from tests.end_to_end.shared_fleet import shared_fleet
 
 pytestmark = [
     pytest.mark.end_to_end,
+    pytest.mark.long,
     pytest.mark.integration,
     pytest.mark.storage_pair("embedded"),
     pytest.mark.fleet_rate(60.0),
@@ -61,7 +62,7 @@ def publish(system: Any, name: str) -> None:
 @pytest.fixture(scope="module")
 def fleets(running_system: LocalSystem) -> Iterator[dict[str, Any]]:
     """A provider for each story that needs a drone, by the name of the story's network."""
-    names = ("seen", "divert", "held", "commanded", "booked", "goes-on", "own", "foreign")
+    names = ("divert", "held", "commanded", "booked", "goes-on", "own", "foreign")
     near: dict[str, Any] = {"proof": {"name": MARKUP}, "played": {}}
     for name in ("clicked", "pads", "later", "area"):
         running_system.operate("PUT", f"/v1/networks/{name}", ladders(name))
@@ -105,31 +106,6 @@ def click_map(page: Page, position: str) -> None:
     page.mouse.click(x, y)
 
 
-def test_an_operator_sees_a_drone_move_and_opens_its_plan(
-    console: ConsolePage, system: Any, fleets: dict[str, Any]
-) -> None:
-    drone = drone_of(fleets, "seen")
-    page = console.page
-    shown_network(page, "seen")
-    longitude = f"{DRAWN}.get('{drone}')?.drone.position[0]"
-    page.wait_for_function(f"() => {longitude} !== undefined")
-    before = page.evaluate(f"() => {longitude}")
-    in_the_air(system, "seen")
-    page.wait_for_function(f"() => {longitude} > {before} + 0.001")
-
-    console.show("map", "drone", drone)
-    panel = console.panel("Drone")
-    expect(panel).to_contain_text("Flying")
-    expect(panel).to_contain_text("Lands next")
-    expect(panel.locator(".steps li").first).to_be_visible()
-    expect(panel.get_by_label("Charge over time").locator("canvas")).to_be_visible()
-    page.wait_for_function(f"() => {MAP}.data.plan.features.length > 0")
-    page.wait_for_function(f"() => {MAP}.data.alternatives.features.length > 0")
-    expect(panel).to_contain_text("Could land")
-    assert console.serious_problems() == []
-
-
-@pytest.mark.long
 def test_a_click_on_the_map_opens_what_is_there(console: ConsolePage, system: Any) -> None:
     page = console.page
     shown_network(page, "clicked")
@@ -141,7 +117,6 @@ def test_a_click_on_the_map_opens_what_is_there(console: ConsolePage, system: An
     expect(console.panel("Station")).to_contain_text("Clicked T3")
 
 
-@pytest.mark.long
 def test_a_pad_is_closed_after_its_dry_run_and_opened_again(
     console: ConsolePage, system: Any
 ) -> None:
@@ -156,7 +131,6 @@ def test_a_pad_is_closed_after_its_dry_run_and_opened_again(
     expect(panel).not_to_contain_text("is closed")
 
 
-@pytest.mark.long
 def test_a_closure_of_later_is_seen_on_the_map_ahead(console: ConsolePage, system: Any) -> None:
     now = datetime.fromisoformat(system.operate("GET", "/v1/clock")["now"])
     span = {"from_at": now + timedelta(hours=20), "until": now + timedelta(hours=30)}
@@ -177,7 +151,6 @@ def test_a_closure_of_later_is_seen_on_the_map_ahead(console: ConsolePage, syste
     expect(item).to_have_count(0)
 
 
-@pytest.mark.long
 def test_a_closed_station_diverts_a_drone(
     console: ConsolePage, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -202,7 +175,6 @@ def test_a_closed_station_diverts_a_drone(
     expect(happened).to_contain_text(re.compile("p1 (as planned|.+ later than planned)"))
 
 
-@pytest.mark.long
 def test_an_area_is_drawn_and_closed(console: ConsolePage, system: Any) -> None:
     page = console.page
     shown_network(page, "area")
@@ -225,7 +197,6 @@ def test_an_area_is_drawn_and_closed(console: ConsolePage, system: Any) -> None:
     expect(item).to_have_count(0)
 
 
-@pytest.mark.long
 def test_a_ground_stop_for_all_is_made_and_lifted(console: ConsolePage) -> None:
     console.show("alarms")
     page = console.page
@@ -238,7 +209,6 @@ def test_a_ground_stop_for_all_is_made_and_lifted(console: ConsolePage) -> None:
     expect(item).to_have_count(0)
 
 
-@pytest.mark.long
 def test_nothing_happens_when_an_operator_thinks_again(console: ConsolePage, system: Any) -> None:
     console.show("alarms")
     console.page.get_by_role("button", name="Stop all take-offs").click()
@@ -248,7 +218,6 @@ def test_nothing_happens_when_an_operator_thinks_again(console: ConsolePage, sys
     expect(console.page.locator("main")).to_contain_text("Nothing is closed")
 
 
-@pytest.mark.long
 def test_a_mission_is_held_and_resumed(
     console: ConsolePage, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -272,7 +241,6 @@ def test_a_mission_is_held_and_resumed(
     expect(ordered).to_contain_text("crowd at the station")
 
 
-@pytest.mark.long
 def test_a_drone_is_diverted_after_the_dry_runs_of_other_commands(
     console: ConsolePage, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -301,7 +269,6 @@ def test_a_drone_is_diverted_after_the_dry_runs_of_other_commands(
     expect(ordered).to_contain_text("smoke ahead")
 
 
-@pytest.mark.long
 def test_an_alarm_that_one_acknowledges_leaves_every_console(
     chromium: Browser, console: ConsolePage, system: Any
 ) -> None:
@@ -330,7 +297,6 @@ def test_an_alarm_that_one_acknowledges_leaves_every_console(
     other.page.close()
 
 
-@pytest.mark.long
 def test_a_delivery_is_found_and_followed_to_its_proof(console: ConsolePage, system: Any) -> None:
     body = {
         "pickup": {"station_id": "proof-s1"},
@@ -357,7 +323,6 @@ def test_a_delivery_is_found_and_followed_to_its_proof(console: ConsolePage, sys
     expect(page.locator("main img, main b")).to_have_count(0)
 
 
-@pytest.mark.long
 def test_the_calendar_shows_missions_and_pads_and_moves_by_keys(
     console: ConsolePage, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -377,7 +342,6 @@ def test_the_calendar_shows_missions_and_pads_and_moves_by_keys(
     expect(calendar.locator(".row", has_text="Booked S").first).to_be_attached()
 
 
-@pytest.mark.long
 def test_the_console_goes_on_after_the_gateway_was_killed(
     console: ConsolePage, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -392,7 +356,6 @@ def test_the_console_goes_on_after_the_gateway_was_killed(
     expect(console.panel("Drone")).to_contain_text("Flying")
 
 
-@pytest.mark.long
 def test_a_silent_service_is_named(console: ConsolePage, system: Any) -> None:
     status = console.page.locator(".connection")
     with system.silent("skyway_provider_registry"):
@@ -401,7 +364,6 @@ def test_a_silent_service_is_named(console: ConsolePage, system: Any) -> None:
     expect(status).to_have_text("Live")
 
 
-@pytest.mark.long
 def test_a_provider_sees_its_own_drones_and_no_command(
     chromium: Browser, system: Any, fleets: dict[str, Any]
 ) -> None:
@@ -421,7 +383,6 @@ def test_a_provider_sees_its_own_drones_and_no_command(
     page.close()
 
 
-@pytest.mark.long
 def test_an_operator_sees_how_the_services_are(console: ConsolePage, system: Any) -> None:
     page = console.show("health").page
     for service in ("Gateway", "Registry", "Composition"):
@@ -436,7 +397,6 @@ def test_an_operator_sees_how_the_services_are(console: ConsolePage, system: Any
     expect(page.locator(".card", has_text="Composition")).to_contain_text("all ready")
 
 
-@pytest.mark.long
 def test_a_past_hour_is_played_again(
     console: ConsolePage, system: Any, fleets: dict[str, Any]
 ) -> None:

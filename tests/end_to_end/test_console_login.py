@@ -1,4 +1,4 @@
-"""People log in to the console in a browser: with a key, or with a link that works once."""
+"""People log in to the console in a browser, and an operator watches a drone there."""
 
 from typing import Any
 
@@ -7,6 +7,7 @@ from playwright.sync_api import Browser, expect
 
 from tests.end_to_end.browser import needs_browser
 from tests.end_to_end.console_page import ConsolePage
+from tests.end_to_end.shared_fleet import shared_fleet
 
 pytestmark = [
     pytest.mark.end_to_end,
@@ -54,6 +55,31 @@ def test_a_login_link_opens_the_console_once(browser: Browser, system: Any) -> N
     second.page.goto(url)
     expect(second.page.get_by_role("alert")).to_be_visible()
     expect(second.page.get_by_label("API key")).to_be_visible()
+
+
+def test_an_operator_sees_a_drone_move_and_opens_its_plan(browser: Browser, system: Any) -> None:
+    console = ConsolePage(browser, system).open_with(system.keys["SKYWAY_OPERATOR_KEY"])
+    page, map_ = console.show("map").page, "document.querySelector('.map').fleetMap"
+    with shared_fleet(system, {"seen": {}}) as fleets:
+        drone = fleets["seen"]["drones"][0]["drone_id"]
+        page.get_by_label("Network").select_option("seen")
+        longitude = f"{map_}.drones.tracks.get('{drone}')?.drone.position[0]"
+        page.wait_for_function(f"() => {longitude} !== undefined")
+        before = page.evaluate(f"() => {longitude}")
+        system.request_delivery(["seen-s5"], pickup="seen-s1")
+        page.wait_for_function(f"() => {longitude} > {before} + 0.001")
+
+        console.show("map", "drone", drone)
+        panel = console.panel("Drone")
+        expect(panel).to_contain_text("Flying")
+        expect(panel).to_contain_text("Lands next")
+        expect(panel.locator(".steps li").first).to_be_visible()
+        expect(panel.get_by_label("Charge over time").locator("canvas")).to_be_visible()
+        page.wait_for_function(f"() => {map_}.data.plan.features.length > 0")
+        page.wait_for_function(f"() => {map_}.data.alternatives.features.length > 0")
+        expect(panel).to_contain_text("Could land")
+        assert console.serious_problems() == []
+        assert console.sound(), (console.foreign, console.errors)
 
 
 @pytest.mark.long

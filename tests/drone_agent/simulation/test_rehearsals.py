@@ -30,6 +30,7 @@ def test_nothing_is_broken_wherever_the_power_fails(seed: int, scenario: str) ->
     assert broken(endings) == []
 
 
+@pytest.mark.long
 def test_nothing_is_broken_at_any_moment_of_one_whole_mission() -> None:
     endings = list(stories_of(4, "calm", how_many=None))
 
@@ -87,6 +88,7 @@ def test_days_without_trouble_are_flown_to_their_end() -> None:
     assert all(one.reported[-1].startswith("MISSION_ENDED") for one in endings)
 
 
+@pytest.mark.long
 def test_the_sweep_covers_all_important_faults() -> None:
     seen = Counter(
         event.code

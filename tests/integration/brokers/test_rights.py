@@ -85,8 +85,9 @@ async def test_the_operator_reads_everything_and_writes_nothing(
     await gateway.publish(DELIVERY_EVENTS("customer-1", "d1"), make.event("d1"))
     await gateway.publish(CLOCK(), make.anchor(1.0))
 
-    topics = [received.topic for received in await receive(arrived, 4)]
-    assert topics == [INSTRUCTIONS, ACKS, DELIVERY_EVENTS, CLOCK]
+    # Messages of different senders may overtake each other.
+    topics = sorted(received.topic.template for received in await receive(arrived, 4))
+    assert topics == sorted(each.template for each in (INSTRUCTIONS, ACKS, DELIVERY_EVENTS, CLOCK))
     with suppress(MqttUnavailable):
         await operator.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(2))
     await composition.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(3))

@@ -30,6 +30,7 @@ def test_every_part_writes_findings_rows_and_its_figures(laboratory: Laboratory,
 
 
 @pytest.mark.parametrize("name", REPEATED)
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_rows(laboratory: Laboratory, name: str) -> None:
     first, second = run_part(laboratory, name), run_part(laboratory, name)
 

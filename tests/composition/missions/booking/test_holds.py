@@ -17,8 +17,6 @@ from skyway.contracts.quote import (
 )
 from skyway.contracts.shortlist import Shortlist
 
-pytestmark = pytest.mark.databases("sqlite")
-
 GATEWAY = "service:gateway"
 LIFE_S = 120.0
 
@@ -120,7 +118,6 @@ async def test_a_held_drone_is_given_to_no_other_booking(composition: Any, make:
     assert await composition.broken() == []
 
 
-@pytest.mark.databases("sqlite", "postgresql")
 async def test_another_request_gets_another_drone_while_one_is_held(
     composition: Any, make: Any
 ) -> None:
@@ -131,7 +128,6 @@ async def test_another_request_gets_another_drone_while_one_is_held(
     assert [mission.drone_id for mission in booking.missions] == ["drn_2"]
 
 
-@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_held_offer_is_booked_at_the_offered_times(composition: Any, make: Any) -> None:
     (offer,) = (await quote(composition, make)).offers
     composition.clock.advance(timedelta(seconds=LIFE_S - 1))
@@ -188,7 +184,6 @@ async def test_the_other_held_offers_are_free_once_one_is_booked(
 
 
 @pytest.mark.parametrize("rate", [1.0, 600.0])
-@pytest.mark.databases("sqlite", "postgresql")
 async def test_an_expired_hold_blocks_nothing_even_before_it_is_deleted(
     composition: Any, make: Any, rate: float
 ) -> None:
@@ -203,7 +198,6 @@ async def test_an_expired_hold_blocks_nothing_even_before_it_is_deleted(
 
 
 @pytest.mark.parametrize("rate", [1.0, 600.0])
-@pytest.mark.databases("sqlite", "postgresql")
 async def test_a_hold_lasts_as_long_in_wall_time_at_every_clock_rate(
     composition: Any, make: Any, rate: float
 ) -> None:
@@ -215,7 +209,6 @@ async def test_a_hold_lasts_as_long_in_wall_time_at_every_clock_rate(
     assert (await composition.book()).outcome == "BUSY"
 
 
-@pytest.mark.databases("sqlite", "postgresql")
 async def test_expired_pads_are_free_for_a_plan_that_needs_them(
     composition: Any, make: Any
 ) -> None:
@@ -241,7 +234,6 @@ async def test_expired_holds_are_deleted(composition: Any, make: Any) -> None:
     assert await held_rows(composition) == []
 
 
-@pytest.mark.databases("sqlite", "postgresql")
 async def test_two_simultaneous_quotes_do_not_hold_one_drone(composition: Any, make: Any) -> None:
     answers = await asyncio.gather(
         *(
@@ -273,7 +265,6 @@ async def test_a_customer_holds_at_most_as_many_quotes_as_the_limit(
     assert other.offers[0].is_held
 
 
-@pytest.mark.databases("sqlite", "postgresql")
 async def test_calls_at_the_same_time_do_not_pass_the_limit(composition: Any, make: Any) -> None:
     answers = await asyncio.gather(
         *(

@@ -193,6 +193,7 @@ class UnkeptCalendars:
 @pytest.mark.parametrize(
     ("minutes_per_plan", "looks_rarely"), [(1, False), (7, True)], ids=["slow", "slow and rare"]
 )
+@pytest.mark.long
 async def test_missions_are_sent_though_planning_them_again_takes_long(
     migrated_url: str, minutes_per_plan: int, looks_rarely: bool
 ) -> None:
