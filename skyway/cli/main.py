@@ -9,97 +9,76 @@ from typer.core import TyperGroup
 
 from skyway.runtime.errors import exit_code_after
 
-#: What runs each subcommand, in this package, and the first line of its help.
+#: What runs each subcommand, in this package.
 _COMMANDS: Final = {
-    "up": ("up:up_command", "Start all processes and keep them running until Ctrl-C."),
-    "demo": (
-        "demo.command:demo_command",
-        "Play the paper's scenario through real processes, and end.",
-    ),
-    "compose": ("compose:compose_command", "Compose a plan for each problem in a file."),
-    "dispatch": ("dispatch:dispatch_command", "Plan all open requests of a fleet together."),
-    "experiment": (
-        "experiment:experiment_command",
-        "Measure the planner against the paper's strategies; write a page, figures and CSV files.",
-    ),
-    "quote": (
-        "quote:quote_command",
-        "Ask what providers offer for a delivery request; the best offer comes first.",
-    ),
-    "accept": ("delivery:accept_command", "Accept an offer and print the id of its delivery."),
-    "request": ("delivery:request_command", "Request a delivery and print its id."),
-    "track": (
-        "delivery:track_command",
-        "Print what happens to a delivery, in fleet time, until it ends.",
-    ),
-    "drone": ("drones.drone:drone_command", "Run the agent of one drone until Ctrl-C."),
-    "fleet": (
-        "drones.fleet:fleet_command",
-        "Run many simulated drones in one agent process until Ctrl-C.",
-    ),
-    "battery": (
-        "drones.upkeep:battery_app",
-        "Register batteries, and note which drone each is in.",
-    ),
-    "maintenance": (
-        "drones.upkeep:maintenance_app",
-        "Set when drones are due for maintenance, list those that are, record what was done.",
-    ),
-    "console": (
-        "console:console_command",
-        "Print a link to the console that logs a browser in once, within ten minutes.",
-    ),
-    "alarms": ("alarms:alarms_command", "List the open alarms, the newest first; acknowledge one."),
-    "mission": (
-        "mission:mission_app",
-        "Command a mission: hold, resume, divert, return home, cancel, give up.",
-    ),
-    "closures": (
-        "closures.open:closures_command",
-        "List what is closed now, or will be: stations, pads, segments, zones, ground stops.",
-    ),
-    "close": (
-        "closures.close:close_app",
-        "Close a station, a pad, a segment or an area; stop drones on the ground.",
-    ),
-    "open": (
-        "closures.open:open_app",
-        "Open what was closed: a station, a pad, a segment, a zone; end a ground stop.",
-    ),
-    "top": (
-        "console:top_command",
-        "Show a running Skyway on one screen: drones, missions, deliveries, alarms, lag.",
-    ),
-    "schedule": (
-        "schedule:schedule_command",
-        "Draw the calendars of drones, or of a station's pads: a line for each, in fleet time.",
-    ),
-    "cell": ("cell:cell_app", "Show, add, close and move the cells of networks."),
-    "quarantine": (
-        "quarantine:quarantine_command",
-        "List the messages of drones that were not taken, the newest first; replay or delete one.",
-    ),
-    "secrets": (
-        "system.secrets:secrets_command",
-        "Make the missing secrets, keys.env and Mosquitto's configuration.",
-    ),
-    "nats": (
-        "system.nats_files:nats_command",
-        "Write a folder for each node of NATS, with its configuration and its certificates.",
-    ),
-    "archive": (
-        "archive:archive_command",
-        "Write each day that is over, and has no file yet, as Parquet files.",
-    ),
-    "verify": (
-        "verify.command:verify_command",
-        "Check all invariants of the databases; exit code 1 when one is violated.",
-    ),
-    "doctor": (
-        "doctor:doctor_command",
-        "Ask database, broker and gateway, and say what is missing; exit code 1 when something is.",
-    ),
-    "network": ("network:network_app", "Build, show, publish and fetch skyway networks."),
+    "up": "up:up_command",
+    "demo": "demo.command:demo_command",
+    "compose": "compose:compose_command",
+    "dispatch": "dispatch:dispatch_command",
+    "experiment": "experiment:experiment_command",
+    "quote": "quote:quote_command",
+    "accept": "delivery:accept_command",
+    "request": "delivery:request_command",
+    "track": "delivery:track_command",
+    "drone": "drones.drone:drone_command",
+    "fleet": "drones.fleet:fleet_command",
+    "battery": "drones.upkeep:battery_app",
+    "maintenance": "drones.upkeep:maintenance_app",
+    "console": "console:console_command",
+    "alarms": "alarms:alarms_command",
+    "mission": "mission:mission_app",
+    "closures": "closures.open:closures_command",
+    "close": "closures.close:close_app",
+    "open": "closures.open:open_app",
+    "top": "console:top_command",
+    "schedule": "schedule:schedule_command",
+    "cell": "cell:cell_app",
+    "quarantine": "quarantine:quarantine_command",
+    "secrets": "system.secrets:secrets_command",
+    "nats": "system.nats_files:nats_command",
+    "archive": "archive:archive_command",
+    "verify": "verify.command:verify_command",
+    "doctor": "doctor:doctor_command",
+    "network": "network:network_app",
+}
+
+#: The first line of the help of each subcommand.
+_SUMMARIES: Final = {
+    "up": "Start all processes and keep them running until Ctrl-C.",
+    "demo": "Play the paper's scenario through real processes, and end.",
+    "compose": "Compose a plan for each problem in a file.",
+    "dispatch": "Plan all open requests of a fleet together.",
+    "experiment": "Measure the planner against the paper's strategies; write a page, figures and "
+    "CSV files.",
+    "quote": "Ask what providers offer for a delivery request; the best offer comes first.",
+    "accept": "Accept an offer and print the id of its delivery.",
+    "request": "Request a delivery and print its id.",
+    "track": "Print what happens to a delivery, in fleet time, until it ends.",
+    "drone": "Run the agent of one drone until Ctrl-C.",
+    "fleet": "Run many simulated drones in one agent process until Ctrl-C.",
+    "battery": "Register batteries, and note which drone each is in.",
+    "maintenance": "Set when drones are due for maintenance, list those that are, record what was "
+    "done.",
+    "console": "Print a link to the console that logs a browser in once, within ten minutes.",
+    "alarms": "List the open alarms, the newest first; acknowledge one.",
+    "mission": "Command a mission: hold, resume, divert, return home, cancel, give up.",
+    "closures": "List what is closed now, or will be: stations, pads, segments, zones, ground "
+    "stops.",
+    "close": "Close a station, a pad, a segment or an area; stop drones on the ground.",
+    "open": "Open what was closed: a station, a pad, a segment, a zone; end a ground stop.",
+    "top": "Show a running Skyway on one screen: drones, missions, deliveries, alarms, lag.",
+    "schedule": "Draw the calendars of drones, or of a station's pads: a line for each, in fleet "
+    "time.",
+    "cell": "Show, add, close and move the cells of networks.",
+    "quarantine": "List the messages of drones that were not taken, the newest first; replay or "
+    "delete one.",
+    "secrets": "Make the missing secrets, keys.env and Mosquitto's configuration.",
+    "nats": "Write a folder for each node of NATS, with its configuration and its certificates.",
+    "archive": "Write each day that is over, and has no file yet, as Parquet files.",
+    "verify": "Check all invariants of the databases; exit code 1 when one is violated.",
+    "doctor": "Ask database, broker and gateway, and say what is missing; exit code 1 when "
+    "something is.",
+    "network": "Build, show, publish and fetch skyway networks.",
 }
 
 
@@ -144,7 +123,7 @@ def _plain_app(**options: Any) -> typer.Typer:
 
 def _load(name: str) -> Any:  # a command, whose class Typer keeps private
     """Import a subcommand."""
-    module, _, member = _COMMANDS[name][0].partition(":")
+    module, _, member = _COMMANDS[name].partition(":")
     found = getattr(import_module(f"skyway.cli.{module}"), member)
     app = _plain_app()
     if isinstance(found, typer.Typer):
@@ -163,7 +142,7 @@ def make_app() -> typer.Typer:
     """The command with all its subcommands."""
     app = _plain_app(cls=_Commands, no_args_is_help=True)
     app.callback()(_options)
-    for name, (_, summary) in _COMMANDS.items():
+    for name, summary in _SUMMARIES.items():
         app.command(name, short_help=summary)(_options)
     return app
 
