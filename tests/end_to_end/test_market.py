@@ -48,6 +48,20 @@ def test_the_accepted_offer_is_flown(system: Any) -> None:
     assert package["load_before_kg"] - package["load_after_kg"] == pytest.approx(0.5)
 
 
+@pytest.mark.storage_pair("postgresql-mosquitto")
+@pytest.mark.long
+def test_drones_of_another_network_at_the_same_place_are_no_candidates(system: Any) -> None:
+    system.publish_corridor("here")
+    system.publish_corridor("there")
+    provider = system.start_fleet(["there-s1"] * 5 + ["here-s2"])
+    pinned = {"providers": {"pinned": provider["provider_id"]}}
+
+    # The registry needs a moment to learn which drones belong to which network.
+    offers = system.eventually(lambda: _quote(system, pinned, network="here")["offers"], "an offer")
+
+    assert [offer["provider_id"] for offer in offers] == [provider["provider_id"]]
+
+
 @pytest.mark.storage_pair("embedded")
 def test_a_request_too_heavy_for_one_drone_is_flown_in_two_trips(system: Any) -> None:
     system.publish_corridor("heavy")
@@ -96,11 +110,11 @@ def test_many_simultaneous_requests_for_few_pads_all_end_without_double_booking(
     assert system.broken_rules() == []
 
 
-def _quote(system: Any, qos: dict[str, Any]) -> dict[str, Any]:
+def _quote(system: Any, qos: dict[str, Any], *, network: str = "offers") -> dict[str, Any]:
     body = {
-        "pickup": {"station_id": "offers-s1"},
+        "pickup": {"station_id": f"{network}-s1"},
         "packages": [
-            {"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": "offers-s3"}}
+            {"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": f"{network}-s3"}}
         ],
         "qos": qos,
     }

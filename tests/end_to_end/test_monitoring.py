@@ -37,3 +37,15 @@ def test_rules_and_panels_ask_for_what_the_services_show(system: Any) -> None:
 
     # Services keep what they have measured for some seconds.
     eventually(lambda: not missing(), "all that is asked for", instead=missing)
+
+
+@pytest.mark.long
+def test_the_gauges_show_a_fleet_and_its_mission(system: Any) -> None:
+    system.publish_corridor("gauged")
+    provider = system.start_fleet(["gauged-s1"])
+    system.until_available(provider["provider_id"], drones=1)
+
+    shown = system.metrics_of("registry")
+
+    assert 'skyway_part_ready{part="database"} 1.0' in shown
+    assert 'skyway_drones{state="AVAILABLE"}' in shown
