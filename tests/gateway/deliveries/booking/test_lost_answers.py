@@ -1,11 +1,14 @@
 """Composition may book what it has not answered: such deliveries come before new requests."""
 
+import asyncio
 from datetime import timedelta
 from typing import Any
 
 from skyway_gateway.deliveries.booking.booking_round import booking_request, candidate_query
+from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 
 from skyway.ids import DeliveryId
+from skyway.runtime.loops import Wake
 from tests.gateway.whole_gateway import Gateway
 
 
@@ -88,3 +91,44 @@ async def test_an_answer_that_came_is_not_lost_any_more(gateway: Gateway) -> Non
 
     [waiting] = await _claimed(gateway)
     assert (waiting.asked_at, waiting.is_waiting) == (None, True)
+
+
+class Booker:
+    """Learns what was booked when its gate opens."""
+
+    def __init__(self) -> None:
+        self.under_way: set[str] = set()
+        self.gate = asyncio.Event()
+
+    async def learn(self, delivery_id: str) -> bool:
+        self.under_way.add(delivery_id)
+        await self.gate.wait()
+        self.under_way.discard(delivery_id)
+        return True
+
+
+async def test_a_report_whose_sender_leaves_costs_others_no_answer() -> None:
+    loop, booker = BookingLoop(Wake(), claimant="bkr_1", most=4), Booker()
+    fake: Any = booker
+    asking = [asyncio.create_task(loop.learn(fake, DeliveryId("dlv_1"))) for _ in range(3)]
+    await asyncio.sleep(0)
+    assert len(booker.under_way) == 1
+
+    asking[1].cancel()
+    await asyncio.gather(asking[1], return_exceptions=True)
+    booker.gate.set()
+
+    assert [await asking[0], await asking[2]] == [True, True]
+
+
+async def test_reports_about_many_deliveries_ask_for_a_few_at_a_time() -> None:
+    loop, booker = BookingLoop(Wake(), claimant="bkr_1", most=4), Booker()
+    fake: Any = booker
+    asking = [
+        asyncio.create_task(loop.learn(fake, DeliveryId(f"dlv_{number}"))) for number in range(20)
+    ]
+    await asyncio.sleep(0)
+
+    assert len(booker.under_way) == 4
+    booker.gate.set()
+    assert await asyncio.gather(*asking) == [True] * 20

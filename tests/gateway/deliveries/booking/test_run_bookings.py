@@ -14,7 +14,6 @@ from skyway_gateway.deliveries.booking.run_bookings import BookingLoop, books_fr
 from skyway_gateway.settings import GatewaySettings
 
 from skyway.delivery.request import DeliveryRequest
-from skyway.ids import DeliveryId
 from skyway.runtime.loops import Wake
 from tests.gateway.whole_gateway import START, Gateway, make_request
 
@@ -53,12 +52,6 @@ class Booker:
             raise RuntimeError(name)
         self.under_way.discard(name)
         self.booked.append(name)
-        return True
-
-    async def learn(self, delivery_id: str) -> bool:
-        self.under_way.add(delivery_id)
-        await self.gate.wait()
-        self.under_way.discard(delivery_id)
         return True
 
 
@@ -269,33 +262,6 @@ async def scheduled(gateway: Gateway, *, hours: float = 72, **changes: Any) -> s
     """The id of a delivery with a pickup so many hours ahead."""
     pickup_at = (gateway.clock.now() + timedelta(hours=hours)).isoformat()
     return await gateway.accepted(earliest_pickup_at=pickup_at, **changes)
-
-
-async def test_a_report_whose_sender_leaves_costs_others_no_answer(until: Until) -> None:
-    loop, booker = BookingLoop(Wake(), claimant="bkr_1", most=4), Booker([])
-    fake: Any = booker
-    asking = [asyncio.create_task(loop.learn(fake, DeliveryId("dlv_1"))) for _ in range(3)]
-    await until(lambda: len(booker.under_way) == 1)
-
-    asking[1].cancel()
-    await asyncio.gather(asking[1], return_exceptions=True)
-    booker.gate.set()
-
-    assert [await asking[0], await asking[2]] == [True, True]
-
-
-async def test_reports_about_many_deliveries_ask_for_a_few_at_a_time(until: Until) -> None:
-    loop, booker = BookingLoop(Wake(), claimant="bkr_1", most=4), Booker([])
-    fake: Any = booker
-    asking = [
-        asyncio.create_task(loop.learn(fake, DeliveryId(f"dlv_{number}"))) for number in range(20)
-    ]
-    await until(lambda: bool(booker.under_way))
-    await asyncio.sleep(0)
-
-    assert len(booker.under_way) == 4
-    booker.gate.set()
-    assert await asyncio.gather(*asking) == [True] * 20
 
 
 async def test_a_pickup_beyond_the_horizon_waits_as_scheduled(gateway_on_both: Gateway) -> None:

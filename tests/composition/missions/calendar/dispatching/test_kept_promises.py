@@ -1,14 +1,18 @@
 """Shared missions are planned again and read again: promises, places and notes are kept."""
 
 import json
+from dataclasses import replace
 from datetime import timedelta
+from typing import Any
 
 import pytest
+from skyway_composition.missions.booking.shared_trip import SharedTrip
+from skyway_composition.missions.calendar.dispatching.join_host import JoinedTrip
 from skyway_composition.tables import missions
 from sqlalchemy import update
 
 from tests.composition.busy_world import BusyWorld
-from tests.composition.missions.calendar.dispatching.shared_requests import asks
+from tests.composition.missions.calendar.dispatching.shared_requests import asks, finder_of
 from tests.composition.missions.calendar.dispatching.test_shared_trips import (
     arrivals,
     book,
@@ -74,3 +78,27 @@ async def test_what_a_later_version_notes_about_a_guest_is_ignored(world: BusyWo
 
     assert (await shared_mission(world)).shares[1].near is not None
     await world.check()
+
+
+async def test_a_request_flies_alone_if_the_shared_trip_should_have_begun_before_it_is_saved(
+    world: BusyWorld,
+) -> None:
+    await book(world, "dlv1", asks("b"))
+    found = finder_of(world)
+
+    class Slow:
+        """Finds a shared trip so slowly that the trip should have begun meanwhile."""
+
+        async def find(self, *asked: Any) -> SharedTrip | None:
+            joint = await found.find(*asked)
+            if isinstance(joint, JoinedTrip):
+                late_ms = 1_000 + joint.better.first_start_ms - world.now_ms
+                world.clock.advance(timedelta(milliseconds=late_ms))
+            return joint
+
+    world.bookings = replace(world.bookings, shared=Slow())
+    before = world.clock.now()
+    await book(world, "dlv2", asks("b", "c"))
+
+    assert world.clock.now() > before
+    assert all(each.shares == () for each in await world.planned())

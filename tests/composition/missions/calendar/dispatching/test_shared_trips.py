@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from skyway_composition.live.live_store import missions_with_steps, open_missions
 from skyway_composition.live.present import live_missions
 from skyway_composition.missions.booking.shared_trip import SharedTrip
-from skyway_composition.missions.calendar.dispatching.join_host import JoinedTrip
 from skyway_composition.missions.calendar.dispatching.merger import MOST_SHARES
 from skyway_composition.missions.calendar.dispatching.store import refusals_of
 from skyway_composition.missions.mission.custody_store import held_packages
@@ -327,31 +326,6 @@ async def test_a_cancellation_between_planning_and_joining_has_the_request_fly_a
     (record,) = await world.planned()
     assert (record.mission.delivery_id, record.shares) == ("dlv2", ())
     await world.check()
-
-
-@_on_sqlite
-async def test_a_request_flies_alone_if_the_shared_trip_should_have_begun_before_it_is_saved(
-    world: BusyWorld,
-) -> None:
-    await book(world, "dlv1", asks("b"))
-    found = finder_of(world)
-
-    class Slow:
-        """Finds a shared trip so slowly that the trip should have begun meanwhile."""
-
-        async def find(self, *asked: Any) -> SharedTrip | None:
-            joint = await found.find(*asked)
-            if isinstance(joint, JoinedTrip):
-                late_ms = 1_000 + joint.better.first_start_ms - world.now_ms
-                world.clock.advance(timedelta(milliseconds=late_ms))
-            return joint
-
-    world.bookings = replace(world.bookings, shared=Slow())
-    before = world.clock.now()
-    await book(world, "dlv2", asks("b", "c"))
-
-    assert world.clock.now() > before
-    assert all(each.shares == () for each in await world.planned())
 
 
 @_on_sqlite
