@@ -12,7 +12,7 @@ from skyway.contracts.forgotten_deliveries import ForgetDeliveries
 from skyway.contracts.mission import CancelMissions
 from skyway.contracts.station_check import NetworkStations
 from skyway.geo import Position
-from skyway.ids import HoldId, NetworkId, StationId
+from skyway.ids import DeliveryId, HoldId, NetworkId, StationId
 from skyway.runtime.errors import ServiceUnavailable
 from tests.gateway.fake_composition import STATIONS, FakeComposition
 from tests.gateway.whole_gateway import Gateway, make_request
@@ -154,6 +154,20 @@ async def test_a_closed_cell_gets_no_new_requests_and_waiting_ones_are_booked_la
     assert (refused.status_code, refused.headers["retry-after"]) == (503, "1")
     assert "the cell corridor is unavailable: it is closed" in refused.json()["detail"]
     assert (state, (await gateway.get(waiting))["state"]) == ("REQUESTED", "PLANNED")
+
+
+async def test_a_closed_cell_still_closes_its_deliveries(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    delivery_id = await gateway.accepted()
+    await set_cell(gateway, is_open=False, generation=2)
+
+    path = f"/v1/deliveries/{delivery_id}/cancel"
+    cancelled = await gateway.http.post(path, headers=gateway.customer)
+
+    assert cancelled.status_code == 200, cancelled.text
+    closed = await gateway.parts.booker.composition.close(DeliveryId(delivery_id))
+    assert closed.is_closed
 
 
 async def test_the_table_of_cells_is_kept_for_the_next_start(

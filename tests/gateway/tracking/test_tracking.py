@@ -161,6 +161,21 @@ async def test_a_withdrawn_link_ends_until_it_is_renewed(gateway: Gateway) -> No
     assert await status(gateway, path) == 404
 
 
+async def test_no_earlier_link_comes_back_when_a_link_is_renewed_or_withdrawn_again(
+    gateway: Gateway,
+) -> None:
+    delivery_id, path = await requested(gateway)
+    paths = [path]
+    for is_withdrawn in (False, False, True, True):
+        if is_withdrawn:
+            await gateway.http.delete(link(delivery_id), headers=gateway.customer)
+        renewed = await gateway.http.post(link(delivery_id), headers=gateway.customer)
+        paths.append(path_of(renewed.json()["tracking_url"]))
+
+    assert len(set(paths)) == 5
+    assert [await status(gateway, each) for each in paths] == [404] * 4 + [200]
+
+
 async def test_an_open_page_may_not_be_followed_after_its_link_was_withdrawn(
     gateway: Gateway,
 ) -> None:
