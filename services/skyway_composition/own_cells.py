@@ -100,6 +100,20 @@ class OwnCells:
         self._refreshed.clear()
         return not self._served <= served
 
+    async def read_table_once(self) -> None:
+        """Read the table of cells, unless it was read before.
+
+        A server that was started again must not answer drones of others: it never reads what they
+        say to that, so its outbox would keep the instructions for ever, and its cell never move.
+
+        Raises
+        ------
+        ServiceUnavailable
+            There is no answer.
+        """
+        if self.cells.age_s is None:
+            await self.cells.refresh()
+
     @property
     def has_drones(self) -> bool:
         """Whether any drone may be this server's: with cells, a server without networks has none.

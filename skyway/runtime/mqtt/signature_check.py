@@ -138,7 +138,8 @@ class SignatureCheck:
         for number, (arrival, read_again) in enumerate(held):
             is_due = arrival.ids[1] in due
             if is_due and self._is_proven_now(arrival):
-                read_again(arrival)
+                if self.is_ours(arrival.ids):  # the look-up has shown which server reads it
+                    read_again(arrival)
             elif is_due and number < waiting:
                 self._reject(arrival)
             else:  # the message may have arrived during the look-up, signed with a newer key

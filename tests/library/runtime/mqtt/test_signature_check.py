@@ -62,9 +62,10 @@ class Taken:
     forged_payloads: list[bytes] = field(default_factory=list)
     postponed_ids: list[tuple[str, ...]] = field(default_factory=list)
     unreadable_payloads: list[bytes] = field(default_factory=list)
+    foreign: set[str] = field(default_factory=set)
 
     def is_ours(self, ids: tuple[str, ...]) -> bool:
-        return True
+        return ids[1] not in self.foreign
 
     def is_shut_out(self, ids: tuple[str, ...]) -> bool:
         return ids[1] == "drn_out"
@@ -145,6 +146,17 @@ async def test_a_message_that_comes_during_the_look_up_is_read_after_it(door: Do
 
     assert await door.read() == [state(OLD), state(OLD, 2)]
     assert len(door.registry.asked) == 1
+
+
+async def test_a_message_is_dropped_if_the_look_up_shows_that_its_drone_is_not_ours(
+    door: Door,
+) -> None:
+    door.registry.keys["drn_1"] = OLD.public_key
+    door.registry.meanwhile = lambda: door.taken.foreign.add("drn_1")
+    door.offer(state(OLD))
+
+    assert await door.read() == []
+    assert door.taken.forged_payloads == []
 
 
 async def test_a_drone_that_has_no_key_is_served_unsigned(door: Door) -> None:
