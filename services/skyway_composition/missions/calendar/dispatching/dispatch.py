@@ -1,5 +1,6 @@
 """Runs the dispatcher: it looks for better orders of what waits, and adopts them whole."""
 
+import asyncio
 import logging
 from dataclasses import dataclass
 from typing import Final
@@ -36,8 +37,12 @@ class Dispatcher:
     calendars: Wake
 
     async def step(self) -> bool:
-        """Step of a loop: look at each fleet once. Always False."""
+        """Step of a loop: look at each fleet once. Always False.
+
+        With many fleets it rests between them, so that searches leave the processors to bookings.
+        """
         for network_id, provider_id in await self.finder.fleets():
+            await asyncio.sleep(self.finder.search.rest_s)
             await self.look_at(network_id, provider_id)
         return False
 

@@ -11,10 +11,12 @@ import pytest
 from skyway_composition.closures.closure import Area
 from skyway_composition.links.store import lock_links
 from skyway_composition.missions.calendar.dispatching.adopt import BetterOrder, adopt
+from skyway_composition.missions.calendar.dispatching.dispatch import Dispatcher
 from skyway_composition.missions.calendar.dispatching.search_process import (
     FoundOrder,
     Search,
     SearchFailed,
+    SearchProcess,
 )
 from skyway_composition.missions.interventions import cancel
 from skyway_composition.missions.interventions.stop_packages import release_queued
@@ -422,3 +424,26 @@ async def test_bookings_go_on_while_orders_are_adopted(migrated_url: str) -> Non
         await world.check()
         assert "adopted" in outcomes or "outdated" in outcomes or "taken" in outcomes
         assert set(booked) <= {"BOOKED", "BUSY"}
+
+
+async def test_a_look_at_many_fleets_rests_before_each_of_them() -> None:
+    seen: list[str] = []
+
+    class Finder:
+        @property
+        def search(self) -> SearchProcess:
+            seen.append("rest")
+            return SearchProcess()
+
+        async def fleets(self) -> list[tuple[str, str]]:
+            return [("net", "prv_1"), ("net", "prv_2")]
+
+        async def find(self, _network_id: str, provider_id: str) -> str:
+            seen.append(provider_id)
+            return "unsearched"
+
+    anything: Any = None
+    finder: Any = Finder()
+    await Dispatcher(anything, finder, anything, anything, anything).step()
+
+    assert seen == ["rest", "prv_1", "rest", "prv_2"]

@@ -1,11 +1,13 @@
 """The process that searches: it answers, is replaced when it dies, and ends with its owner."""
 
 import asyncio
+import os
 import pickle
 
 import pytest
 from skyway_composition.missions.calendar.dispatching.search_process import (
     _LENGTH,
+    _MOST_SHARE,
     Search,
     SearchFailed,
     SearchProcess,
@@ -75,6 +77,18 @@ async def test_the_process_answers_dies_and_is_replaced() -> None:
         last = process._process
     assert last is not None
     assert last.returncode is not None
+
+
+async def test_searches_leave_the_processors_to_others() -> None:
+    now_s = 100.0
+    network, search = line_network(), make_search()
+    async with SearchProcess(now=lambda: now_s) as process:
+        assert process.rest_s == 0.0
+        first, second = [await process.find(search, network) for _ in range(2)]
+    allowed = _MOST_SHARE * (os.cpu_count() or 1)
+    assert process.rest_s == pytest.approx((first.processor_s + second.processor_s) / allowed)
+    now_s += process.rest_s + 1.0
+    assert process.rest_s == 0.0
 
 
 async def test_a_process_in_the_middle_of_a_search_ends_with_its_owner() -> None:
