@@ -16,7 +16,7 @@ RUN useradd --uid 10001 --home-dir /var/lib/skyway --create-home skyway \
         /var/lib/secrets/composition /var/lib/secrets/gateway /var/lib/secrets/commands
 COPY --from=build /opt/skyway /opt/skyway
 ENV PATH=/opt/skyway/bin:$PATH PYTHONUNBUFFERED=1 SKYWAY_DATA=/var/lib/skyway \
-    NUMBA_CACHE_DIR=/var/cache/skyway
+    NUMBA_CACHE_DIR=/var/cache/skyway NUMBA_CPU_NAME=x86-64-v3 NUMBA_CPU_FEATURES=
 USER skyway
 # Compiled for this processor; on another one composition compiles again before it is ready.
 RUN python -m skyway.planner.warm && python -m skyway.dispatch.warm

@@ -25,7 +25,7 @@ from typing import Any, Final
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from tools.pods_on_this_machine import ROOT, Document, Machine
+from tools.pods_on_this_machine import IMAGE, ROOT, Document, Machine
 
 #: Set in the process that has a network and mounts of its own.
 _INSIDE: Final = "SKYWAY_PLAYS_CHART"
@@ -141,7 +141,8 @@ def _compiled(folder: Path) -> Path:
     path = folder / "compiled"
     path.mkdir()
     warm = [sys.executable, "-m", "skyway.planner.warm"]
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(path)}
+    image = {name: value for name, value in IMAGE.items() if name.startswith("NUMBA_")}
+    environment = {**os.environ, **image, "NUMBA_CACHE_DIR": str(path)}
     subprocess.run(warm, cwd=ROOT, env=environment, check=True)
     return path
 

@@ -21,11 +21,13 @@ ROOT: Final = Path(__file__).resolve().parent.parent
 _SEEN: Final = (ROOT, Path(sys.base_prefix))
 
 #: The Dockerfile's own variables.
-_IMAGE: Final = {
+IMAGE: Final = {
     "PATH": f"{ROOT}/.venv/bin:/usr/sbin:/usr/bin:/sbin:/bin",
     "HOME": "/var/lib/skyway",
     "SKYWAY_DATA": "/var/lib/skyway",
     "NUMBA_CACHE_DIR": "/var/cache/skyway",
+    "NUMBA_CPU_NAME": "x86-64-v3",
+    "NUMBA_CPU_FEATURES": "",
     "PYTHONUNBUFFERED": "1",
 }
 
@@ -161,7 +163,7 @@ class Machine:
             "mount --rbind /dev /run/root/dev",
             "mount --rbind /proc /run/root/proc",
             "cp /etc/hosts /run/root/etc/hosts",
-            _bind(self._compiled, _IMAGE["NUMBA_CACHE_DIR"]),
+            _bind(self._compiled, IMAGE["NUMBA_CACHE_DIR"]),
         ]
         for mount in sorted(container.get("volumeMounts", ()), key=lambda each: each["mountPath"]):
             source = volumes[mount["name"]] / mount.get("subPath", "")
@@ -175,7 +177,7 @@ class Machine:
     def _command(self, container: Document, spec: Document) -> str:
         user, group = (spec["securityContext"][name] for name in ("runAsUser", "runAsGroup"))
         given = {each["name"]: each["value"] for each in container.get("env", ())}
-        variables = [f"{name}={value}" for name, value in {**_IMAGE, **given}.items()]
+        variables = [f"{name}={value}" for name, value in {**IMAGE, **given}.items()]
         return shlex.join(
             [
                 *("exec", "chroot", "/run/root", "setpriv", f"--reuid={user}", f"--regid={group}"),

@@ -92,6 +92,12 @@ COMMAND_LINE: Final = (
         "first two need it.",
     ),
     Row(
+        "NUMBA_CPU_NAME",
+        "name of a processor",
+        "this processor; in the image `x86-64-v3`",
+        "For what kernels are compiled (decision 0046). NUMBA_CPU_FEATURES stays empty with it.",
+    ),
+    Row(
         "SKYWAY_DATABASE_URL",
         "text",
         "SQLite in the data folder",

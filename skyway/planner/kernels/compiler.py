@@ -13,6 +13,7 @@ from typing import Any, Final, TypeVar
 
 import numba
 from llvmlite import ir
+from llvmlite.binding import get_host_cpu_features
 from numba import types
 from numba.core import caching, cgutils, config
 from numba.core.codegen import JITCodeLibrary
@@ -24,6 +25,11 @@ from skyway.errors import SkywayError
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
+#: The processors for which the image is compiled (NUMBA_CPU_NAME): x86-64 servers since 2015. They
+#: can do this more than the first ones.
+_OF_IMAGE: Final = "x86-64-v3"
+_ABILITIES: Final = ("avx2", "bmi2", "f16c", "fma", "lzcnt", "movbe")
+
 log = logging.getLogger(__name__)
 
 
@@ -31,10 +37,19 @@ log = logging.getLogger(__name__)
 def _say_once() -> None:
     """Say why this process waits; without a log of its own, on standard error."""
     log.warning(
-        "The planner is compiled for this processor, once; this usually takes up to a minute. "
+        "The planner is compiled, once; this usually takes up to a minute. "
         "The result is kept on disk."
     )
 
+
+def _compile_for_this_processor_if_it_can_do_less() -> None:
+    """Do without the code of the image on a processor that cannot run it (decision 0046)."""
+    abilities = get_host_cpu_features()
+    if config.CPU_NAME == _OF_IMAGE and not all(abilities.get(each) for each in _ABILITIES):
+        config.CPU_NAME = config.CPU_FEATURES = None
+
+
+_compile_for_this_processor_if_it_can_do_less()
 
 _OPTIONS: Final[dict[str, Any]] = {"nogil": True, "error_model": "numpy"}
 

@@ -7,8 +7,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+from numba.core import config
+
 import skyway.planner.kernels
-from skyway.planner.kernels import search, trees
+from skyway.planner.kernels import compiler, search, trees
 from skyway.planner.warm import warm
 
 
@@ -46,11 +49,38 @@ fill_floors(np.zeros((4, 2)), np.zeros(2), np.zeros(5))
         for _ in range(2)
     )
 
-    assert first.stderr.count("The planner is compiled for this processor") == 1
+    assert first.stderr.count("The planner is compiled, once") == 1
     assert second.stderr == ""
     assert {path.name.partition("-")[0] for path in tmp_path.rglob("*.nbi")} == {
         "bounds.fill_floors"
     }
+
+
+@pytest.mark.parametrize(
+    ("lacking", "chosen", "expected"),
+    [
+        (None, "x86-64-v3", ("x86-64-v3", "")),
+        ("avx2", "x86-64-v3", (None, None)),
+        ("movbe", "x86-64-v3", (None, None)),
+        ("avx2", "znver3", ("znver3", "")),
+        ("avx2", None, (None, "")),
+    ],
+)
+def test_a_processor_that_cannot_run_the_code_of_the_image_gets_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+    lacking: str | None,
+    chosen: str | None,
+    expected: tuple[str | None, str | None],
+) -> None:
+    abilities = {each: each != lacking for each in compiler._ABILITIES}
+    monkeypatch.setattr(compiler, "get_host_cpu_features", lambda: abilities)
+    monkeypatch.setattr(config, "CPU_NAME", chosen)
+    monkeypatch.setattr(config, "CPU_FEATURES", "")
+
+    compiler._compile_for_this_processor_if_it_can_do_less()
+
+    left = (config.CPU_NAME, config.CPU_FEATURES)
+    assert left == expected
 
 
 def test_kernels_without_a_folder_that_can_be_written_to_are_refused_with_the_setting(
