@@ -3,6 +3,7 @@
 The two processes exchange lines of JSON: a problem in, its plan out.
 """
 
+import atexit
 import os
 import sys
 from functools import cache
@@ -57,8 +58,10 @@ class PlainPython:
 
 @cache
 def plain_python() -> PlainPython:
-    """The only such process of this process; the first call starts it."""
-    return PlainPython()
+    """The only such process of this one: the first call starts it, and it ends with this one."""
+    started = PlainPython()
+    atexit.register(started.__exit__)
+    return started
 
 
 def _answer_all() -> None:
