@@ -113,7 +113,6 @@ class ServiceRoute(APIRoute):
                 except ValueError:
                     return await handle(request)  # FastAPI says what is wrong with the text
                 _check(raw, value, most_members=self.bounds.members)
-                _refuse_unstorable(value)
             return await handle(request)
 
         return check_and_handle
@@ -146,9 +145,12 @@ def operation_id(route: APIRoute) -> str:
 
 def require_json_type(request: Request) -> None:
     """Refuse a body whose Content-Type is not JSON, with 415."""
+    shown = request.headers.get("content-type", "")
+    if shown == "application/json":
+        return
     header = Header()
-    header["content-type"] = request.headers.get("content-type", "")
-    kind = header.get_content_type() if header["content-type"] else "none"
+    header["content-type"] = shown
+    kind = header.get_content_type() if shown else "none"
     if kind != "application/json" and not re.fullmatch(r"application/[^/]+\+json", kind):
         raise HTTPException(415, f"the Content-Type must be application/json; it is {kind}")
 
@@ -171,9 +173,6 @@ def _parsed(raw: bytes) -> Any:  # a JSON value of any type
     except ValueError:
         value = _parsed_by_python(raw)
     _check(raw, value, most_members=len(raw))
-    # A walk through millions of values takes longer than this search.
-    if _SUSPICIOUS.search(raw):
-        _refuse_unstorable(value)
     return value
 
 
@@ -241,7 +240,10 @@ def _check(raw: bytes, value: object, *, most_members: int) -> None:
     if b"\0" in raw:
         raise _broken("the text is not UTF-8")
     level: list[Any] = [value] if isinstance(value, dict | list) else []
-    for _ in range(MAX_DEPTH):
+    depth = 0
+    while level:
+        if depth == MAX_DEPTH:
+            raise _complaint((), _TOO_DEEP, value)
         if any(isinstance(each, dict) and len(each) > most_members for each in level):
             reason = f"holds an object of more than {most_members:,} members"
             raise _complaint((), reason, value)
@@ -251,13 +253,11 @@ def _check(raw: bytes, value: object, *, most_members: int) -> None:
             for inner in (outer.values() if isinstance(outer, dict) else outer)
             if isinstance(inner, dict | list)
         ]
-    if level:
-        raise _complaint((), _TOO_DEEP, value)
-
-
-def _refuse_unstorable(value: object) -> None:
-    for path, reason in _unstorable(value):
-        raise _complaint(path, reason, value)
+        depth += 1
+    # A walk through all values takes longer than this search.
+    if _SUSPICIOUS.search(raw):
+        for path, reason in _unstorable(value):
+            raise _complaint(path, reason, value)
 
 
 def _unstorable(value: object, path: Path = ()) -> Iterator[tuple[Path, str]]:
