@@ -3,7 +3,12 @@
 from datetime import timedelta
 from typing import Any
 
-from skyway_composition.missions.mission.step_store import ended_events, flown_totals, keep_cut_step
+from skyway_composition.missions.mission.step_store import (
+    ended_events,
+    flown_totals,
+    keep_cut_step,
+    steps_of,
+)
 from sqlalchemy import text
 
 from skyway.ids import MissionId
@@ -11,7 +16,8 @@ from skyway.ids import MissionId
 
 async def totals(composition: Any, mission_id: MissionId) -> dict[str, float]:
     async with composition.db.read() as connection:
-        return flown_totals(await ended_events(connection, mission_id))
+        steps = await steps_of(connection, mission_id)
+        return flown_totals(await ended_events(connection, mission_id, steps))
 
 
 async def test_a_cut_recharge_counts_once_before_and_after_its_row_is_replaced(
