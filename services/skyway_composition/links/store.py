@@ -131,16 +131,19 @@ async def renewals_of(
     return {row.drone_id: row.renewed_ms for row in await connection.execute(query)}
 
 
-async def save_links(tx: Tx, links: Iterable[DroneLink]) -> None:
-    """Store links that this transaction has locked."""
-    rows = [_values(link) for link in links]
-    if rows:
-        await tx.execute(_SAVE_LINK, rows)
+async def save_link(tx: Tx, link: DroneLink) -> None:
+    """Store a link that this transaction has locked."""
+    await tx.execute(_SAVE_LINK, {"of_drone": link.drone_id, **_values(link)})
 
 
-def _values(link: DroneLink) -> dict[str, Any]:  # parameters of `_SAVE_LINK` of any type
+def save_last_links(tx: Tx, links: Iterable[DroneLink]) -> None:
+    """Store locked links at the end of a transaction, which reads no links after this."""
+    rows = [{"drone_id": link.drone_id, **_values(link)} for link in links]
+    tx.update_rows(drone_links, {}, rows, key="drone_id")
+
+
+def _values(link: DroneLink) -> dict[str, Any]:  # column values of any type
     return {
-        "of_drone": link.drone_id,
         "provider_id": link.provider_id,
         "stream": link.stream,
         "last_seq": link.last_seq,

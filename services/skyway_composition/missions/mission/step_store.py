@@ -221,6 +221,15 @@ class LiveSteps:
         )
         self._read.pop(mission_id, None)
 
+    async def next_end_ms(self, mission_id: MissionId) -> int | None:
+        """The first planned end of the steps that have not ended; None if all have."""
+        ends_at = [
+            each.step.planned_end_at
+            for each in await self.of(mission_id)
+            if each.status == "PLANNED"
+        ]
+        return moment_to_ms(min(ends_at)) if ends_at else None
+
     async def ended_events(self, mission_id: MissionId) -> list[DroneEvent]:
         """The end events of all steps of a mission, cut steps included, in order."""
         return await ended_events(self._tx.connection, mission_id, await self.of(mission_id))

@@ -122,6 +122,15 @@ async def save_all(tx: Tx, records: Iterable[MissionRecord]) -> None:
         await tx.execute(_SAVE, rows)
 
 
+def save_last(tx: Tx, records: Iterable[tuple[MissionRecord, int | None]]) -> None:
+    """Save locked missions at the end of a transaction, each with the end of its next step."""
+    rows = [
+        {"mission_id": record.mission_id, **changing_columns(record), "next_end_ms": next_end_ms}
+        for record, next_end_ms in records
+    ]
+    tx.update_rows(missions, {}, rows, key="mission_id")
+
+
 async def lock_live(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, MissionRecord]:
     """The live missions of these drones, locked until the transaction ends."""
     found = await tx.execute(_LIVE, {"drone_ids": [*drone_ids]})

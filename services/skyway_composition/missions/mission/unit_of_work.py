@@ -22,7 +22,7 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition import alarm_store
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import DroneLink
-from skyway_composition.links.store import lock_links, save_links
+from skyway_composition.links.store import lock_links, save_last_links
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import LiveCustody
 from skyway_composition.missions.mission.record import MissionRecord, moved
@@ -96,10 +96,11 @@ class MissionUnitOfWork:
         self._answered.append(instruction_id)
 
     async def save_staged(self) -> None:
-        """Save all staged changes: once in a transaction, for any number of messages."""
-        await save_links(self.tx, [self.links[each] for each in sorted(self._staged_links)])
+        """Save all staged changes at the end of a transaction, for any number of messages."""
+        save_last_links(self.tx, [self.links[each] for each in sorted(self._staged_links)])
         staged = [self.missions[each] for each in sorted(self._staged_missions)]
-        await store.save_all(self.tx, staged)
+        next_ends_ms = [await self.steps.next_end_ms(each.mission_id) for each in staged]
+        store.save_last(self.tx, zip(staged, next_ends_ms, strict=True))
         for record in staged:
             await self._end_alarms(record)
         await confirm(self.tx, self._answered)
