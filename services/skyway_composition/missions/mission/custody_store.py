@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, Final, Literal
 
-from sqlalchemy import insert, select, update
+from sqlalchemy import RowMapping, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, StationId
@@ -145,7 +145,9 @@ class LiveCustody:
         if added:
             await self._tx.execute(_ADD_CUSTODY, added)
         for row in added:
-            self._read.pop(row["delivery_id"], None)
+            if (chain := self._read.get(row["delivery_id"])) is not None:
+                longer = sorted((*chain, _link(row)), key=lambda each: each.held.seq)
+                self._read[row["delivery_id"]] = longer
 
     async def give(self, mission_id: MissionId, *, to: MissionId) -> None:
         """Give a mission's links to the mission that carries its packages now."""
@@ -172,12 +174,17 @@ async def _chains(
     connection: AsyncConnection, delivery_ids: Collection[DeliveryId]
 ) -> dict[DeliveryId, list[ChainLink]]:
     chains: dict[DeliveryId, list[ChainLink]] = {each: [] for each in delivery_ids}
-    for row in await connection.execute(_CHAINS, {"delivery_ids": [*delivery_ids]}):
-        custodian = Custodian(row.custodian_kind, row.custodian_id)
-        held = Held(row.package_id, row.seq, custodian)
-        link = ChainLink(held, mission_id=row.mission_id, at=ms_to_moment(row.at_ms))
-        chains[row.delivery_id].append(link)
+    found = await connection.execute(_CHAINS, {"delivery_ids": [*delivery_ids]})
+    for row in found.mappings():
+        chains[row["delivery_id"]].append(_link(row))
     return chains
+
+
+def _link(row: Mapping[str, Any] | RowMapping) -> ChainLink:  # column values of any type
+    held = Held(
+        row["package_id"], row["seq"], Custodian(row["custodian_kind"], row["custodian_id"])
+    )
+    return ChainLink(held, row["mission_id"], ms_to_moment(row["at_ms"]))
 
 
 def begin_custody(tx: Tx, record: MissionRecord, rows: Collection[Held], *, at_ms: int) -> None:

@@ -143,6 +143,7 @@ class LiveSteps:
         self._tx = tx
         self._mission_ids = frozenset(mission_ids)
         self._read: dict[MissionId, list[StepRecord]] = {}
+        self._changed: set[MissionId] = set()
 
     async def of(self, mission_id: MissionId) -> list[StepRecord]:
         """All steps of a mission, in order; those of a mission that is not live are read anew."""
@@ -179,6 +180,7 @@ class LiveSteps:
             "event": event.model_dump_json(),
         }
         await self._tx.execute(_END_STEP, ended)
+        self._changed.add(mission_id)
         self._read[mission_id] = [
             replace(each, status=status, event=event)
             if each.step.step_id == event.step_id
@@ -196,7 +198,7 @@ class LiveSteps:
     ) -> None:
         """Replace all steps from `first_step` on, a cut step included."""
         await replace_steps(self._tx, mission_id, steps, first_step=first_step, revision=revision)
-        self._read.pop(mission_id, None)
+        self._forget(mission_id)
 
     async def replace_planned(
         self, mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
@@ -208,7 +210,7 @@ class LiveSteps:
             )
         )
         await _insert_steps(self._tx, mission_id, steps, revision=revision)
-        self._read.pop(mission_id, None)
+        self._forget(mission_id)
 
     async def change(self, mission_id: MissionId, step: FlightStep) -> None:
         """Save a changed step; its number and revision stay."""
@@ -219,16 +221,20 @@ class LiveSteps:
             )
             .values(step=step.model_dump_json(), **_step_columns(step))
         )
+        self._forget(mission_id)
+
+    def _forget(self, mission_id: MissionId) -> None:
+        self._changed.add(mission_id)
         self._read.pop(mission_id, None)
 
-    async def next_end_ms(self, mission_id: MissionId) -> int | None:
-        """The first planned end of the steps that have not ended; None if all have."""
-        ends_at = [
-            each.step.planned_end_at
-            for each in await self.of(mission_id)
-            if each.status == "PLANNED"
-        ]
-        return moment_to_ms(min(ends_at)) if ends_at else None
+    async def next_ends_ms(self) -> dict[MissionId, int | None]:
+        """When the next step of each mission whose steps were changed ends; None without one."""
+        steps = {each: await self.of(each) for each in self._changed}
+        ends_at = {
+            mission_id: [each.step.planned_end_at for each in own if each.status == "PLANNED"]
+            for mission_id, own in steps.items()
+        }
+        return {each: moment_to_ms(min(at)) if at else None for each, at in ends_at.items()}
 
     async def ended_events(self, mission_id: MissionId) -> list[DroneEvent]:
         """The end events of all steps of a mission, cut steps included, in order."""

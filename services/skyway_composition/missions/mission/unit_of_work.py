@@ -99,8 +99,7 @@ class MissionUnitOfWork:
         """Save all staged changes at the end of a transaction, for any number of messages."""
         save_last_links(self.tx, [self.links[each] for each in sorted(self._staged_links)])
         staged = [self.missions[each] for each in sorted(self._staged_missions)]
-        next_ends_ms = [await self.steps.next_end_ms(each.mission_id) for each in staged]
-        store.save_last(self.tx, zip(staged, next_ends_ms, strict=True))
+        store.save_last(self.tx, staged, next_ends_ms=await self.steps.next_ends_ms())
         for record in staged:
             await self._end_alarms(record)
         await confirm(self.tx, self._answered)
