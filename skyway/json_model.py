@@ -1,6 +1,6 @@
-"""The base of all models with a JSON form: frozen, and strict about unknown fields."""
+"""The base of all models with a JSON form: frozen, and strict about unknown fields; a cache."""
 
-from typing import Any, Final, Self
+from typing import Any, Final, Generic, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler
 from pydantic_core import CoreSchema
@@ -53,3 +53,49 @@ class WireModel(JsonModel):
     """A `JsonModel` between Skyway's own processes: fields of a newer writer are ignored."""
 
     model_config = ConfigDict(extra="ignore")
+
+
+J = TypeVar("J", bound=JsonModel)
+
+
+class JsonCache(Generic[J]):
+    """Values of one model by their JSON; all readers of a text share its frozen value.
+
+    The text comes from a database each time. After a change by another process the text differs and
+    is parsed, so a cached value is never out of date. The oldest values are dropped.
+    """
+
+    def __init__(self, model: type[J], *, most: int) -> None:
+        self._model = model
+        self._most = most
+        self._values: dict[str, J] = {}
+        #: The text of each cached value, by the value's identity.
+        self._texts: dict[int, str] = {}
+
+    def write(self, value: J) -> str:
+        """The JSON of a value, which is cached from now on."""
+        text = self._texts.get(id(value))
+        if text is None:
+            text = value.model_dump_json()
+            self._keep(text, value)
+        return text
+
+    def read(self, text: str) -> J:
+        """The value in this JSON."""
+        value = self._values.get(text)
+        if value is None:
+            value = self._model.read(text)
+            self._keep(text, value)
+        return value
+
+    def _keep(self, text: str, value: J) -> None:
+        # A cached value lives, so no other value has its identity.
+        self._drop(text)
+        self._values[text], self._texts[id(value)] = value, text
+        while len(self._values) > self._most:
+            self._drop(next(iter(self._values)))
+
+    def _drop(self, text: str) -> None:
+        dropped = self._values.pop(text, None)
+        if dropped is not None:
+            del self._texts[id(dropped)]

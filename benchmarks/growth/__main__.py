@@ -41,7 +41,7 @@ def _costs(growth: Growth, size: Size) -> Mapping[str, float]:
     print(f"{size.as_text()} ...", flush=True)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:  # as the services
         outcome = runner.run(run(size, growth.load))
-    dispatched = outcome.followed.dispatched()
+    dispatched = outcome.followed.count(outcome.burst.counted_event)
     if dispatched < _LEAST:
         print(f"  only {dispatched} dispatches: take a higher rate or more drones", flush=True)
     costs = _each_ms(outcome)
@@ -52,7 +52,7 @@ def _costs(growth: Growth, size: Size) -> Mapping[str, float]:
 
 def _each_ms(outcome: Outcome) -> dict[str, float]:
     usage, costs = outcome.usage, dict.fromkeys(_OURS, 0.0)
-    dispatched = max(1, outcome.followed.dispatched())
+    dispatched = max(1, outcome.followed.count(outcome.burst.counted_event))
     for name, busy_s in usage.busy.seconds.items():
         idle = usage.idle.seconds.get(name, 0.0) / usage.idle_s
         own = name.split(" ", 1)[0]

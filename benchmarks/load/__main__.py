@@ -30,7 +30,8 @@ def _tables(outcome: Outcome) -> list[Table]:
         Table("load", "What customers saw.", ("measured", "value"), outcome.rows()),
         Table(
             "load-cpu",
-            "Processor time: cores taken before and during the run, ms for each dispatch.",
+            "Processor time: cores taken before and during the run, ms for each "
+            f"{'completed delivery' if outcome.burst.is_flown else 'dispatch'}.",
             ("process", "idle, cores", "busy, cores", "ms each"),
             outcome.cpu_rows(),
         ),

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from skyway.contracts.delivery_event import DeliveryEventType
+
 Storage = Literal["embedded", "production"]
 
 
@@ -29,8 +31,15 @@ class Burst:
     seed: int
     #: How many processes of gateway, composition and registry each.
     replicas: int = 1
+    #: Whether the processor time of whole flights is measured, until every delivery has ended.
+    is_flown: bool = False
     #: Folder for the stacks of every process (py-spy) and for PostgreSQL's statements.
     profile: Path | None = None
+
+    @property
+    def counted_event(self) -> DeliveryEventType:
+        """The event of a delivery at which its cost is complete."""
+        return DeliveryEventType.COMPLETED if self.is_flown else DeliveryEventType.DISPATCHED
 
     def as_text(self) -> str:
         """One line."""
@@ -56,6 +65,12 @@ def read_burst(arguments: list[str]) -> Burst:
     parser.add_argument("--longest-wait-s", type=float, default=30.0, help="after the last request")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--replicas", type=int, default=1, help="processes of each service")
+    parser.add_argument(
+        "--flown",
+        dest="is_flown",
+        action="store_true",
+        help="measure until every delivery has ended: needs a fast --clock-rate and a long wait",
+    )
     parser.add_argument("--profile", type=Path, metavar="FOLDER", help="stacks, statements")
     burst = Burst(**vars(parser.parse_args(arguments)))
     if burst.replicas > 1 and burst.storage == "embedded":

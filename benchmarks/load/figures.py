@@ -69,18 +69,22 @@ class Outcome:
         ]
 
     def cpu_rows(self) -> list[tuple[str, ...]]:
-        """Each process: share of a core while idle, during the run, and ms for each dispatch."""
+        """Each process: share of a core while idle, during the run, and ms for each delivery.
+
+        A delivery counts when it is dispatched, or when it is completed if whole flights are
+        measured.
+        """
         usage = self.usage
-        dispatched = max(1, len(self.followed.of(DeliveryEventType.DISPATCHED)))
+        counted = max(1, self.followed.count(self.burst.counted_event))
         rows: list[tuple[str, ...]] = []
         for name, busy_s in usage.busy.seconds.items():
             idle = usage.idle.seconds.get(name, 0.0) / usage.idle_s
             own_s = max(0.0, busy_s - idle * usage.busy_s)
-            rows.append(_cpu_row(name, idle, busy_s / usage.busy_s, own_s / dispatched))
+            rows.append(_cpu_row(name, idle, busy_s / usage.busy_s, own_s / counted))
         idle = sum(usage.idle.seconds.values()) / usage.idle_s
         busy_s = sum(usage.busy.seconds.values())
         own_s = busy_s - idle * usage.busy_s
-        rows.append(_cpu_row("all of ours", idle, busy_s / usage.busy_s, own_s / dispatched))
+        rows.append(_cpu_row("all of ours", idle, busy_s / usage.busy_s, own_s / counted))
         others_s = max(0.0, usage.busy.machine_s - busy_s) / usage.busy_s
         rows.append(("everybody else", "", f"{others_s:.2f}", ""))
         return rows

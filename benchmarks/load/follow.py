@@ -47,9 +47,9 @@ class Followed:
         """When an event of this kind was first received, by delivery."""
         return self.first_at.get(kind, {})
 
-    def dispatched(self) -> int:
-        """How many deliveries were dispatched."""
-        return len(self.of(DeliveryEventType.DISPATCHED))
+    def count(self, kind: DeliveryEventType) -> int:
+        """How many deliveries had an event of this kind."""
+        return len(self.of(kind))
 
     def are_settled(
         self, deliveries: int, kind: DeliveryEventType = DeliveryEventType.DISPATCHED

@@ -9,6 +9,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -111,11 +112,16 @@ async def measured(
         metrics_key = read_secret(system.folder, METRICS_KEY)
         counted = await counters(system.urls, metrics_key=metrics_key)
         with profiled(_python_only(pids), burst.profile):
-            async with statements_counted(burst.profile, dispatched=followed.dispatched):
+            async with statements_counted(
+                burst.profile, dispatched=partial(followed.count, burst.counted_event)
+            ):
                 busy_from, started_s = CpuReading.of(pids), time.monotonic()
                 sent = await send(system.urls["gateway"], world, requests)
                 # Flights that begin late must not count as the cost of all dispatches.
-                await _until_settled(followed, len(sent.asked_at), within_s=_MEASURED_FOR_S)
+                within_s = burst.longest_wait_s if burst.is_flown else _MEASURED_FOR_S
+                await _until_settled(
+                    followed, len(sent.asked_at), within_s=within_s, kind=burst.counted_event
+                )
                 busy_to, ended_s = CpuReading.of(pids), time.monotonic()
         await _until_settled(followed, len(sent.asked_at), within_s=burst.longest_wait_s)
         after = await counters(system.urls, metrics_key=metrics_key)
@@ -161,6 +167,9 @@ async def warm_up(system: System, world: World, city: Place, *, burst: Burst) ->
             )
             is_quick = time.monotonic() - ended_s < _WARM_WITHIN_S
             if is_quick and requests_sent >= _LEAST_FOR_EACH_REPLICA * burst.replicas:
+                if burst.is_flown:  # these flights must not count
+                    within_s, kind = burst.longest_wait_s, burst.counted_event
+                    await _until_settled(followed, requests_sent, within_s=within_s, kind=kind)
                 return
     raise SkywayError(f"the system was not warm after {_MOST_WAVES} waves of requests")
 

@@ -41,7 +41,7 @@ BREAKS = {
     "I4 a mission was sent to its drone": ["DELETE FROM instructions"],
     "I4 a mission has steps": ["DELETE FROM mission_steps"],
     "a mission is checked when its next step should have ended": [
-        "UPDATE missions SET state = 'ACCEPTED'"
+        "UPDATE missions SET state = 'ACCEPTED', next_end_ms = 1"
     ],
     "a closed delivery has no mission that is not over": ["UPDATE deliveries SET closed_ms = 1"],
     "I7 an unanswered instruction follows the one before it": ["UPDATE instructions SET seq = 3"],

@@ -69,7 +69,7 @@ class Courier:
     ) -> tuple[DroneLink, InstructionId]:
         """Send as `send` does, and return the instruction's id, which the drone's answer names."""
         link, place = link.with_next()
-        await store.save_links(tx, [link])
+        await store.save_link(tx, link)
         instruction = self._instruction(place, draft, expires_at)
         await add_instruction(tx, place.drone_id, instruction)
         with in_trace_of(self.trace_of(place.drone_id)):

@@ -10,7 +10,7 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.links.store import lock_links, save_links
+from skyway_composition.links.store import lock_links, save_last_links
 
 
 def renewal_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
@@ -27,9 +27,8 @@ def renewal_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         at_ms = {each.drone_id: moment_to_ms(each.at) for each in requested.renewals}
         async with db.write() as tx:
             links = await lock_links(tx, at_ms)
-            await save_links(
-                tx, [link.renewed(at_ms=at_ms[drone_id]) for drone_id, link in links.items()]
-            )
+            renewed = [link.renewed(at_ms=at_ms[drone_id]) for drone_id, link in links.items()]
+            save_last_links(tx, renewed)
         return Response(status_code=204)
 
     return router

@@ -8,6 +8,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.ids import DroneId, ProviderId
+from skyway.json_model import JsonCache
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.in_list import in_list
 from skyway_composition.links.link import DroneLink, InstructionPlace
@@ -55,6 +56,11 @@ COUNT_NEXT: Final = (
         drone_links.c.last_event_seq,
     )
 )
+
+
+# The next message of a drone comes soon, most often to this replica. About 3 KiB each.
+_STATES: Final = JsonCache(DroneState, most=4_000)
+_CONNECTIONS: Final = JsonCache(Connection, most=4_000)
 
 
 async def lock_link(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> DroneLink:
@@ -118,7 +124,7 @@ async def states_of(
     query = select(drone_links.c.drone_id, drone_links.c.state).where(
         drone_links.c.drone_id.in_(sorted(drone_ids)), drone_links.c.state.is_not(None)
     )
-    return {row.drone_id: DroneState.read(row.state) for row in await connection.execute(query)}
+    return {row.drone_id: _STATES.read(row.state) for row in await connection.execute(query)}
 
 
 async def renewals_of(
@@ -131,16 +137,19 @@ async def renewals_of(
     return {row.drone_id: row.renewed_ms for row in await connection.execute(query)}
 
 
-async def save_links(tx: Tx, links: Iterable[DroneLink]) -> None:
-    """Store links that this transaction has locked."""
-    rows = [_values(link) for link in links]
-    if rows:
-        await tx.execute(_SAVE_LINK, rows)
+async def save_link(tx: Tx, link: DroneLink) -> None:
+    """Store a link that this transaction has locked."""
+    await tx.execute(_SAVE_LINK, {"of_drone": link.drone_id, **_values(link)})
 
 
-def _values(link: DroneLink) -> dict[str, Any]:  # parameters of `_SAVE_LINK` of any type
+def save_last_links(tx: Tx, links: Iterable[DroneLink]) -> None:
+    """Store locked links at the end of a transaction, which reads no links after this."""
+    rows = [{"drone_id": link.drone_id, **_values(link)} for link in links]
+    tx.update_rows(drone_links, {}, rows, key="drone_id")
+
+
+def _values(link: DroneLink) -> dict[str, Any]:  # column values of any type
     return {
-        "of_drone": link.drone_id,
         "provider_id": link.provider_id,
         "stream": link.stream,
         "last_seq": link.last_seq,
@@ -148,9 +157,9 @@ def _values(link: DroneLink) -> dict[str, Any]:  # parameters of `_SAVE_LINK` of
         "acked_session": link.acked_session,
         "last_event_seq": link.last_event_seq,
         "report_asked_wall_ms": link.report_asked_wall_ms,
-        "state": None if link.state is None else link.state.model_dump_json(),
+        "state": None if link.state is None else _STATES.write(link.state),
         "is_occupied": link.is_occupied,
-        "connection": None if link.connection is None else link.connection.model_dump_json(),
+        "connection": None if link.connection is None else _CONNECTIONS.write(link.connection),
         "renewed_ms": link.renewed_ms,
     }
 
@@ -180,7 +189,7 @@ def _link(row: Row[Any]) -> DroneLink:  # a row of drone_links
         acked_session=row.acked_session,
         last_event_seq=row.last_event_seq,
         report_asked_wall_ms=row.report_asked_wall_ms,
-        state=None if row.state is None else DroneState.read(row.state),
-        connection=None if row.connection is None else Connection.read(row.connection),
+        state=None if row.state is None else _STATES.read(row.state),
+        connection=None if row.connection is None else _CONNECTIONS.read(row.connection),
         renewed_ms=row.renewed_ms,
     )

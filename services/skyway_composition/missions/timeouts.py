@@ -28,7 +28,6 @@ from skyway_composition.missions.interventions.confirm_loading import LoadingFau
 from skyway_composition.missions.mission.doubt import put_in_doubt
 from skyway_composition.missions.mission.end import abort, refuse
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.store import models_of_missions
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.check_plan import REPORT_DELAY, check_plan
@@ -288,7 +287,7 @@ async def _loading_since(work: MissionUnitOfWork, record: MissionRecord) -> date
     if not is_awaited or record.is_being_loaded or mission.is_held or record.stuck is not None:
         return None
     since = record.mission.start_at
-    for each in await steps_of(work.tx.connection, record.mission_id):
+    for each in await work.steps.of(record.mission_id):
         if each.status == "ENDED" and each.event is not None:
             since = max(since, each.event.ended_at)
         elif isinstance(each.step, PickUpStep):

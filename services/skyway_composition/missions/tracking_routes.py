@@ -132,7 +132,7 @@ def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
             if record is None or _own_drone(caller) not in (None, record.drone_id):
                 raise NotFound("mission", mission_id)
             steps = await steps_of(connection, host_id)
-            events = await ended_events(connection, host_id)
+            events = await ended_events(connection, host_id, steps)
             link = await link_to(connection, record.drone_id)
         return progress_of(record, steps, events=events, link=link)
 

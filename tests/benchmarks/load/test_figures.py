@@ -13,8 +13,8 @@ from skyway.ids import DeliveryId, EventId
 AT = datetime(2026, 3, 1, tzinfo=UTC)
 
 
-def make_burst() -> Burst:
-    return read_burst(["--rate-per-s", "2", "--seconds", "10"])
+def make_burst(*options: str) -> Burst:
+    return read_burst(["--rate-per-s", "2", "--seconds", "10", *options])
 
 
 def report(followed: Followed, delivery: str, kind: str, at_s: float, **data: object) -> None:
@@ -31,10 +31,10 @@ def report(followed: Followed, delivery: str, kind: str, at_s: float, **data: ob
     followed.note(event, at_s)
 
 
-def make_outcome(followed: Followed, sent: Sent, busy: dict[str, float]) -> Outcome:
+def make_outcome(followed: Followed, sent: Sent, busy: dict[str, float], *options: str) -> Outcome:
     idle = CpuReading(dict.fromkeys(busy, 1.0), machine_s=0.0)
     return Outcome(
-        burst=make_burst(),
+        burst=make_burst(*options),
         started_s=100.0,
         sent=sent,
         followed=followed,
@@ -80,3 +80,15 @@ def test_what_a_process_takes_when_idle_is_no_deliverys_cost() -> None:
     # Idle a tenth of a core, so 2 of the 6 seconds in 20.
     assert rows[0] == ("gateway", "0.10", "0.30", "400.0")
     assert rows[-1] == ("everybody else", "", "1.20", "")
+
+
+def test_the_cost_of_whole_flights_is_shared_by_completed_deliveries() -> None:
+    followed = Followed()
+    for number in range(10):
+        report(followed, f"d{number}", "delivery.dispatched", 101.0)
+    for number in range(5):
+        report(followed, f"d{number}", "delivery.completed", 111.0)
+
+    rows = make_outcome(followed, Sent(), {"gateway": 6.0}, "--flown").cpu_rows()
+
+    assert rows[0] == ("gateway", "0.10", "0.30", "800.0")

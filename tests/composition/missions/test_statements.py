@@ -65,3 +65,20 @@ async def test_idle_drones_need_one_statement_without_locks(
 
     assert len(seen) == 1, seen
     assert "UPDATE" not in seen[0]
+
+
+async def test_a_whole_flight_in_one_batch_reads_its_steps_and_its_custody_once(
+    warm: Any, drone: Any, statements: Any
+) -> None:
+    await warm.book()
+    (instruction,) = await warm.sent()
+    await warm.receive(drone.ack(instruction))
+
+    with statements() as seen:
+        await warm.receive(*drone.flown(instruction))
+
+    assert await warm.state_of(instruction.mission_id) == "COMPLETED"
+    assert (
+        len([each for each in seen if "FROM mission_steps" in each and "UPDATE" not in each]) == 1
+    )
+    assert len([each for each in seen if "FROM custody" in each]) == 1

@@ -111,22 +111,25 @@ async def engage(
         )
         for record in records
     ]
-    for record in records:
-        store.add(tx, record)
+    steps = [
+        _steps_of(record, part, skyway) for record, part in zip(records, offer.parts, strict=True)
+    ]
+    for record, own in zip(records, steps, strict=True):
+        store.add(tx, record, next_end_ms=moment_to_ms(own[0].planned_end_at))
     by_mission = {
         record.mission_id: await _needed_pads(tx, part)
         for record, part in zip(records, offer.parts, strict=True)
     }
     reserve(tx, by_mission)
     await _begin_custody(tx, records)
-    for record, part in zip(records, offer.parts, strict=True):
-        steps = _add_steps(tx, record, part, skyway)
+    for record, own in zip(records, steps, strict=True):
+        add_steps(tx, record.mission_id, own)
         if record.drone_id not in places:
             continue
         courier.post_last(
             tx,
             places[record.drone_id],
-            mission_draft(record.mission, steps),
+            mission_draft(record.mission, own),
             expires_at=ms_to_moment(record.expires_ms),
         )
     return tuple(record.mission for record in records)
@@ -140,17 +143,13 @@ async def _needed_pads(tx: Tx, part: Part) -> Sequence[BookedPad]:
     return without(part.trip.booked_pads, queued)
 
 
-def _add_steps(
-    tx: Tx, record: MissionRecord, part: Part, skyway: PreparedNetwork
-) -> tuple[FlightStep, ...]:
-    steps = flight_steps(
+def _steps_of(record: MissionRecord, part: Part, skyway: PreparedNetwork) -> tuple[FlightStep, ...]:
+    return flight_steps(
         skyway.network,
         list(part.trip.steps()),
         terms=StepTerms.of(record, skyway.settings),
         first_step=1,
     )
-    add_steps(tx, record.mission_id, steps)
-    return steps
 
 
 async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:

@@ -31,7 +31,6 @@ from skyway_composition.missions.mission.standby import (
     shortened_mission,
     shortened_steps,
 )
-from skyway_composition.missions.mission.step_store import replace_steps
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, free_from, report
 from skyway_composition.missions.replanning.propose import Revision, propose
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
@@ -123,7 +122,7 @@ async def move(
         terms=StepTerms.of(record, skyway.settings),
         first_step=1,
     )
-    await replace_steps(work.tx, record.mission_id, steps, first_step=1, revision=1)
+    await work.steps.replace(record.mission_id, steps, first_step=1, revision=1)
     for mission_id in before:
         await give_way(work.tx, mission_id, pads)
     later = await pads_of_queued(work.tx.connection, record.drone_id)

@@ -15,14 +15,12 @@ from skyway_composition.missions.interventions.stop_packages import return_cance
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
     Held,
-    add_custody,
     carried_by,
-    held_on_mission,
     may_load,
 )
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.share_views import with_pooled_price
-from skyway_composition.missions.mission.step_store import ended_events, flown_totals
+from skyway_composition.missions.mission.step_store import flown_totals
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, free_from, report
 from skyway_composition.missions.replanning.store import plan_now
 
@@ -71,7 +69,7 @@ async def record_hand_over(
     """Note that recipients have their packages, and report the totals so far."""
     recipient = Custodian("RECIPIENT", step.station_id)
     passed = await _pass_on(work, record, step.package_ids, to=recipient, event=event)
-    flown = flown_totals(await ended_events(work.tx.connection, record.mission_id))
+    flown = flown_totals(await work.steps.ended_events(record.mission_id))
     return _report(work, record, "DELIVERED", event, passed, flown=flown)
 
 
@@ -137,12 +135,12 @@ async def _pass_on(
 
     A drone loads what a station has, and hands over only what it has itself.
     """
-    held = await held_on_mission(work.tx.connection, record)
+    held = await work.custody.held_on(record)
     if to.kind == "DRONE":
         passed = [each for each in package_ids if may_load(held.get(each))]
     else:
         carried = carried_by(held, record.drone_id)
         passed = [each for each in package_ids if each in carried]
     rows = [Held(each, held[each].seq + 1 if each in held else 1, to) for each in passed]
-    await add_custody(work.tx, record, rows, at_ms=moment_to_ms(event.ended_at))
+    await work.custody.add(record, rows, at_ms=moment_to_ms(event.ended_at))
     return tuple(passed)

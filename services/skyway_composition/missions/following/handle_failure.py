@@ -28,7 +28,6 @@ from skyway_composition.missions.mission.doubt import put_in_doubt
 from skyway_composition.missions.mission.end import end_after_forced_landing
 from skyway_composition.missions.mission.instruct import send_mission
 from skyway_composition.missions.mission.record import MissionRecord, OccupiedPad, Stuck
-from skyway_composition.missions.mission.step_store import end_step, planned_step, steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm, report
 from skyway_composition.missions.replanning.propose import drop_proposal, with_aims
 from skyway_composition.missions.replanning.remainder.aims import (
@@ -55,9 +54,9 @@ async def handle_step_failure(
     A failsafe may have led it to another station. Without a station it has landed in the open, and
     its mission ends. Packages without a recipient get another aim.
     """
-    step = await planned_step(work.tx.connection, record.mission_id, event)
+    step = await work.steps.planned(record.mission_id, event)
     if step is not None:
-        await end_step(work.tx, record.mission_id, event, status="FAILED")
+        await work.steps.end(record.mission_id, event, status="FAILED")
     record = begin(work, record, at=event.started_at or event.ended_at)
     code, detail = event.code or "STEP_FAILED", _in_words(event, step)
     if event.station_id is None:
@@ -180,7 +179,7 @@ async def _may_have_passed_packages(
         each.status == "PLANNED"
         and isinstance(each.step, PickUpStep | DeliverStep | ReturnStep)
         and each.step.planned_start_at <= until_at
-        for each in await steps_of(work.tx.connection, record.mission_id)
+        for each in await work.steps.of(record.mission_id)
     )
 
 

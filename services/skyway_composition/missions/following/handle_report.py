@@ -33,7 +33,6 @@ from skyway_composition.missions.following.recover_packages import (
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
     delivered,
-    held_on_mission,
     on_board,
     returned,
 )
@@ -42,7 +41,7 @@ from skyway_composition.missions.mission.end import abort, complete
 from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.release_pads import release_unneeded_pads
-from skyway_composition.missions.mission.step_store import end_step, keep_cut_step, planned_step
+from skyway_composition.missions.mission.step_store import keep_cut_step
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.check_plan import (
     check_plan,
@@ -94,14 +93,14 @@ async def handle_event(work: MissionUnitOfWork, link: DroneLink, event: DroneEve
 async def _handle_step_end(
     work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent
 ) -> None:
-    step = await planned_step(work.tx.connection, record.mission_id, event)
+    step = await work.steps.planned(record.mission_id, event)
     if (step or event.code == "CUT") and not await is_believed(work, record, step, event):
         return
     if event.code == "CUT":
         await keep_cut_step(work.tx, record.mission_id, event)
     if step is None:
         return
-    await end_step(work.tx, record.mission_id, event, status="ENDED")
+    await work.steps.end(record.mission_id, event, status="ENDED")
     record = begin(work, record, at=event.started_at or event.ended_at)
     is_cut = event.code == "CUT"
     match step:
@@ -134,7 +133,7 @@ async def _handle_mission_end(
     work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent
 ) -> None:
     record = begin(work, record, at=event.ended_at)
-    held = record.own(await held_on_mission(work.tx.connection, record))
+    held = record.own(await work.custody.held_on(record))
     back = returned(held, record.request.pickup.station_id)
     missing = {each.package_id for each in record.request.packages} - delivered(held) - back
     if not missing:
@@ -273,7 +272,7 @@ async def _with_reported_activity(
     doing = f"{state.activity} {state.station_id or ''}"
     if state.activity not in _REPORTED_ACTIVITIES or doing == record.reported_activity:
         return record
-    held = await held_on_mission(work.tx.connection, record)
+    held = await work.custody.held_on(record)
     if not on_board(record.own(held)):
         return record
     return report(

@@ -20,10 +20,10 @@ from skyway_composition.missions.following.plausibility import (
     why_out_of_reach,
     why_too_early,
 )
-from skyway_composition.missions.mission.custody_store import ChainLink, carried_by, chain_links
+from skyway_composition.missions.mission.custody_store import ChainLink, carried_by
 from skyway_composition.missions.mission.doubt import put_in_doubt
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.step_store import StepRecord, steps_of
+from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.networks.station_store import stations_named
 
@@ -80,17 +80,16 @@ class _Ledger:
 
     @classmethod
     async def of(cls, work: MissionUnitOfWork, record: MissionRecord) -> Self:
-        connection = work.tx.connection
         return cls(
             record,
-            steps=await steps_of(connection, record.mission_id),
-            links=await chain_links(connection, record),
+            steps=await work.steps.of(record.mission_id),
+            links=await work.custody.chain_links(record),
         )
 
     @classmethod
     async def before_loading(cls, work: MissionUnitOfWork, record: MissionRecord) -> Self:
         """What matters before a mission's only loading: its chains say nothing of its drone."""
-        return cls(record, await steps_of(work.tx.connection, record.mission_id), links=())
+        return cls(record, await work.steps.of(record.mission_id), links=())
 
     @property
     def carried(self) -> frozenset[PackageId]:

@@ -21,14 +21,10 @@ from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
     Held,
-    add_custody,
-    chain_links,
     has_never_left,
-    held_on_mission,
 )
 from skyway_composition.missions.mission.instruct import hold
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm
 
 
@@ -81,14 +77,14 @@ async def record_late_event(work: MissionUnitOfWork, link: DroneLink, event: Dro
 async def _record_late_return(
     work: MissionUnitOfWork, ended: MissionRecord, event: DroneEvent, *, station_id: StationId
 ) -> None:
-    held = await held_on_mission(work.tx.connection, ended)
+    held = await work.custody.held_on(ended)
     drone, station = Custodian("DRONE", ended.drone_id), Custodian("STATION", station_id)
     rows = [
         Held(each, held[each].seq + 1, station)
         for each in event.package_ids
         if each in held and held[each].custodian == drone
     ]
-    await add_custody(work.tx, ended, rows, at_ms=moment_to_ms(event.ended_at))
+    await work.custody.add(ended, rows, at_ms=moment_to_ms(event.ended_at))
 
 
 async def _record_late_hand_over(
@@ -112,7 +108,7 @@ async def _record_late_hand_over(
         for each in package_ids
         if each in held and held[each].custodian.kind != "RECIPIENT"
     ]
-    await add_custody(work.tx, ended, rows, at_ms=moment_to_ms(event.ended_at))
+    await work.custody.add(ended, rows, at_ms=moment_to_ms(event.ended_at))
     if not rows and await is_open(work.tx.connection, ended.drone_id, code="LATE_HAND_OVER"):
         return
     known = "" if rows else "; by the ledger it had none of them, so people must ask"
@@ -132,7 +128,7 @@ async def _record_late_hand_over(
 
 async def _last_moved_by(work: MissionUnitOfWork, ended: MissionRecord) -> dict[PackageId, Held]:
     """The packages that this mission has loaded, and that no other has moved since."""
-    links = await chain_links(work.tx.connection, ended)
+    links = await work.custody.chain_links(ended)
     last = {each.held.package_id: each for each in links}
     return {
         package_id: each.held
@@ -145,7 +141,7 @@ async def _delivering_step(
     work: MissionUnitOfWork, ended: MissionRecord, event: DroneEvent
 ) -> DeliverStep | None:
     """The step that has ended, if it delivers packages."""
-    steps = await steps_of(work.tx.connection, ended.mission_id)
+    steps = await work.steps.of(ended.mission_id)
     for each in steps:
         if isinstance(each.step, DeliverStep) and each.step.step_id == event.step_id:
             return each.step

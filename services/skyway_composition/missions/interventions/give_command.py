@@ -20,7 +20,7 @@ from skyway_composition.missions.interventions.stop_packages import (
     return_packages,
     stop_packages,
 )
-from skyway_composition.missions.mission.custody_store import held_on_mission, on_board
+from skyway_composition.missions.mission.custody_store import on_board
 from skyway_composition.missions.mission.end import abort
 from skyway_composition.missions.mission.instruct import held, hold, resume
 from skyway_composition.missions.mission.record import CALLED_HOME, DIVERTED, MissionRecord, Trouble
@@ -219,7 +219,7 @@ async def _divert(
 async def _return_home(work: MissionUnitOfWork, record: MissionRecord, command: Command) -> None:
     """Bring back the packages on board; an empty drone flies home anyway, or is cancelled."""
     reason = command.reason
-    carried = on_board(await held_on_mission(work.tx.connection, record))
+    carried = on_board(await work.custody.held_on(record))
     own = [each.package_id for each in record.packages(carried)]
     if not own:
         detail = f"nothing of {record.mission_id} is on board: to end it before loading, cancel it"

@@ -13,11 +13,9 @@ from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
     has_never_left,
-    held_on_mission,
 )
 from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
 from skyway_composition.missions.mission.share import ready_at
-from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.call_off import (
     can_stay_at_pickup,
@@ -47,14 +45,14 @@ async def stop_packages(
     back. A drone that loads soon and has not accepted the mission yet cannot be instructed in time:
     its packages are too late to cancel.
     """
-    held = await held_on_mission(work.tx.connection, record)
+    held = await work.custody.held_on(record)
     own = [each.package_id for each in record.packages(frozenset(package_ids))]
     drone = Custodian("DRONE", record.drone_id)
     carried = [each for each in own if each in held and held[each].custodian == drone]
     waiting = [each for each in own if has_never_left(held.get(each))]
     too_late = [each for each in own if each not in carried and each not in waiting]
 
-    steps = await steps_of(work.tx.connection, record.mission_id)
+    steps = await work.steps.of(record.mission_id)
     carries_others = len(waiting) < len(record.request.packages)
     link = work.links[record.drone_id]
     if waiting and not can_stay_at_pickup(

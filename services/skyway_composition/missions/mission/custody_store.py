@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, Final, Literal
 
-from sqlalchemy import bindparam, insert, select, update
+from sqlalchemy import RowMapping, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, StationId
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.in_list import in_list
 from skyway.units import ms_to_moment
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.share_views import owner_of
@@ -23,8 +24,8 @@ CustodianKind = Literal["STATION", "DRONE", "RECIPIENT"]
 
 # Every booking and every message of a drone needs these statements. Building them takes longer
 # than running them, so they are built once.
-_CHAIN: Final = (
-    select(custody).where(custody.c.delivery_id == bindparam("delivery_id")).order_by(custody.c.seq)
+_CHAINS: Final = (
+    select(custody).where(in_list(custody.c.delivery_id, "delivery_ids")).order_by(custody.c.seq)
 )
 
 _ADD_CUSTODY: Final = insert(custody)
@@ -106,69 +107,89 @@ def _held_by(held: Mapping[PackageId, Held], kind: CustodianKind) -> frozenset[P
     return frozenset(each.package_id for each in held.values() if each.custodian.kind == kind)
 
 
-async def chain_links(connection: AsyncConnection, record: MissionRecord) -> list[ChainLink]:
-    """The chains of all packages of a mission's deliveries, each in its order.
+class LiveCustody:
+    """The chains of live missions' packages in the transaction that has locked the missions.
 
-    A guest's packages have the ids under which they fly.
+    The chains of all their deliveries are read together, once. They grow only through this object.
     """
-    if not record.shares:
-        return await _chain_links(connection, record.mission.delivery_id)
-    links: list[ChainLink] = []
-    for share in record.shares:
-        flown = {own: flying for flying, own in share.packages.items()}
-        links += [
-            replace(each, held=replace(each.held, package_id=flown[each.held.package_id]))
-            for each in await _chain_links(connection, share.delivery_id)
-            if each.held.package_id in flown
-        ]
-    return sorted(links, key=lambda each: each.held.seq)
 
+    def __init__(self, tx: Tx, delivery_ids: Collection[DeliveryId]) -> None:
+        self._tx = tx
+        self._delivery_ids = frozenset(delivery_ids)
+        self._read: dict[DeliveryId, list[ChainLink]] = {}
 
-async def _chain_links(connection: AsyncConnection, delivery_id: DeliveryId) -> list[ChainLink]:
-    found = await connection.execute(_CHAIN, {"delivery_id": delivery_id})
-    return [
-        ChainLink(
-            Held(row.package_id, row.seq, Custodian(row.custodian_kind, row.custodian_id)),
-            mission_id=row.mission_id,
-            at=ms_to_moment(row.at_ms),
-        )
-        for row in found
-    ]
+    async def chain_links(self, record: MissionRecord) -> list[ChainLink]:
+        """The chains of all packages of a mission's deliveries, each in its order.
 
+        A guest's packages have the ids under which they fly.
+        """
+        if not record.shares:
+            return await self._chain(record.mission.delivery_id)
+        links: list[ChainLink] = []
+        for share in record.shares:
+            flown = {own: flying for flying, own in share.packages.items()}
+            links += [
+                replace(each, held=replace(each.held, package_id=flown[each.held.package_id]))
+                for each in await self._chain(share.delivery_id)
+                if each.held.package_id in flown
+            ]
+        return sorted(links, key=lambda each: each.held.seq)
 
-async def held_on_mission(
-    connection: AsyncConnection, record: MissionRecord
-) -> dict[PackageId, Held]:
-    """Who holds each package of a mission's deliveries now, by the ids under which they fly."""
-    links = await chain_links(connection, record)
-    return {each.held.package_id: each.held for each in links}
+    async def held_on(self, record: MissionRecord) -> dict[PackageId, Held]:
+        """Who holds each package of a mission's deliveries now, by the ids under which they fly."""
+        return {each.held.package_id: each.held for each in await self.chain_links(record)}
+
+    async def add(self, record: MissionRecord, rows: Collection[Held], *, at_ms: int) -> None:
+        """Add links to the packages' chains; each number occurs once in a chain."""
+        added = _custody_rows(record, rows, at_ms=at_ms)
+        if added:
+            await self._tx.execute(_ADD_CUSTODY, added)
+        for row in added:
+            if (chain := self._read.get(row["delivery_id"])) is not None:
+                longer = sorted((*chain, _link(row)), key=lambda each: each.held.seq)
+                self._read[row["delivery_id"]] = longer
+
+    async def give(self, mission_id: MissionId, *, to: MissionId) -> None:
+        """Give a mission's links to the mission that carries its packages now."""
+        given = update(custody).where(custody.c.mission_id == mission_id)
+        await self._tx.execute(given.values(mission_id=to))
+        self._read.clear()
+
+    async def _chain(self, delivery_id: DeliveryId) -> list[ChainLink]:
+        if delivery_id not in self._read:
+            unread = {delivery_id, *self._delivery_ids} - self._read.keys()
+            self._read |= await _chains(self._tx.connection, unread)
+        return self._read[delivery_id]
 
 
 async def held_packages(
     connection: AsyncConnection, delivery_id: DeliveryId
 ) -> dict[PackageId, Held]:
     """Who holds each package of a delivery now."""
-    links = await _chain_links(connection, delivery_id)
+    links = (await _chains(connection, [delivery_id]))[delivery_id]
     return {each.held.package_id: each.held for each in links}
+
+
+async def _chains(
+    connection: AsyncConnection, delivery_ids: Collection[DeliveryId]
+) -> dict[DeliveryId, list[ChainLink]]:
+    chains: dict[DeliveryId, list[ChainLink]] = {each: [] for each in delivery_ids}
+    found = await connection.execute(_CHAINS, {"delivery_ids": [*delivery_ids]})
+    for row in found.mappings():
+        chains[row["delivery_id"]].append(_link(row))
+    return chains
+
+
+def _link(row: Mapping[str, Any] | RowMapping) -> ChainLink:  # column values of any type
+    held = Held(
+        row["package_id"], row["seq"], Custodian(row["custodian_kind"], row["custodian_id"])
+    )
+    return ChainLink(held, row["mission_id"], ms_to_moment(row["at_ms"]))
 
 
 def begin_custody(tx: Tx, record: MissionRecord, rows: Collection[Held], *, at_ms: int) -> None:
     """Add the first links of the packages' chains when the transaction ends."""
     tx.add(custody, _custody_rows(record, rows, at_ms=at_ms))
-
-
-async def add_custody(tx: Tx, record: MissionRecord, rows: Collection[Held], *, at_ms: int) -> None:
-    """Add links to the packages' chains; each number occurs once in a chain."""
-    added = _custody_rows(record, rows, at_ms=at_ms)
-    if added:
-        await tx.execute(_ADD_CUSTODY, added)
-
-
-async def give_custody(tx: Tx, mission_id: MissionId, *, to: MissionId) -> None:
-    """Give a mission's links to the mission that carries its packages now."""
-    await tx.execute(
-        update(custody).where(custody.c.mission_id == mission_id).values(mission_id=to)
-    )
 
 
 def _custody_rows(

@@ -10,8 +10,6 @@ from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
     Held,
-    add_custody,
-    held_on_mission,
     left_behind,
     on_board,
 )
@@ -19,7 +17,7 @@ from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.release_pads import restore_pads
 from skyway_composition.missions.mission.standby import begin_sooner, restore_standby
-from skyway_composition.missions.mission.step_store import ended_events, flown_totals
+from skyway_composition.missions.mission.step_store import flown_totals
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm, report
 from skyway_composition.pads.store import free
 from skyway_composition.planning.no_show_store import note_absence
@@ -144,7 +142,7 @@ async def end_after_forced_landing(
 
     Its packages stay on board; people must fetch the drone.
     """
-    held = record.own(await held_on_mission(work.tx.connection, record))
+    held = record.own(await work.custody.held_on(record))
     packages = sorted(on_board(held))
     place = f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
     load = f"with {', '.join(packages)} on board" if packages else "with nothing on board"
@@ -188,7 +186,7 @@ async def _end(
     stranded = await _strand(work, record, at=at, station_id=station_id)
     record = replace(moved(record, state), stuck=None, trouble=None, proposal=None)
     await free(work.tx, record.mission_id)
-    events = await ended_events(work.tx.connection, record.mission_id)
+    events = await work.steps.ended_events(record.mission_id)
     record = report(
         work,
         record,
@@ -209,10 +207,10 @@ async def _strand(
     work: MissionUnitOfWork, record: MissionRecord, *, at: datetime, station_id: StationId | None
 ) -> tuple[PackageId, ...]:
     """The packages that stay on board or were left behind; the station takes custody if known."""
-    held = record.own(await held_on_mission(work.tx.connection, record))
+    held = record.own(await work.custody.held_on(record))
     on_its_board = sorted(on_board(held))
     if station_id is not None:
         station = Custodian("STATION", station_id)
         rows = [Held(each, held[each].seq + 1, station) for each in on_its_board]
-        await add_custody(work.tx, record, rows, at_ms=moment_to_ms(at))
+        await work.custody.add(record, rows, at_ms=moment_to_ms(at))
     return (*on_its_board, *sorted(left_behind(held, record.request.pickup.station_id)))

@@ -21,7 +21,6 @@ from skyway_composition.links.courier import Courier, Draft
 from skyway_composition.links.instruction_store import SentInstruction, open_instructions
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm
 
 
@@ -74,7 +73,7 @@ async def is_being_called_off(
 
 async def send_mission(work: MissionUnitOfWork, record: MissionRecord) -> None:
     """Send the planned steps of a mission: for the first time, or again in a new stream."""
-    all_steps = await steps_of(work.tx.connection, record.mission_id)
+    all_steps = await work.steps.of(record.mission_id)
     steps = [each.step for each in all_steps if each.status == "PLANNED"]
     expires_at = work.courier.expiry()
     # A QUEUED mission is not in the unit of work yet.

@@ -11,7 +11,15 @@ from skyway.contracts.flight_step import FlightStep, PackageOnBoard
 from skyway.contracts.message import Soc
 from skyway.contracts.mission import LIVE_MISSION_STATES, Mission, MissionState, PackageEta
 from skyway.delivery.request import DeliveryRequest, Package
-from skyway.ids import DroneId, InstructionId, MissionId, NetworkId, PackageId, StationId
+from skyway.ids import (
+    DeliveryId,
+    DroneId,
+    InstructionId,
+    MissionId,
+    NetworkId,
+    PackageId,
+    StationId,
+)
 from skyway.json_model import JsonModel
 from skyway.scheduling.stays import Slot, Stay, stays_of_standby
 from skyway.units import moment_to_ms
@@ -166,6 +174,12 @@ class MissionRecord:
     def drone_id(self) -> DroneId:
         """The drone that flies it."""
         return self.mission.drone_id
+
+    @property
+    def delivery_ids(self) -> tuple[DeliveryId, ...]:
+        """The deliveries that it serves."""
+        shared = tuple(each.delivery_id for each in self.shares)
+        return shared or (self.mission.delivery_id,)
 
     @property
     def without_reports(self) -> "MissionRecord":

@@ -22,7 +22,7 @@ async def release_unneeded_pads(work: MissionUnitOfWork, record: MissionRecord) 
 
     A pad that the drone's QUEUED missions hold by then stays theirs: it is the same drone.
     """
-    await _hold_needed(work.tx, record)
+    await _hold_needed(work.tx, record, await work.steps.of(record.mission_id))
 
 
 async def restore_pads(tx: Tx, drone_id: DroneId) -> MissionRecord | None:
@@ -32,12 +32,11 @@ async def restore_pads(tx: Tx, drone_id: DroneId) -> MissionRecord | None:
     """
     live = (await lock_live(tx, [drone_id])).get(drone_id)
     if live is not None and live.stuck is None:
-        await _hold_needed(tx, live)
+        await _hold_needed(tx, live, await steps_of(tx.connection, live.mission_id))
     return live
 
 
-async def _hold_needed(tx: Tx, record: MissionRecord) -> None:
-    steps = await steps_of(tx.connection, record.mission_id)
+async def _hold_needed(tx: Tx, record: MissionRecord, steps: Sequence[StepRecord]) -> None:
     queued = await pads_of_queued(tx.connection, record.drone_id)
     await hold(tx, record.mission_id, without(_needed_pads(record, steps), queued))
 

@@ -1,13 +1,13 @@
 """A mission as a row: columns for what is searched, JSON for the remaining values."""
 
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final
 
 from pydantic import TypeAdapter
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.mission import Mission, PackageEta
 from skyway.delivery.request import DeliveryRequest
-from skyway.json_model import JsonModel
+from skyway.json_model import JsonCache
 from skyway.scheduling.stays import stays_json
 from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.record import (
@@ -20,46 +20,9 @@ from skyway_composition.missions.mission.record import (
 )
 from skyway_composition.missions.mission.share import read_shares, shares_json
 
-J = TypeVar("J", bound=JsonModel)
-
-
-#: Cached values of one model, about 10 KiB each. The dispatcher reads all open missions of each
-#: fleet: a smaller cache would lose those that drones report about next.
-MOST: Final = 4_000
-
-
-class JsonCache(Generic[J]):
-    """Values of one model by their JSON; all readers of a text share its frozen value.
-
-    A drone answers about a second after its mission was booked, most often to the replica that
-    booked it, so this replica need not parse the JSON again. The text comes from the database each
-    time. After a change by another replica the text differs and is parsed, so a cached value is
-    never out of date.
-    """
-
-    def __init__(self, model: type[J]) -> None:
-        self._model = model
-        self._cached: dict[str, J] = {}
-
-    def write(self, value: J) -> str:
-        """The JSON of a value, which is cached from now on."""
-        text = value.model_dump_json()
-        self._keep(text, value)
-        return text
-
-    def read(self, text: str) -> J:
-        """The value in this JSON."""
-        value = self._cached.get(text)
-        if value is None:
-            value = self._model.read(text)
-            self._keep(text, value)
-        return value
-
-    def _keep(self, text: str, value: J) -> None:
-        self._cached[text] = value
-        while len(self._cached) > MOST:
-            del self._cached[next(iter(self._cached))]
-
+#: How many values of one model are cached, about 10 KiB each. The dispatcher reads all open
+#: missions of a fleet: a smaller cache would lose those that drones report about next.
+_MOST: Final = 4_000
 
 _AIMS: Final = TypeAdapter(tuple[Aim, ...])
 
@@ -68,14 +31,11 @@ _AIMS: Final = TypeAdapter(tuple[Aim, ...])
 PROMISED: Final = TypeAdapter(tuple[PackageEta, ...])
 
 
-# A mission is read again soon after it was written, and its request seldom changes.
-_MISSIONS: Final = JsonCache(Mission)
-
-
-_REQUESTS: Final = JsonCache(DeliveryRequest)
-
-
-_CANDIDATES: Final = JsonCache(Candidate)
+# A mission is read again soon after it was written, most often by the same replica: a drone answers
+# about a second after its booking. The request seldom changes.
+_MISSIONS: Final = JsonCache(Mission, most=_MOST)
+_REQUESTS: Final = JsonCache(DeliveryRequest, most=_MOST)
+_CANDIDATES: Final = JsonCache(Candidate, most=_MOST)
 
 
 def new_row(record: MissionRecord) -> dict[str, Any]:  # column values of any type

@@ -1,8 +1,8 @@
 """The steps of a mission, with all SQL: as they were sent, how they ended, and which were cut."""
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 from typing import Any, Final, Literal
 
 from pydantic import TypeAdapter
@@ -13,23 +13,19 @@ from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import FlightStep
 from skyway.ids import MissionId
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms
 from skyway_composition.tables import cut_steps, mission_steps, missions
 
 #: An event without a revision matches a step of any revision.
 _ANY_REVISION: Final = 2**31 - 1
 
+#: How many steps and how many events are cached, about 3 KiB each.
+_MOST_TEXTS: Final = 8_192
+
 # Every booking and every message of a drone needs these statements. Building them takes longer
 # than running them, so they are built once.
 _ADD_STEPS: Final = insert(mission_steps)
-
-_PLANNED_STEP: Final = select(mission_steps.c.step).where(
-    mission_steps.c.mission_id == bindparam("mission_id"),
-    mission_steps.c.step_id == bindparam("step_id"),
-    mission_steps.c.status == "PLANNED",
-    # A cut step and the step that replaced it have the same number; the replacement is newer.
-    mission_steps.c.revision <= bindparam("revision"),
-)
 
 _END_STEP: Final = update(mission_steps).where(
     mission_steps.c.mission_id == bindparam("of_mission"),
@@ -37,9 +33,20 @@ _END_STEP: Final = update(mission_steps).where(
 )
 
 _STEPS: Final = (
-    select(mission_steps)
-    .where(mission_steps.c.mission_id == bindparam("mission_id"))
-    .order_by(mission_steps.c.step_id)
+    select(
+        mission_steps.c.mission_id,
+        mission_steps.c.step,
+        mission_steps.c.revision,
+        mission_steps.c.status,
+        mission_steps.c.event,
+    )
+    .where(in_list(mission_steps.c.mission_id, "mission_ids"))
+    .order_by(mission_steps.c.mission_id, mission_steps.c.step_id)
+)
+
+
+_CUT_EVENTS: Final = select(cut_steps.c.event).where(
+    cut_steps.c.mission_id == bindparam("mission_id")
 )
 
 
@@ -53,9 +60,14 @@ class StepRecord:
     event: DroneEvent | None
 
 
+# The steps of a mission and their events are read again with each event of its drone.
+@lru_cache(_MOST_TEXTS)
 def read_step(text: str) -> FlightStep:
-    """The step in this JSON."""
+    """The step in this JSON; all readers of a text share its frozen value."""
     return _adapter().validate_json(text, extra="ignore")
+
+
+_read_event: Final = lru_cache(_MOST_TEXTS)(DroneEvent.read)
 
 
 @cache
@@ -90,18 +102,6 @@ def add_steps(tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep]) -> Non
     tx.add(mission_steps, _step_rows(mission_id, steps, revision=1))
 
 
-async def replace_planned(
-    tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
-) -> None:
-    """Replace all planned steps with the steps of a revision."""
-    await tx.execute(
-        delete(mission_steps).where(
-            mission_steps.c.mission_id == mission_id, mission_steps.c.status == "PLANNED"
-        )
-    )
-    await _insert_steps(tx, mission_id, steps, revision=revision)
-
-
 async def replace_steps(
     tx: Tx,
     mission_id: MissionId,
@@ -119,51 +119,126 @@ async def replace_steps(
     await _insert_steps(tx, mission_id, steps, revision=revision)
 
 
-async def change_step(tx: Tx, mission_id: MissionId, step: FlightStep) -> None:
-    """Save a changed step; its number and revision stay."""
-    await tx.execute(
-        update(mission_steps)
-        .where(mission_steps.c.mission_id == mission_id, mission_steps.c.step_id == step.step_id)
-        .values(step=step.model_dump_json(), **_step_columns(step))
-    )
-
-
-async def planned_step(
-    connection: AsyncConnection, mission_id: MissionId, event: DroneEvent
-) -> FlightStep | None:
-    """The step that this event ends.
-
-    None if the step has ended before, was replaced, or was never sent.
-    """
-    values = {
-        "mission_id": mission_id,
-        "step_id": event.step_id,
-        "revision": event.mission_revision or _ANY_REVISION,
-    }
-    found = await connection.execute(_PLANNED_STEP, values)
-    text = found.scalar_one_or_none()
-    return None if text is None else read_step(text)
-
-
-async def end_step(
-    tx: Tx, mission_id: MissionId, event: DroneEvent, *, status: Literal["ENDED", "FAILED"]
-) -> None:
-    """Mark the step that this event ends."""
-    ended = {
-        "of_mission": mission_id,
-        "of_step": event.step_id,
-        "status": status,
-        "started_ms": None if event.started_at is None else moment_to_ms(event.started_at),
-        "ended_ms": moment_to_ms(event.ended_at),
-        "event": event.model_dump_json(),
-    }
-    await tx.execute(_END_STEP, ended)
-
-
 async def steps_of(connection: AsyncConnection, mission_id: MissionId) -> list[StepRecord]:
     """All steps of a mission, in order."""
-    found = await connection.execute(_STEPS, {"mission_id": mission_id})
-    return [step_record(row) for row in found]
+    return (await _steps_of_all(connection, [mission_id]))[mission_id]
+
+
+async def _steps_of_all(
+    connection: AsyncConnection, mission_ids: Collection[MissionId]
+) -> dict[MissionId, list[StepRecord]]:
+    steps: dict[MissionId, list[StepRecord]] = {each: [] for each in mission_ids}
+    for row in await connection.execute(_STEPS, {"mission_ids": [*mission_ids]}):
+        steps[row.mission_id].append(step_record(row))
+    return steps
+
+
+class LiveSteps:
+    """The steps of live missions in the transaction that has locked them.
+
+    The steps of all these missions are read together, once. They change only through this object.
+    """
+
+    def __init__(self, tx: Tx, mission_ids: Collection[MissionId]) -> None:
+        self._tx = tx
+        self._mission_ids = frozenset(mission_ids)
+        self._read: dict[MissionId, list[StepRecord]] = {}
+        self._changed: set[MissionId] = set()
+
+    async def of(self, mission_id: MissionId) -> list[StepRecord]:
+        """All steps of a mission, in order; those of a mission that is not live are read anew."""
+        if mission_id not in self._mission_ids:
+            return await steps_of(self._tx.connection, mission_id)
+        if mission_id not in self._read:
+            unread = sorted(self._mission_ids - self._read.keys())
+            self._read |= await _steps_of_all(self._tx.connection, unread)
+        return self._read[mission_id]
+
+    async def planned(self, mission_id: MissionId, event: DroneEvent) -> FlightStep | None:
+        """The step that this event ends.
+
+        None if the step has ended before, was replaced, or was never sent.
+        """
+        # A cut step and the step that replaced it have the same number; the replacement is newer.
+        revision = event.mission_revision or _ANY_REVISION
+        for each in await self.of(mission_id):
+            if each.step.step_id == event.step_id:
+                is_planned = each.status == "PLANNED" and each.revision <= revision
+                return each.step if is_planned else None
+        return None
+
+    async def end(
+        self, mission_id: MissionId, event: DroneEvent, *, status: Literal["ENDED", "FAILED"]
+    ) -> None:
+        """Mark the step that this event ends."""
+        ended = {
+            "of_mission": mission_id,
+            "of_step": event.step_id,
+            "status": status,
+            "started_ms": None if event.started_at is None else moment_to_ms(event.started_at),
+            "ended_ms": moment_to_ms(event.ended_at),
+            "event": event.model_dump_json(),
+        }
+        await self._tx.execute(_END_STEP, ended)
+        self._changed.add(mission_id)
+        self._read[mission_id] = [
+            replace(each, status=status, event=event)
+            if each.step.step_id == event.step_id
+            else each
+            for each in await self.of(mission_id)
+        ]
+
+    async def replace(
+        self,
+        mission_id: MissionId,
+        steps: Iterable[FlightStep],
+        *,
+        first_step: int,
+        revision: int,
+    ) -> None:
+        """Replace all steps from `first_step` on, a cut step included."""
+        await replace_steps(self._tx, mission_id, steps, first_step=first_step, revision=revision)
+        self._forget(mission_id)
+
+    async def replace_planned(
+        self, mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
+    ) -> None:
+        """Replace all planned steps with the steps of a revision."""
+        await self._tx.execute(
+            delete(mission_steps).where(
+                mission_steps.c.mission_id == mission_id, mission_steps.c.status == "PLANNED"
+            )
+        )
+        await _insert_steps(self._tx, mission_id, steps, revision=revision)
+        self._forget(mission_id)
+
+    async def change(self, mission_id: MissionId, step: FlightStep) -> None:
+        """Save a changed step; its number and revision stay."""
+        await self._tx.execute(
+            update(mission_steps)
+            .where(
+                mission_steps.c.mission_id == mission_id, mission_steps.c.step_id == step.step_id
+            )
+            .values(step=step.model_dump_json(), **_step_columns(step))
+        )
+        self._forget(mission_id)
+
+    def _forget(self, mission_id: MissionId) -> None:
+        self._changed.add(mission_id)
+        self._read.pop(mission_id, None)
+
+    async def next_ends_ms(self) -> dict[MissionId, int | None]:
+        """When the next step of each mission whose steps were changed ends; None without one."""
+        steps = {each: await self.of(each) for each in self._changed}
+        ends_at = {
+            mission_id: [each.step.planned_end_at for each in own if each.status == "PLANNED"]
+            for mission_id, own in steps.items()
+        }
+        return {each: moment_to_ms(min(at)) if at else None for each, at in ends_at.items()}
+
+    async def ended_events(self, mission_id: MissionId) -> list[DroneEvent]:
+        """The end events of all steps of a mission, cut steps included, in order."""
+        return await ended_events(self._tx.connection, mission_id, await self.of(mission_id))
 
 
 async def next_steps_of(
@@ -192,7 +267,7 @@ def step_record(row: Row[*tuple[Any, ...]]) -> StepRecord:
         step=read_step(row.step),
         revision=row.revision,
         status=row.status,
-        event=None if row.event is None else DroneEvent.read(row.event),
+        event=None if row.event is None else _read_event(row.event),
     )
 
 
@@ -215,20 +290,14 @@ async def keep_cut_step(tx: Tx, mission_id: MissionId, event: DroneEvent) -> Non
     await tx.execute(counted.values(cuts=missions.c.cuts + added.rowcount))
 
 
-async def ended_events(connection: AsyncConnection, mission_id: MissionId) -> list[DroneEvent]:
-    """The end events of all steps of a mission, cut steps included, in order."""
-    ended = select(mission_steps.c.event).where(
-        mission_steps.c.mission_id == mission_id,
-        mission_steps.c.status == "ENDED",
-        mission_steps.c.event.is_not(None),
-    )
-    cut = select(cut_steps.c.event).where(cut_steps.c.mission_id == mission_id)
-    texts = [
-        *(await connection.execute(ended)).scalars(),
-        *(await connection.execute(cut)).scalars(),
-    ]
+async def ended_events(
+    connection: AsyncConnection, mission_id: MissionId, steps: Iterable[StepRecord]
+) -> list[DroneEvent]:
+    """The end events of a mission with these steps, cut steps included, in order."""
+    found = await connection.execute(_CUT_EVENTS, {"mission_id": mission_id})
+    ended = (each.event for each in steps if each.status == "ENDED" and each.event is not None)
     # A cut step is in both tables until another step gets its number.
-    events = {event.seq: event for event in map(DroneEvent.read, texts)}
+    events = {event.seq: event for event in (*ended, *map(_read_event, found.scalars()))}
     return [events[seq] for seq in sorted(events)]
 
 

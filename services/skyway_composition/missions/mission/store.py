@@ -4,9 +4,9 @@ The steps and the custody of packages have their own stores.
 """
 
 import json
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from sqlalchemy import ColumnElement, bindparam, insert, select, union_all, update
 from sqlalchemy.ext.asyncio import AsyncConnection
@@ -106,13 +106,13 @@ async def missions_not_refused(
     return tuple(mission_for(read_record(row), delivery_id) for row in found)
 
 
-def add(tx: Tx, record: MissionRecord) -> None:
-    """Add a mission when the transaction ends.
+def add(tx: Tx, record: MissionRecord, *, next_end_ms: int) -> None:
+    """Add a mission, whose first step ends at `next_end_ms`, when the transaction ends.
 
     The transaction then fails with `RowRefused`: `mission_drone` if the drone has another mission,
     `mission_attempt` if this attempt was booked before.
     """
-    tx.add(missions, [new_row(record)])
+    tx.add(missions, [{**new_row(record), "next_end_ms": next_end_ms}])
 
 
 async def save_all(tx: Tx, records: Iterable[MissionRecord]) -> None:
@@ -120,6 +120,21 @@ async def save_all(tx: Tx, records: Iterable[MissionRecord]) -> None:
     rows = [{"of_mission": record.mission_id, **changing_columns(record)} for record in records]
     if rows:
         await tx.execute(_SAVE, rows)
+
+
+def save_last(
+    tx: Tx, records: Iterable[MissionRecord], *, next_ends_ms: Mapping[MissionId, int | None]
+) -> None:
+    """Save locked missions at the end of a transaction; some of them have another next step."""
+    going_on, advanced = list[dict[str, Any]](), list[dict[str, Any]]()
+    for record in records:
+        row = {"mission_id": record.mission_id, **changing_columns(record)}
+        if record.mission_id in next_ends_ms:
+            advanced.append({**row, "next_end_ms": next_ends_ms[record.mission_id]})
+        else:
+            going_on.append(row)
+    for rows in (going_on, advanced):
+        tx.update_rows(missions, {}, rows, key="mission_id")
 
 
 async def lock_live(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, MissionRecord]:

@@ -22,11 +22,13 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition import alarm_store
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import DroneLink
-from skyway_composition.links.store import lock_links, save_links
+from skyway_composition.links.store import lock_links, save_last_links
 from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.custody_store import LiveCustody
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.share import Share
 from skyway_composition.missions.mission.share_views import own_fields
+from skyway_composition.missions.mission.step_store import LiveSteps
 
 #: The reports that say when a drone is busy or free. So do all about a QUEUED mission, which may
 #: move to another drone. The registry needs no others.
@@ -46,6 +48,9 @@ class MissionUnitOfWork:
     mint: Mint
     links: dict[DroneId, DroneLink]
     missions: dict[DroneId, MissionRecord]
+    #: The steps of the locked missions, and who holds their packages.
+    steps: LiveSteps = field(init=False)
+    custody: LiveCustody = field(init=False)
     _staged_links: set[DroneId] = field(default_factory=set)
     _staged_missions: set[DroneId] = field(default_factory=set)
     _answered: list[InstructionId] = field(default_factory=list)
@@ -53,6 +58,9 @@ class MissionUnitOfWork:
     _alarming: dict[MissionId, frozenset[str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        live = self.missions.values()
+        self.steps = LiveSteps(self.tx, [each.mission_id for each in live])
+        self.custody = LiveCustody(self.tx, [one for each in live for one in each.delivery_ids])
         self._alarming |= {each.mission_id: _alarming(each) for each in self.missions.values()}
 
     @classmethod
@@ -88,10 +96,10 @@ class MissionUnitOfWork:
         self._answered.append(instruction_id)
 
     async def save_staged(self) -> None:
-        """Save all staged changes: once in a transaction, for any number of messages."""
-        await save_links(self.tx, [self.links[each] for each in sorted(self._staged_links)])
+        """Save all staged changes at the end of a transaction, for any number of messages."""
+        save_last_links(self.tx, [self.links[each] for each in sorted(self._staged_links)])
         staged = [self.missions[each] for each in sorted(self._staged_missions)]
-        await store.save_all(self.tx, staged)
+        store.save_last(self.tx, staged, next_ends_ms=await self.steps.next_ends_ms())
         for record in staged:
             await self._end_alarms(record)
         await confirm(self.tx, self._answered)

@@ -19,7 +19,6 @@ from skyway_composition.links.instruction_store import open_instructions
 from skyway_composition.missions.mission.end import abort, cancel
 from skyway_composition.missions.mission.instruct import hold
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
-from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, raise_alarm
 from skyway_composition.missions.replanning.call_off import (
     can_stay_at_pickup,
@@ -158,7 +157,7 @@ async def _surely_stands(work: MissionUnitOfWork, record: MissionRecord) -> bool
     link = work.links[record.drone_id]
     if record.stuck is not None:
         return not link.has_unread_events
-    steps = await steps_of(work.tx.connection, record.mission_id)
+    steps = await work.steps.of(record.mission_id)
     return can_stay_at_pickup(record, steps, work.clock, link=link, needs_plan=False)
 
 

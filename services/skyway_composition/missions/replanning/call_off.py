@@ -17,11 +17,11 @@ from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import last_cancel
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.mission.custody_store import has_never_left, held_on_mission
+from skyway_composition.missions.mission.custody_store import has_never_left
 from skyway_composition.missions.mission.end import end_cancelled
 from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.step_store import StepRecord, steps_of
+from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.store import plan_now, retry_stuck
 
@@ -75,7 +75,7 @@ async def release_left_out(work: MissionUnitOfWork, record: MissionRecord) -> Mi
     asked = set(record.left_out)
     if not asked:
         return record
-    steps = await steps_of(work.tx.connection, record.mission_id)
+    steps = await work.steps.of(record.mission_id)
     to_load = {
         package.package_id
         for each in steps
@@ -100,7 +100,7 @@ async def _release(
     detail: str,
 ) -> MissionRecord:
     """Report these packages released, except those that have left the pickup."""
-    held = await held_on_mission(work.tx.connection, record)
+    held = await work.custody.held_on(record)
     staying = tuple(each for each in sorted(package_ids) if has_never_left(held.get(each)))
     if not staying:
         return record

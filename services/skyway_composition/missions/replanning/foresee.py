@@ -15,7 +15,6 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.closure import Closure, ForeseenPlan
 from skyway_composition.links.instruction_store import last_revision
-from skyway_composition.missions.mission.custody_store import held_on_mission
 from skyway_composition.missions.mission.instruct import is_being_called_off
 from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
@@ -57,7 +56,7 @@ async def rehearsed(work: MissionUnitOfWork, before: Situation) -> Rehearsed:
     record, connection = before.record, work.tx.connection
     after = work.missions.get(record.drone_id)
     is_live = after is not None and after.mission_id == record.mission_id
-    held = record.own(await held_on_mission(connection, record))
+    held = record.own(await work.custody.held_on(record))
     return Rehearsed(
         before=before,
         after=await Situation.of(work, after) if after is not None and is_live else None,

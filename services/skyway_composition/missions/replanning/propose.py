@@ -18,7 +18,6 @@ from skyway.contracts.instruction import (
 )
 from skyway.contracts.mission import Mission
 from skyway.ids import MissionId, PackageId
-from skyway.runtime.sql.database import Tx
 from skyway_composition.links.courier import Draft
 from skyway_composition.links.instruction_store import kind_of_revision
 from skyway_composition.missions.mission.instruct import send_steps
@@ -31,12 +30,6 @@ from skyway_composition.missions.mission.record import (
     Trouble,
 )
 from skyway_composition.missions.mission.release_pads import release_unneeded_pads
-from skyway_composition.missions.mission.step_store import (
-    change_step,
-    replace_planned,
-    replace_steps,
-    steps_of,
-)
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, report
 from skyway_composition.missions.replanning.call_off import release_left_out
 from skyway_composition.missions.replanning.remainder.aims import turned_back
@@ -108,11 +101,10 @@ async def accept_proposal(
     """The drone has accepted the proposal, an instruction of this kind: it becomes the plan."""
     if kind != "MISSION":
         # The steps after the flight under way decide whether that flight lands.
-        await adjust_last_flight(work.tx, record.mission_id, proposal)
+        await adjust_last_flight(work, record.mission_id, proposal)
     old = record.mission
     mission = proposal.mission.model_copy(update={"state": old.state, "is_held": old.is_held})
-    await replace_steps(
-        work.tx,
+    await work.steps.replace(
         record.mission_id,
         proposal.steps,
         first_step=proposal.first_step,
@@ -162,7 +154,7 @@ async def replace_plan(
         Another mission has one of the new pads.
     """
     mission = revision.mission
-    await replace_planned(work.tx, record.mission_id, revision.steps, revision=mission.revision)
+    await work.steps.replace_planned(record.mission_id, revision.steps, revision=mission.revision)
     record = with_aims(work, record, revision.aims, code=trouble.code, detail=trouble.detail)
     record = replace(record, mission=mission, stuck=None, trouble=None, reported_activity=None)
     await release_unneeded_pads(work, record)
@@ -198,17 +190,19 @@ def with_aims(
     )
 
 
-async def adjust_last_flight(tx: Tx, mission_id: MissionId, proposal: Proposal) -> None:
+async def adjust_last_flight(
+    work: MissionUnitOfWork, mission_id: MissionId, proposal: Proposal
+) -> None:
     """Save whether the flight before a proposal lands.
 
     Before another flight the drone flies on over the station; before any other step it lands.
     """
     lands = not isinstance(proposal.steps[0], FlyStep)
-    for each in await steps_of(tx.connection, mission_id):
+    for each in await work.steps.of(mission_id):
         step = each.step
         is_last_valid = step.step_id == proposal.first_step - 1 and each.status == "PLANNED"
         if is_last_valid and isinstance(step, FlyStep) and step.lands != lands:
-            await change_step(tx, mission_id, step.model_copy(update={"lands": lands}))
+            await work.steps.change(mission_id, step.model_copy(update={"lands": lands}))
 
 
 def _left_of(trouble: Trouble | None, proposal: Proposal) -> Trouble | None:

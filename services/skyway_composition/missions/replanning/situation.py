@@ -23,9 +23,9 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.mission.custody_store import Held, held_on_mission, on_board
+from skyway_composition.missions.mission.custody_store import Held, on_board
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.step_store import StepRecord, steps_of
+from skyway_composition.missions.mission.step_store import StepRecord
 from skyway_composition.missions.mission.store import queued_of_drone
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.felt_wind import air_ahead, next_flights
@@ -48,9 +48,8 @@ class Situation:
     @classmethod
     async def of(cls, work: MissionUnitOfWork, record: MissionRecord) -> Self:
         """The situation of a locked mission."""
-        connection = work.tx.connection
-        held = await held_on_mission(connection, record)
-        steps = await steps_of(connection, record.mission_id)
+        held = await work.custody.held_on(record)
+        steps = await work.steps.of(record.mission_id)
         return cls(record, work.links[record.drone_id], tuple(steps), record.own(held))
 
     @property

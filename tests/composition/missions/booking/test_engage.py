@@ -6,7 +6,7 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 import pytest
-from skyway_composition.links.store import lock_link, save_links
+from skyway_composition.links.store import lock_link, save_link
 from skyway_composition.missions.booking.store import claim_in_one_statement
 from skyway_composition.networks.store import Present, lock_version
 from skyway_composition.pads.store import lock_stations
@@ -39,7 +39,7 @@ async def link_held(composition: Any) -> AsyncIterator[None]:
     """Another transaction sends the drone one more instruction, and ends with the block."""
     async with composition.db.write() as tx:
         link = await lock_link(tx, DRONE, PROVIDER)
-        await save_links(tx, [link.with_next()[0]])
+        await save_link(tx, link.with_next()[0])
         yield
 
 

@@ -1,14 +1,19 @@
+from typing import Any
+
 import pytest
 from skyway_composition.missions.mission.custody_store import (
     Custodian,
     Held,
+    LiveCustody,
     carried_by,
     delivered,
+    held_packages,
     may_load,
     on_board,
 )
+from skyway_composition.missions.mission.store import get
 
-from skyway.ids import DroneId, PackageId
+from skyway.ids import DeliveryId, DroneId, MissionId, PackageId
 
 P1, P2 = PackageId("p1"), PackageId("p2")
 DRONE = Custodian("DRONE", "drn_1")
@@ -35,3 +40,22 @@ def test_packages_on_board_and_delivered_packages_are_distinguished() -> None:
 
     assert on_board(held) == frozenset({P1})
     assert delivered(held) == frozenset({P2})
+
+
+async def test_the_custody_of_live_missions_is_that_of_the_database_after_each_change(
+    composition: Any,
+) -> None:
+    await composition.book()
+    async with composition.db.write() as tx:
+        record = await get(tx.connection, MissionId("msn_000001"), provider_id=None)
+        assert record is not None
+        live = LiveCustody(tx, record.delivery_ids)
+        assert {each.seq for each in (await live.held_on(record)).values()} == {1}
+
+        for seq, custodian in ((2, DRONE), (3, RECIPIENT)):
+            rows = [Held(each.package_id, seq, custodian) for each in record.request.packages]
+            await live.add(record, rows, at_ms=0)
+
+            stored = await held_packages(tx.connection, DeliveryId("dlv_1"))
+            assert await live.held_on(record) == stored
+            assert {each.custodian for each in stored.values()} == {custodian}

@@ -6,10 +6,12 @@ import pytest
 from skyway_composition.missions.mission.record import Proposal
 from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.store import get
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.propose import adjust_last_flight
 
 from skyway.contracts.flight_step import FlyStep, WaitStep
 from skyway.ids import InstructionId, MissionId
+from tests.counting_mint import CountingMint
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
@@ -27,7 +29,10 @@ async def joined(composition: Any, step: Any) -> bool:
             code="STATION_CLOSED",
             detail="closed",
         )
-        await adjust_last_flight(tx, record.mission_id, proposal)
+        work = await MissionUnitOfWork.lock(
+            [record.drone_id], tx=tx, clock=composition.clock, mint=CountingMint()
+        )
+        await adjust_last_flight(work, record.mission_id, proposal)
     async with composition.db.read() as connection:
         steps = await steps_of(connection, MissionId("msn_000001"))
     (flight,) = [each.step for each in steps if each.step.step_id == step.step_id - 1]

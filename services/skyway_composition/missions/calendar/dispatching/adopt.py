@@ -19,7 +19,6 @@ from skyway_composition.missions.calendar.dispatching.judgement import Judgement
 from skyway_composition.missions.calendar.dispatching.merger import Merge
 from skyway_composition.missions.calendar.move_queued import give_back_pads, move
 from skyway_composition.missions.calendar.plan_queue import Moved
-from skyway_composition.missions.mission.custody_store import give_custody
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.release_pads import restore_pads
 from skyway_composition.missions.mission.standby import end_standby_before, restore_standby
@@ -98,7 +97,7 @@ async def _end_guests(work: MissionUnitOfWork, merge: Merge) -> None:
     shares = {each.mission_id: each for each in host.shares}
     for guest in merge.guests:
         report_left(work, guest)
-        await give_custody(tx, guest.mission_id, to=host.mission_id)
+        await work.custody.give(guest.mission_id, to=host.mission_id)
         await replace_steps(tx, guest.mission_id, (), first_step=1, revision=1)
         await store.delete_mission(tx, guest.mission_id)
         store.add_guest(tx, host, shares[guest.mission_id])

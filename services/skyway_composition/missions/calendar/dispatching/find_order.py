@@ -100,9 +100,9 @@ class OrderFinder:
     _searched: dict[tuple[NetworkId, ProviderId], Orders] = field(default_factory=dict)
 
     async def fleets(self) -> list[tuple[NetworkId, ProviderId]]:
-        """The networks and providers in which missions wait; all others are forgotten."""
+        """The networks and providers in which missions may move; all others are forgotten."""
         async with self.db.read() as connection:
-            fleets = await store.waiting_fleets(connection)
+            fleets = await store.waiting_fleets(connection, after_ms=self._times().last_kept_ms)
         for gone in self._searched.keys() - {*fleets}:
             del self._searched[gone]
         return fleets

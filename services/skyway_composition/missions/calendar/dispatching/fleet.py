@@ -27,6 +27,11 @@ class Moments:
     settled_ms: int
     hand_over_ms: int
 
+    @property
+    def last_kept_ms(self) -> int:
+        """QUEUED missions that begin later may move."""
+        return self.settled_ms + self.hand_over_ms
+
 
 @dataclass(frozen=True, slots=True)
 class Calendar:
@@ -153,7 +158,7 @@ def calendar_of(
 def _settled(queued: Iterable[MissionRecord], times: Moments) -> Iterator[MissionRecord]:
     """The QUEUED missions that begin too soon to move."""
     for each in queued:
-        if each.start.at_ms > times.settled_ms + times.hand_over_ms:
+        if each.start.at_ms > times.last_kept_ms:
             return
         yield each
 

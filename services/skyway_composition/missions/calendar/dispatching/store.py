@@ -18,7 +18,7 @@ from skyway_composition.tables.missions import DAY_MS
 _WAITING_FLEETS: Final = (
     select(missions.c.network_id, missions.c.provider_id)
     .distinct()
-    .where(is_queued)
+    .where(is_queued, missions.c.start_ms > bindparam("after_ms"))
     .order_by(missions.c.network_id, missions.c.provider_id)
 )
 #: A drone that refuses a mission has refused its guests too.
@@ -49,9 +49,12 @@ _HOSTS_AT: Final = (
 _HOSTS: Final = select(missions).where(in_list(missions.c.mission_id, "mission_ids"), is_queued)
 
 
-async def waiting_fleets(connection: AsyncConnection) -> list[tuple[NetworkId, ProviderId]]:
-    """The networks and providers with QUEUED missions."""
-    return [(row.network_id, row.provider_id) for row in await connection.execute(_WAITING_FLEETS)]
+async def waiting_fleets(
+    connection: AsyncConnection, *, after_ms: int
+) -> list[tuple[NetworkId, ProviderId]]:
+    """The networks and providers with QUEUED missions that begin after this moment."""
+    found = await connection.execute(_WAITING_FLEETS, {"after_ms": after_ms})
+    return [(row.network_id, row.provider_id) for row in found]
 
 
 async def open_missions_of(
