@@ -115,6 +115,7 @@ class Work:
     def _publish_again(self) -> None:
         self._station_states.forget()
         self._network_versions.forget()
+        self._membership.rest.end()
         self._parts.published.set()
 
     async def _may_publish(self) -> None:
@@ -139,7 +140,8 @@ class Work:
     def start(self, loops: Loops) -> None:
         """Start all loops."""
         self._membership.start(loops)
-        loops.start("cells", repeat("cells", self._read_cells, every_s=READ_EVERY_S))
+        cells, polls = self._read_cells, self._own.cells.polls
+        loops.start("cells", repeat("cells", cells, every_s=READ_EVERY_S, polls=polls))
         loops.start("listening", self._notice_lost_connections())
         loops.start("gained drones", repeat("gained drones", self._gained.step, every_s=1.0))
         loops.start("instructions", self._instructions.run())
@@ -151,7 +153,8 @@ class Work:
             ("quarantine", self._parts.quarantine.step, self._parts.quarantine.wake),
         ):
             active = self._own.while_active(step)
-            loops.start(name, repeat(name, active, every_s=_STEP_EVERY_S, wake=wake))
+            looks = self._membership.looks
+            loops.start(name, repeat(name, active, every_s=_STEP_EVERY_S, wake=wake, polls=looks))
         # Each replica does the work it was woken for. The leader also finds work that others left.
         for name, step, wake in (
             ("recompose", self._replanner.step, self._parts.stuck),
@@ -176,7 +179,8 @@ class Work:
             ("station states", led(states.step, begin=states.forget), _STEP_EVERY_S),
             ("withdrawn drones", led(self._withdrawn.step), _ASK_REGISTRY_EVERY_S),
         ):
-            loops.start(name, repeat(name, self._own.while_active(step), every_s=every_s))
+            active, looks = self._own.while_active(step), self._membership.looks
+            loops.start(name, repeat(name, active, every_s=every_s, polls=looks))
         dispatch_every_s = self._parts.dispatch_terms.every_s
         if dispatch_every_s > 0:
             dispatched = repeat(
@@ -184,6 +188,7 @@ class Work:
                 self._own.while_active(led(self._dispatcher.step)),
                 every_s=dispatch_every_s,
                 wake=self._parts.dispatches,
+                polls=self._membership.looks,
             )
             loops.start("dispatcher", dispatched)
         loops.start(
@@ -193,5 +198,6 @@ class Work:
                 self._own.while_active(led(versions.step, begin=versions.forget)),
                 every_s=_STEP_EVERY_S,
                 wake=self._parts.published,
+                polls=self._membership.looks,
             ),
         )

@@ -1,15 +1,18 @@
 """Keeps a replica in the list of live replicas, and knows its drones now and before.
 
-With SQLite there is one process: it leads, owns every drone, and writes nothing.
+With SQLite there is one process: it leads, owns every drone, and writes nothing. Its loops rest
+while no row needs them.
 """
 
 import logging
 from collections import deque
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final, Self
+
+from sqlalchemy import ColumnElement, false, or_, select
 
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import ServiceUnavailable
@@ -17,6 +20,7 @@ from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.metrics import Gauge
 from skyway.runtime.replicas.replica_store import ReplicaStore
 from skyway.runtime.replicas.share import Member, Replicas
+from skyway.runtime.sql.database import Database
 
 log = logging.getLogger(__name__)
 
@@ -30,6 +34,46 @@ _MOST_CHANGES: Final = 100
 _EVER: Final = datetime.min.replace(tzinfo=UTC)
 
 
+#: Seconds of wall time between two steps of a rest: longer than between two looks of a loop.
+_REST_STEP_S: Final = 2.0
+#: After so many steps all loops look again, for changes by other programs.
+_MOST_REST_STEPS: Final = 30
+
+
+class Rest:
+    """Whether loops may leave out their looks at the database, because they could find nothing.
+
+    Only with SQLite: there this process makes all changes, and each of them ends the rest. So loops
+    find nothing later than without a rest. Without `open_rows`, time alone makes no work.
+    """
+
+    def __init__(self, db: Database, open_rows: Sequence[ColumnElement[bool]]) -> None:
+        self._db = db
+        self._has_open_rows = select(or_(false(), *open_rows))
+        self._seen = self._steps = -1
+        self._has_begun = False
+
+    @property
+    def is_on(self) -> bool:
+        """Whether loops may rest now."""
+        return self._has_begun and self._seen == self._db.commits
+
+    def end(self) -> None:
+        """Let all loops look once more: something outside the database has changed."""
+        self._has_begun, self._steps = False, _MOST_REST_STEPS
+
+    async def step(self) -> bool:
+        """Step of a loop: begin if nothing was changed since the step before; always False."""
+        if self._seen != self._db.commits or self._steps == _MOST_REST_STEPS:
+            self._has_begun, self._seen, self._steps = False, self._db.commits, -1
+        self._steps += 1
+        if self._steps == 1:
+            async with self._db.read() as connection:
+                has_open_rows = await connection.execute(self._has_open_rows)
+            self._has_begun = not has_open_rows.scalar_one()
+        return False
+
+
 def _nothing() -> None:
     """Begin without preparation."""
 
@@ -37,8 +81,16 @@ def _nothing() -> None:
 class Membership:
     """A replica among the live replicas of its service."""
 
-    def __init__(self, store: ReplicaStore, *, own_id: str, clock: FleetClock) -> None:
+    def __init__(
+        self,
+        store: ReplicaStore,
+        *,
+        own_id: str,
+        clock: FleetClock,
+        open_rows: Sequence[ColumnElement[bool]] = (),
+    ) -> None:
         self.own_id = own_id
+        self.rest = Rest(store.db, open_rows)
         #: Set when this replica may own more drones than before.
         self.gained = Wake()
         self._store = store
@@ -62,8 +114,10 @@ class Membership:
                 await self._store.leave(self.own_id)
 
     def start(self, loops: Loops) -> None:
-        """Start the beats."""
-        if not self._store.has_one_process:
+        """Start the beats; with one process the rests."""
+        if self._store.has_one_process:
+            loops.start("rest", repeat("rest", self.rest.step, every_s=_REST_STEP_S))
+        else:
             beats = repeat("replicas", self.step, every_s=_BEAT_EVERY_S, wake=self._wake)
             loops.start("replicas", beats)
 
@@ -83,11 +137,15 @@ class Membership:
         return self._now.leads
 
     def polls(self) -> bool:
-        """Whether this replica looks for work that nothing has woken it for: `leads`, to pass on.
+        """Whether this replica looks for work that nothing has woken it for.
 
         Each replica does the work that it was woken for; the leader finds what others left.
         """
-        return self._now.leads
+        return self._now.leads and self.looks()
+
+    def looks(self) -> bool:
+        """Whether the loops of all replicas look for work now."""
+        return not self.rest.is_on
 
     @property
     def alive(self) -> int:
@@ -151,7 +209,7 @@ class PollsInTurn:
         if self._rounds < self.membership.alive:
             return False
         self._rounds = 0
-        return True
+        return self.membership.looks()
 
 
 @dataclass(slots=True)

@@ -54,7 +54,7 @@ class ReplicaStore:
 
     def __init__(self, db: Database, replicas: Table) -> None:
         self.has_one_process = db.dialect == "sqlite"
-        self._db = db
+        self.db = db
         self._beat = _beat(replicas)
         self._living = select(replicas).where(_is_live(replicas, _database_now_ms()))
         self._leave = delete(replicas).where(replicas.c.replica_id == _OWN_ID)
@@ -62,16 +62,16 @@ class ReplicaStore:
     async def beat(self, own_id: str, *, is_listening: bool) -> tuple[Member, ...]:
         """Note that a replica is live, delete dead replicas, and return the live ones."""
         own = {"own_id": own_id, "is_listening": is_listening}
-        return _members(await self._db.write_alone(self._beat, own))
+        return _members(await self.db.write_alone(self._beat, own))
 
     async def living(self) -> tuple[Member, ...]:
         """The live replicas."""
-        async with self._db.read() as connection:
+        async with self.db.read() as connection:
             return _members((await connection.execute(self._living)).all())
 
     async def leave(self, own_id: str) -> None:
         """Delete a replica that ends."""
-        await self._db.write_alone(self._leave, {"own_id": own_id})
+        await self.db.write_alone(self._leave, {"own_id": own_id})
 
 
 def _members(rows: Sequence[AnyRow]) -> tuple[Member, ...]:

@@ -127,6 +127,11 @@ class Database:
             done = await connection.execute_last(statement, parameters)
         return done.all() if done.returns_rows else ()
 
+    @property
+    def commits(self) -> int:
+        """The number of commits that changed rows; 0 on PostgreSQL, which others write too."""
+        return self._storage.commits if isinstance(self._storage, SqliteStorage) else 0
+
     def wake_when_sent(self, wake: Wake, *, channel: str) -> None:
         """Set `wake` after each commit that put messages for this channel into the outbox."""
         self._wakes.setdefault(channel, []).append(wake)
