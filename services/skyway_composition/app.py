@@ -94,7 +94,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 gate=gate,
                 networks=networks,
                 clock=clock,
-                published=parts.published,
+                published=(parts.published, parts.solver.needed),
                 impact=parts.impact,
             ),
             weather_routes(
@@ -188,7 +188,9 @@ def build_app(settings: CompositionSettings) -> FastAPI:
             Loops() as loops,
         ):
             await parts.own_cells.read_database(parts.db)
-            loops.start("warm", parts.solver.warm())
+            if parts.own_cells.networks or parts.db.dialect != "sqlite":  # others may publish
+                parts.solver.needed.set()
+            loops.start("warm", parts.solver.warm_when_needed())
             work.start(loops)
             start_pruning(loops, parts.membership, parts.own_cells, parts.db, parts.clock, settings)
             yield
@@ -197,7 +199,7 @@ def build_app(settings: CompositionSettings) -> FastAPI:
         return {
             "database": await parts.db.is_answering(),
             "mqtt": mqtt.is_connected,
-            "planner": parts.solver.is_warm,
+            "planner": parts.solver.is_compiled,
         }
 
     inboxes = GaugeSource("mqtt", mqtt.gauges, kept_s=0.0)

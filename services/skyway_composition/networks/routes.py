@@ -3,6 +3,8 @@
 Operators publish networks, and all callers read them.
 """
 
+import asyncio
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Annotated, Final, Literal
 
@@ -67,7 +69,7 @@ def network_routes(
     gate: ServiceGate,
     networks: PreparedNetworks,
     clock: FleetClock,
-    published: Wake,
+    published: Sequence[Wake | asyncio.Event],
     impact: Impact,
 ) -> ServiceRouter:
     """/v1/networks, a network, and its versions."""
@@ -105,7 +107,8 @@ def network_routes(
             networks=networks,
             impact=impact,
         )
-        published.set()
+        for each in published:
+            each.set()
         response.status_code = 201 if done.is_new else 200
         response.headers["ETag"] = etag(done.row)
         return _info(done.row)
