@@ -111,7 +111,8 @@ def _embedded(*, seconds: float) -> Table:
         name: (started[name], 100 * taken[name], memory[name]["Pss"], memory[name]["Rss"])
         for name in pids
     }
-    figures["together"] = tuple(map(sum, zip(*figures.values(), strict=True)))
+    sums = [sum(column) for column in zip(*figures.values(), strict=True)]
+    figures["together"] = (sums[0], sums[1], sums[2], sums[3])
     rows: list[tuple[str, ...]] = [
         (name, f"{start_s:.2f}", f"{share:.2f}", f"{pss:.0f}", f"{rss:.0f}")
         for name, (start_s, share, pss, rss) in figures.items()
