@@ -106,7 +106,8 @@ class Cells:
         began_s = self._now()
         table = await self._read()
         self._cells = _by_network(table)
-        self._read_s, self._may_grow = began_s, table.may_grow
+        self._read_s = began_s
+        self._may_grow = table.may_grow
         if self._keep is not None and self._cells != self._kept:
             await self._keep(table)
             self._kept = self._cells

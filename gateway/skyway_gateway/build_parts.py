@@ -6,8 +6,6 @@ from datetime import timedelta
 from functools import partial
 from typing import Final
 
-from sqlalchemy import exists, select, text
-
 from skyway.announced_networks import NetworkLearner, stations_from
 from skyway.cells import CellClients, Cells, table_from
 from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
@@ -37,8 +35,8 @@ from skyway_gateway.deliveries.booking.wake_waiting import Waker
 from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
-from skyway_gateway.delivery_tables import IS_LIVE, deliveries
 from skyway_gateway.forward.table import TenantLimit, open_calls
+from skyway_gateway.gauge_store import OPEN_ROWS
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.sources import Deliveries, Drones, World
@@ -54,7 +52,7 @@ from skyway_gateway.quotes.make_quote import HoldLimits
 from skyway_gateway.quotes.store import keep_network
 from skyway_gateway.routed_composition import NetworkFinder, RoutedComposition
 from skyway_gateway.settings import GatewaySettings
-from skyway_gateway.tables import api_keys, notifications, outbox, replicas
+from skyway_gateway.tables import outbox, replicas
 from skyway_gateway.tracking.pages import TrackingPages
 from skyway_gateway.tracking_links import TRACKING_PATHS, TrackingLinks
 
@@ -69,19 +67,6 @@ _FOLLOWERS_OF_A_DELIVERY: Final = 20
 
 #: Test events of one customer that may be on their way at the same time.
 _TRIALS_AT_ONCE: Final = 4
-
-#: While there are such rows, time alone can make work for the loops.
-_OPEN_ROWS: Final = (
-    exists(select(deliveries).where(text(IS_LIVE))),
-    exists(select(deliveries).where(deliveries.c.is_queued)),
-    exists(select(notifications).where(notifications.c.state == "PENDING")),
-    exists(
-        select(api_keys).where(
-            api_keys.c.deleted_wall_ms.is_(None), api_keys.c.ends_wall_ms.is_not(None)
-        )
-    ),
-    exists(select(outbox)),
-)
 
 
 def build_parts(
@@ -119,7 +104,7 @@ def build_parts(
     return Parts(
         db=db,
         membership=Membership(
-            ReplicaStore(db, replicas), own_id=own_id, clock=clock, open_rows=_OPEN_ROWS
+            ReplicaStore(db, replicas, open_rows=OPEN_ROWS), own_id=own_id, clock=clock
         ),
         clock=clock,
         anchor=anchor,

@@ -94,7 +94,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 gate=gate,
                 networks=networks,
                 clock=clock,
-                published=(parts.published, parts.solver.needed),
+                published=parts.published,
                 impact=parts.impact,
             ),
             weather_routes(
@@ -188,7 +188,7 @@ def build_app(settings: CompositionSettings) -> FastAPI:
             Loops() as loops,
         ):
             await parts.own_cells.read_database(parts.db)
-            if parts.own_cells.networks or parts.db.dialect != "sqlite":  # others may publish
+            if parts.db.dialect != "sqlite":  # another replica may follow the drones
                 parts.solver.needed.set()
             loops.start("warm", parts.solver.warm_when_needed())
             work.start(loops)

@@ -4,8 +4,6 @@ import secrets
 from dataclasses import dataclass, field
 from typing import Final
 
-from sqlalchemy import exists, select
-
 from skyway.cells import Cells, table_from
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
@@ -20,6 +18,7 @@ from skyway.runtime.replicas.replica_store import ReplicaStore
 from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
 from skyway_composition.closures.close import Closings
+from skyway_composition.gauge_store import OPEN_ROWS
 from skyway_composition.links.listening import Listening
 from skyway_composition.links.registered_keys import RegisteredKeys
 from skyway_composition.missions.booking.book import Bookings
@@ -42,21 +41,13 @@ from skyway_composition.planning.routes import StrategyRights
 from skyway_composition.planning.solver_pool import ReadingTurn, SolverPool
 from skyway_composition.quarantine.set_aside import Quarantine
 from skyway_composition.settings import CompositionSettings
-from skyway_composition.tables import closures, is_open, missions, offer_holds, outbox, replicas
+from skyway_composition.tables import outbox, replicas
 
 SERVICE: Final = "composition"
 
 #: How many labels of a booking's search run on the event loop: usually one or two milliseconds, at
 #: most 20 at 1,000 stations. Quotes need many plans in a row, so they always use threads.
 _INLINE_LABELS: Final = 1_024
-
-#: While there are such rows, time alone can make work for the loops.
-_OPEN_ROWS: Final = (
-    exists(select(missions).where(is_open)),
-    exists(select(offer_holds)),
-    exists(select(closures).where(closures.c.lifted_ms.is_(None))),
-    exists(select(outbox)),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +171,7 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
     clock = load_clock(settings.clock_file)
     own_id = f"{SERVICE}-{secrets.token_hex(8)}"
     membership = Membership(
-        ReplicaStore(db, replicas), own_id=own_id, clock=clock, open_rows=_OPEN_ROWS
+        ReplicaStore(db, replicas, open_rows=OPEN_ROWS), own_id=own_id, clock=clock
     )
     listening = Listening(clock, membership)
     own_cells = OwnCells(

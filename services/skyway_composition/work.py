@@ -129,6 +129,12 @@ class Work:
             self._membership.gained.set()
         return False
 
+    async def _follow(self) -> bool:
+        """Handle the messages of drones; the first of them has the planner loaded."""
+        has_more = await self._follower.step()
+        self._parts.solver.needed.set()
+        return has_more
+
     async def _notice_lost_connections(self) -> Never:
         """End the listening whenever the connection to the broker is lost; `greet` begins it."""
         while True:
@@ -147,7 +153,7 @@ class Work:
         loops.start("instructions", self._instructions.run())
         loops.start("reports", self._reports.run())
         self._parts.signatures.start(loops)
-        loops.start("follow", self._follower.run())
+        loops.start("follow", repeat("follow", self._follow, every_s=1.0))
         for name, step, wake in (
             ("overdue", self._overdue.step, Wake()),
             ("quarantine", self._parts.quarantine.step, self._parts.quarantine.wake),

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
 
-from sqlalchemy import exists, select
-
 from skyway.announced_networks import NetworkLearner, stations_from
 from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.broker_setup.mosquitto_accounts import MosquittoAccounts
@@ -41,7 +39,7 @@ from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.fleets.registration import CompositionStations, StationLookup
 from skyway_provider_registry.presence.judge_states import NoQuarantine
 from skyway_provider_registry.settings import RegistrySettings
-from skyway_provider_registry.tables import drones, replicas
+from skyway_provider_registry.tables import OPEN_ROWS, replicas
 
 SERVICE: Final = "registry"
 
@@ -120,7 +118,7 @@ def parts_in_life(settings: RegistrySettings) -> Parts:
     )
     own_id = f"{SERVICE}-{secrets.token_hex(8)}"
     membership = Membership(
-        ReplicaStore(db, replicas), own_id=own_id, clock=clock, open_rows=[exists(select(drones))]
+        ReplicaStore(db, replicas, open_rows=OPEN_ROWS), own_id=own_id, clock=clock
     )
     return Parts(
         db=db,

@@ -3,8 +3,6 @@
 Operators publish networks, and all callers read them.
 """
 
-import asyncio
-from collections.abc import Sequence
 from datetime import datetime
 from typing import Annotated, Final, Literal
 
@@ -69,7 +67,7 @@ def network_routes(
     gate: ServiceGate,
     networks: PreparedNetworks,
     clock: FleetClock,
-    published: Sequence[Wake | asyncio.Event],
+    published: Wake,
     impact: Impact,
 ) -> ServiceRouter:
     """/v1/networks, a network, and its versions."""
@@ -107,8 +105,7 @@ def network_routes(
             networks=networks,
             impact=impact,
         )
-        for each in published:
-            each.set()
+        published.set()
         response.status_code = 201 if done.is_new else 200
         response.headers["ETag"] = etag(done.row)
         return _info(done.row)

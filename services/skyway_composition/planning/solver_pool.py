@@ -67,7 +67,7 @@ class SolverPool:
         self._inline_labels = inline_labels
         self._waiting = 0
         self._executor: ThreadPoolExecutor | None = None
-        #: Set when a network is published: plans will be needed.
+        #: Set when a drone reports: plans will be needed.
         self.needed = asyncio.Event()
         #: Whether the planner is compiled, and whether it is loaded too.
         self.is_compiled = self.is_warm = False
@@ -98,7 +98,7 @@ class SolverPool:
         log.info("planner ready", extra={"elapsed_s": round(time.monotonic() - started_at, 1)})
 
     async def warm_when_needed(self) -> None:
-        """Load the planner with the first network; compile it now if it is not on disk.
+        """Load the planner when a drone reports; compile it now if it is not on disk.
 
         Loaded, it takes 100 MB and half a second of processor time.
         """

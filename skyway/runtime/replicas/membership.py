@@ -6,13 +6,11 @@ while no row needs them.
 
 import logging
 from collections import deque
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final, Self
-
-from sqlalchemy import ColumnElement, false, or_, select
 
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import ServiceUnavailable
@@ -20,7 +18,6 @@ from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.metrics import Gauge
 from skyway.runtime.replicas.replica_store import ReplicaStore
 from skyway.runtime.replicas.share import Member, Replicas
-from skyway.runtime.sql.database import Database
 
 log = logging.getLogger(__name__)
 
@@ -36,42 +33,6 @@ _EVER: Final = datetime.min.replace(tzinfo=UTC)
 
 #: Seconds of wall time between two steps of a rest: longer than between two looks of a loop.
 _REST_STEP_S: Final = 2.0
-#: After so many steps all loops look again, for changes by other programs.
-_MOST_REST_STEPS: Final = 30
-
-
-class Rest:
-    """Whether loops may leave out their looks at the database, because they could find nothing.
-
-    Only with SQLite: there this process makes all changes, and each of them ends the rest. So loops
-    find nothing later than without a rest. Without `open_rows`, time alone makes no work.
-    """
-
-    def __init__(self, db: Database, open_rows: Sequence[ColumnElement[bool]]) -> None:
-        self._db = db
-        self._has_open_rows = select(or_(false(), *open_rows))
-        self._seen = self._steps = -1
-        self._has_begun = False
-
-    @property
-    def is_on(self) -> bool:
-        """Whether loops may rest now."""
-        return self._has_begun and self._seen == self._db.commits
-
-    def end(self) -> None:
-        """Let all loops look once more: something outside the database has changed."""
-        self._has_begun, self._steps = False, _MOST_REST_STEPS
-
-    async def step(self) -> bool:
-        """Step of a loop: begin if nothing was changed since the step before; always False."""
-        if self._seen != self._db.commits or self._steps == _MOST_REST_STEPS:
-            self._has_begun, self._seen, self._steps = False, self._db.commits, -1
-        self._steps += 1
-        if self._steps == 1:
-            async with self._db.read() as connection:
-                has_open_rows = await connection.execute(self._has_open_rows)
-            self._has_begun = not has_open_rows.scalar_one()
-        return False
 
 
 def _nothing() -> None:
@@ -81,16 +42,9 @@ def _nothing() -> None:
 class Membership:
     """A replica among the live replicas of its service."""
 
-    def __init__(
-        self,
-        store: ReplicaStore,
-        *,
-        own_id: str,
-        clock: FleetClock,
-        open_rows: Sequence[ColumnElement[bool]] = (),
-    ) -> None:
+    def __init__(self, store: ReplicaStore, *, own_id: str, clock: FleetClock) -> None:
         self.own_id = own_id
-        self.rest = Rest(store.db, open_rows)
+        self.rest = store.rest
         #: Set when this replica may own more drones than before.
         self.gained = Wake()
         self._store = store

@@ -27,7 +27,7 @@ from sqlalchemy.dialects.postgresql import insert
 
 from skyway.runtime.replicas.share import Member
 from skyway.runtime.sql.connection import AnyRow
-from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.database import Database, Rest
 
 #: A replica that was not seen for so long is dead, wall milliseconds: three beats are missing.
 DEAD_AFTER_MS: Final = 2_100
@@ -52,9 +52,12 @@ def replicas_table(metadata: MetaData) -> Table:
 class ReplicaStore:
     """Stores the live replicas of one service; on SQLite, with one process, it stores nothing."""
 
-    def __init__(self, db: Database, replicas: Table) -> None:
+    def __init__(
+        self, db: Database, replicas: Table, *, open_rows: Sequence[ColumnElement[bool]] = ()
+    ) -> None:
         self.has_one_process = db.dialect == "sqlite"
-        self.db = db
+        self.rest = Rest(db, open_rows)
+        self._db = db
         self._beat = _beat(replicas)
         self._living = select(replicas).where(_is_live(replicas, _database_now_ms()))
         self._leave = delete(replicas).where(replicas.c.replica_id == _OWN_ID)
@@ -62,16 +65,16 @@ class ReplicaStore:
     async def beat(self, own_id: str, *, is_listening: bool) -> tuple[Member, ...]:
         """Note that a replica is live, delete dead replicas, and return the live ones."""
         own = {"own_id": own_id, "is_listening": is_listening}
-        return _members(await self.db.write_alone(self._beat, own))
+        return _members(await self._db.write_alone(self._beat, own))
 
     async def living(self) -> tuple[Member, ...]:
         """The live replicas."""
-        async with self.db.read() as connection:
+        async with self._db.read() as connection:
             return _members((await connection.execute(self._living)).all())
 
     async def leave(self, own_id: str) -> None:
         """Delete a replica that ends."""
-        await self.db.write_alone(self._leave, {"own_id": own_id})
+        await self._db.write_alone(self._leave, {"own_id": own_id})
 
 
 def _members(rows: Sequence[AnyRow]) -> tuple[Member, ...]:

@@ -71,7 +71,7 @@ async def test_a_plan_does_not_depend_on_the_limit_of_inline_labels(
     assert without_times(plan) == without_times(expected)
 
 
-async def test_a_compiled_planner_is_loaded_with_the_first_network() -> None:
+async def test_a_compiled_planner_is_loaded_when_a_drone_reports() -> None:
     async with SolverPool(threads=1, time_limit_s=5.0) as solver:
         await solver.warm()  # now it is on disk
     async with SolverPool(threads=1, time_limit_s=5.0) as solver, asyncio.timeout(60):

@@ -10,9 +10,9 @@ from sqlalchemy import MetaData, exists, select
 
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.loops import Loops
-from skyway.runtime.replicas.membership import LeaderStep, Membership, PollsInTurn, Rest
+from skyway.runtime.replicas.membership import LeaderStep, Membership, PollsInTurn
 from skyway.runtime.replicas.replica_store import DEAD_AFTER_MS, ReplicaStore, replicas_table
-from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.database import Database, Rest
 
 METADATA = MetaData()
 REPLICAS = replicas_table(METADATA)
