@@ -12,7 +12,7 @@ from typing import Final, Never
 from skyway.cells import READ_EVERY_S
 from skyway.contracts.mission_reports import MANY_MISSION_REPORTS, MISSION_REPORTS
 from skyway.runtime.http.client import ServiceClient
-from skyway.runtime.loops import Loops, Wake, repeat
+from skyway.runtime.loops import Loops, Wake, always, repeat
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.senders import MqttSender, ReportSender
 from skyway.runtime.outbox.stream_sender import hint_pace
@@ -135,6 +135,11 @@ class Work:
         self._parts.solver.needed.set()
         return has_more
 
+    async def _notice_freezes(self) -> bool:
+        """Notice that this process was frozen, also while the loop of overdue missions rests."""
+        self._listening.look()
+        return False
+
     async def _notice_lost_connections(self) -> Never:
         """End the listening whenever the connection to the broker is lost; `greet` begins it."""
         while True:
@@ -154,13 +159,14 @@ class Work:
         loops.start("reports", self._reports.run())
         self._parts.signatures.start(loops)
         loops.start("follow", repeat("follow", self._follow, every_s=1.0))
-        for name, step, wake in (
-            ("overdue", self._overdue.step, Wake()),
-            ("quarantine", self._parts.quarantine.step, self._parts.quarantine.wake),
+        loops.start("freezes", repeat("freezes", self._notice_freezes, every_s=_STEP_EVERY_S))
+        looks, quarantine = self._membership.looks, self._parts.quarantine
+        for name, step, wake, polls in (
+            ("overdue", self._overdue.step, Wake(), looks),
+            ("quarantine", quarantine.step, quarantine.wake, always),
         ):
             active = self._own.while_active(step)
-            looks = self._membership.looks
-            loops.start(name, repeat(name, active, every_s=_STEP_EVERY_S, wake=wake, polls=looks))
+            loops.start(name, repeat(name, active, every_s=_STEP_EVERY_S, wake=wake, polls=polls))
         # Each replica does the work it was woken for. The leader also finds work that others left.
         for name, step, wake in (
             ("recompose", self._replanner.step, self._parts.stuck),
@@ -181,12 +187,15 @@ class Work:
             ("unknown missions", led(self._unknown.step), _UNKNOWN_EVERY_S),
             ("holds", led(self._keeper.delete_expired), _STEP_EVERY_S),
             ("ground stops", led(self._ground_stops.step), _STEP_EVERY_S),
-            ("measured wind", led(self._measured_winds.step), _MEASURE_EVERY_S),
             ("station states", led(states.step, begin=states.forget), _STEP_EVERY_S),
             ("withdrawn drones", led(self._withdrawn.step), _ASK_REGISTRY_EVERY_S),
         ):
             active, looks = self._own.while_active(step), self._membership.looks
             loops.start(name, repeat(name, active, every_s=every_s, polls=looks))
+        # It does not rest, because the last flight before a rest has measured wind too.
+        measured = self._own.while_active(led(self._measured_winds.step))
+        winds = repeat("measured wind", measured, every_s=_MEASURE_EVERY_S)
+        loops.start("measured wind", winds)
         dispatch_every_s = self._parts.dispatch_terms.every_s
         if dispatch_every_s > 0:
             dispatched = repeat(
