@@ -2,12 +2,15 @@
 
 A further replica or a further cell costs at least this much, however few deliveries there are. For
 each number of replicas a system is started, with a PostgreSQL and a Mosquitto of its own.
+`--embedded` measures `skyway up` instead, on SQLite and the embedded broker, without drones: the
+processor time from its start until it is ready, then of an idle minute, and its memory.
 """
 
 import argparse
 import asyncio
 import os
 import shlex
+import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -19,7 +22,7 @@ import uvloop
 
 from benchmarks.load.burst import Burst
 from benchmarks.load.city import City
-from benchmarks.load.cpu import CpuReading
+from benchmarks.load.cpu import CpuReading, with_descendants
 from benchmarks.load.profile import profiled
 from benchmarks.load.run import data_folder, pids_of
 from benchmarks.load.statements import SERVER_OPTIONS
@@ -30,6 +33,7 @@ from benchmarks.planner.table import Table
 from skyway.cli.gateway import GatewayApi, read_keys
 from skyway.cli.system.children import REPLICATED, Ports
 from skyway.cli.system.running_system import running_system
+from skyway.errors import SkywayError
 
 #: Wall seconds until the services have compiled and cached what an idle service needs.
 _SETTLE_S: Final = 15.0
@@ -50,10 +54,14 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--stations", type=int, default=100)
     parser.add_argument("--drones", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--embedded", action="store_true", help="skyway up without drones")
     parser.add_argument("--profile", type=Path, metavar="FOLDER", help="stacks, statements")
     asked = parser.parse_args(arguments)
     command = shlex.join(["python", "-m", "benchmarks", "idle", *arguments])
     print(f"`{command}`: {Machine.here().as_text()}.\n", flush=True)
+    if asked.embedded:
+        print(_embedded(seconds=asked.seconds).as_markdown())
+        return 0
     rows = list[tuple[str, ...]]()
     for replicas in asked.replicas:
         burst = Burst(
@@ -75,6 +83,60 @@ def main(arguments: list[str]) -> int:
     columns = ("replicas", "service", "ms a second", "its database", "statements a second")
     print(Table("idle", "Processor time while idle.", columns, rows).as_markdown())
     return 0
+
+
+def _embedded(*, seconds: float) -> Table:
+    """What each process of a new `skyway up` takes until it is ready and while it is idle.
+
+    PSS shares a page among the processes that have it; RSS counts it for each of them.
+    """
+    with data_folder() as folder:
+        command = [sys.executable, "-m", "skyway.cli", "up", "--port=0", "--mqtt-port=0", "--data"]
+        with subprocess.Popen([*command, str(folder.path)], stdout=subprocess.PIPE) as up:
+            try:
+                output = up.stdout or ()
+                if not any(b"Stop: Ctrl-C" in line for line in output):
+                    raise SkywayError("skyway up did not start")
+                pids = {_name_of(pid): pid for pid in with_descendants([up.pid])}
+                started = _alone(pids)
+                time.sleep(_SETTLE_S)
+                before, began_s = _alone(pids), time.monotonic()
+                time.sleep(seconds)
+                idle, took_s = _alone(pids), time.monotonic() - began_s
+                taken = {name: (idle[name] - before[name]) / took_s for name in pids}
+                memory = {name: _memory_mib(pid) for name, pid in pids.items()}
+            finally:
+                up.terminate()
+    figures = {
+        name: (started[name], 100 * taken[name], memory[name]["Pss"], memory[name]["Rss"])
+        for name in pids
+    }
+    sums = [sum(column) for column in zip(*figures.values(), strict=True)]
+    figures["together"] = (sums[0], sums[1], sums[2], sums[3])
+    rows: list[tuple[str, ...]] = [
+        (name, f"{start_s:.2f}", f"{share:.2f}", f"{pss:.0f}", f"{rss:.0f}")
+        for name, (start_s, share, pss, rss) in figures.items()
+    ]
+    columns = ("process", "start, s", "idle, % of a core", "PSS, MiB", "RSS, MiB")
+    return Table("idle", "`skyway up` on SQLite without drones.", columns, rows)
+
+
+def _alone(pids: Mapping[str, int]) -> Mapping[str, float]:
+    """The processor seconds of each process, and of those that it has started and waited for."""
+    ticks = {name: Path(f"/proc/{pid}/stat").read_text() for name, pid in pids.items()}
+    fields = {name: text.rpartition(")")[2].split()[11:15] for name, text in ticks.items()}
+    return {name: sum(map(int, four)) / os.sysconf("SC_CLK_TCK") for name, four in fields.items()}
+
+
+def _name_of(pid: int) -> str:
+    """The package that a process runs, or `up`."""
+    arguments = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+    return next((each for each in arguments if each.startswith("skyway_")), "up")
+
+
+def _memory_mib(pid: int) -> Mapping[str, float]:
+    lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()[1:]
+    return {name: int(kib.split()[0]) / 1024 for name, kib in (each.split(":") for each in lines)}
 
 
 async def _run(burst: Burst) -> list[tuple[str, ...]]:

@@ -23,6 +23,9 @@ AnswerT = TypeVar("AnswerT")
 #: Seconds of wall time between two reads of the table.
 READ_EVERY_S: Final = 1.0
 
+#: The same while there is no cell, and none can be added before the registry starts again.
+_SELDOM_S: Final = 10.0
+
 #: The server of all networks that have no row.
 DEFAULT_SERVER: Final = "composition"
 
@@ -68,6 +71,7 @@ class Cells:
         self._cells: Mapping[NetworkId, NetworkCell] = {}
         self._kept: Mapping[NetworkId, NetworkCell] = {}
         self._read_s: float | None = None
+        self._may_grow = True
 
     def __iter__(self) -> Iterator[NetworkCell]:
         return iter(self._cells.values())
@@ -80,6 +84,11 @@ class Cells:
     def age_s(self) -> float | None:
         """Wall seconds since the table was read; None before the first read."""
         return None if self._read_s is None else self._now() - self._read_s
+
+    def polls(self) -> bool:
+        """Whether to read the table now, a second or more after the last read."""
+        is_old = self.age_s is None or self.age_s >= _SELDOM_S
+        return self._may_grow or bool(self._cells) or is_old
 
     @property
     def newest(self) -> int:
@@ -98,6 +107,7 @@ class Cells:
         table = await self._read()
         self._cells = _by_network(table)
         self._read_s = began_s
+        self._may_grow = table.may_grow
         if self._keep is not None and self._cells != self._kept:
             await self._keep(table)
             self._kept = self._cells

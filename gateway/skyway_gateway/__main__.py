@@ -2,23 +2,30 @@
 
 import sys
 
-from skyway.runtime.service_process import ServiceProcess
-from skyway_gateway.retention.archived_tables import ARCHIVED
-from skyway_gateway.settings import GatewaySettings
-from skyway_gateway.verify.facts import FACTS
-from skyway_gateway.verify.rules import RULES
+from skyway.runtime.garbage import load_without_collecting
 
 
-def _serve(settings: GatewaySettings) -> int:
-    # Imported here: the other commands do without the app.
-    from skyway.runtime.http.serving import serve
-    from skyway_gateway.app import build_app
+def main() -> int:
+    """Run the command; the exit code."""
+    load_without_collecting()
+    from skyway.runtime.service_process import ServiceProcess, StoredData
+    from skyway_gateway.settings import GatewaySettings
 
-    return serve(build_app(settings), settings)
+    def serve(settings: GatewaySettings) -> int:
+        from skyway.runtime.http.serving import serve
+        from skyway_gateway.app import build_app
+
+        return serve(build_app(settings), settings)
+
+    def data() -> StoredData:
+        from skyway_gateway.retention.archived_tables import ARCHIVED
+        from skyway_gateway.verify.facts import FACTS
+        from skyway_gateway.verify.rules import RULES
+
+        return StoredData(RULES, FACTS, ARCHIVED)
+
+    return ServiceProcess("gateway", "skyway_gateway", GatewaySettings, serve, data).run()
 
 
 if __name__ == "__main__":
-    process = ServiceProcess(
-        "gateway", "skyway_gateway", GatewaySettings, _serve, RULES, FACTS, ARCHIVED
-    )
-    sys.exit(process.run())
+    sys.exit(main())

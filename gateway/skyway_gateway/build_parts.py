@@ -36,6 +36,7 @@ from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.deliveries.requests.quota_store import DeliveryLimits, DeliveryQuota
 from skyway_gateway.forward.table import TenantLimit, open_calls
+from skyway_gateway.gauge_store import OPEN_ROWS
 from skyway_gateway.lateness.lateness_forecast import LatenessForecast
 from skyway_gateway.live.feed import LiveFeed
 from skyway_gateway.live.sources import Deliveries, Drones, World
@@ -102,7 +103,9 @@ def build_parts(
     refused_logins = RefusedLogins(db, clock, mint)
     return Parts(
         db=db,
-        membership=Membership(ReplicaStore(db, replicas), own_id=own_id, clock=clock),
+        membership=Membership(
+            ReplicaStore(db, replicas, open_rows=OPEN_ROWS), own_id=own_id, clock=clock
+        ),
         clock=clock,
         anchor=anchor,
         clients=clients,

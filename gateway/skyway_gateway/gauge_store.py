@@ -1,13 +1,13 @@
-"""All SQL of the gateway's gauges; each statement reads an index of rows that are not over."""
+"""All SQL of the gateway's gauges and rests; each statement reads an index of open rows."""
 
 from dataclasses import dataclass
 from typing import Final
 
-from sqlalchemy import func, select, text
+from sqlalchemy import exists, func, select, text
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway_gateway.delivery_tables import IS_LIVE, deliveries
-from skyway_gateway.tables import notifications
+from skyway_gateway.tables import api_keys, notifications, outbox
 
 _LIVE: Final = (
     select(deliveries.c.state, func.count()).where(text(IS_LIVE)).group_by(deliveries.c.state)
@@ -20,6 +20,19 @@ _WAITING: Final = select(func.count(), func.min(deliveries.c.waits_since_ms)).wh
 )
 _NOTIFICATIONS: Final = select(func.count(), func.min(notifications.c.next_try_wall_ms)).where(
     notifications.c.state == text("'PENDING'")
+)
+
+#: While there are such rows, time alone can make work for the loops.
+OPEN_ROWS: Final = (
+    exists(select(deliveries).where(text(IS_LIVE))),
+    exists(select(deliveries).where(deliveries.c.is_queued)),
+    exists(select(notifications).where(notifications.c.state == "PENDING")),
+    exists(
+        select(api_keys).where(
+            api_keys.c.deleted_wall_ms.is_(None), api_keys.c.ends_wall_ms.is_not(None)
+        )
+    ),
+    exists(select(outbox)),
 )
 
 

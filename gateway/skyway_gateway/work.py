@@ -10,7 +10,7 @@ from typing import Final, Never
 
 from skyway.cells import READ_EVERY_S
 from skyway.contracts.topics import CONNECTION
-from skyway.runtime.loops import Loops, repeat
+from skyway.runtime.loops import Loops, always, repeat
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.senders import MqttSender, ReportSender
@@ -54,7 +54,9 @@ def start_work(loops: Loops, parts: Parts, mqtt: MqttClient, settings: GatewaySe
         polls=PollsInTurn(membership),
     )
     loops.start("wakes", wakes)
-    loops.start("cells", repeat("cells", parts.servers.refresh, every_s=READ_EVERY_S))
+    servers = parts.servers
+    cells = repeat("cells", servers.refresh, every_s=READ_EVERY_S, polls=servers.cells.polls)
+    loops.start("cells", cells)
     loops.start("live", parts.live.run())
     figures = LiveFigures(parts.live, parts.all_clients, parts.gauges)
     loops.start("live figures", figures.run())
@@ -62,7 +64,9 @@ def start_work(loops: Loops, parts: Parts, mqtt: MqttClient, settings: GatewaySe
     logins = repeat("refused keys", refused.write, every_s=_REFUSED_EVERY_S, wake=refused.wake)
     loops.start("refused keys", logins)
     # Each replica forecasts for the deliveries that it books.
-    lateness = repeat("lateness", parts.forecast.step, every_s=_LATENESS_EVERY_S)
+    lateness = repeat(
+        "lateness", parts.forecast.step, every_s=_LATENESS_EVERY_S, polls=membership.looks
+    )
     loops.start("lateness", lateness)
     _start_leading(loops, parts, mqtt)
     start_pruning(
@@ -99,9 +103,14 @@ def _start_leading(loops: Loops, parts: Parts, mqtt: MqttClient) -> None:
         await seal_secrets(parts.db, parts.vault, at=parts.clock.wall_now())
         return False
 
-    def sweep(name: str, step: Callable[[], Awaitable[bool]], every_s: float) -> None:
+    def sweep(
+        name: str,
+        step: Callable[[], Awaitable[bool]],
+        every_s: float,
+        looks: Callable[[], bool] = parts.membership.looks,
+    ) -> None:
         led = LeaderStep(parts.membership, step)
-        loops.start(name, repeat(name, led, every_s=every_s))
+        loops.start(name, repeat(name, led, every_s=every_s, polls=looks))
 
     keys = parts.keys
     # The replica that ends a key is woken for the account of the key, so it closes the account.
@@ -113,11 +122,11 @@ def _start_leading(loops: Loops, parts: Parts, mqtt: MqttClient) -> None:
         polls=parts.membership.polls,
     )
     loops.start("accounts", accounts)
-    sweep("clock", repeat_clock, CLOCK_EVERY_S)
+    sweep("clock", repeat_clock, CLOCK_EVERY_S, always)
     sweep("keys", keys.end_expired_keys, _KEYS_EVERY_S)
     sweep("overdue", parts.overdue_notifier.step, _OVERDUE_EVERY_S)
     sweep("scheduled", parts.schedule_opener.step, _SCHEDULED_EVERY_S)
-    sweep("secrets", seal_old_secrets, _SEAL_EVERY_S)
+    sweep("secrets", seal_old_secrets, _SEAL_EVERY_S, always)
 
 
 async def _notice_lost_connections(mqtt: MqttClient, membership: Membership) -> Never:

@@ -9,19 +9,9 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
-from skyway.runtime.errors import InvalidSettings, exit_code_after
-from skyway.runtime.service_process import ServiceProcess
-from skyway_composition.settings import CompositionSettings
+from skyway.runtime.garbage import load_without_collecting
 
 _PACKAGE: Final = "skyway_composition"
-
-
-def _serve(settings: CompositionSettings) -> int:
-    # Imported here: the other commands do without the app.
-    from skyway.runtime.http.serving import serve
-    from skyway_composition.app import build_app
-
-    return serve(build_app(settings), settings)
 
 
 async def _copy(source_url: str, target_url: str) -> None:
@@ -48,6 +38,7 @@ async def _unseal(database_url: str) -> None:
 
 def _change_database(command: str, arguments: Sequence[str]) -> int:
     """Run `copy URL` or `unseal`; the exit code."""
+    from skyway.runtime.errors import InvalidSettings
     from skyway.runtime.settings import DatabaseSettings
 
     own_url = DatabaseSettings.load().database_url
@@ -61,17 +52,33 @@ def _change_database(command: str, arguments: Sequence[str]) -> int:
 
 
 def _run() -> int:
-    if sys.argv[1:2] in (["copy"], ["unseal"]):
-        return _change_database(sys.argv[1], sys.argv[2:])
-    # Imported here: without a folder for its kernels the planner cannot be imported.
-    from skyway_composition.retention.archived_tables import ARCHIVED
-    from skyway_composition.verify.rules import FACTS, RULES
+    from skyway.runtime.service_process import ServiceProcess, StoredData
+    from skyway_composition.settings import CompositionSettings
 
-    process = ServiceProcess(
-        "composition", _PACKAGE, CompositionSettings, _serve, RULES, FACTS, ARCHIVED
-    )
-    return process.run()
+    def serve(settings: CompositionSettings) -> int:
+        from skyway.runtime.http.serving import serve
+        from skyway_composition.app import build_app
+
+        return serve(build_app(settings), settings)
+
+    def data() -> StoredData:
+        from skyway_composition.retention.archived_tables import ARCHIVED
+        from skyway_composition.verify.rules import FACTS, RULES
+
+        return StoredData(RULES, FACTS, ARCHIVED)
+
+    return ServiceProcess("composition", _PACKAGE, CompositionSettings, serve, data).run()
+
+
+def main() -> int:
+    """Run the command; the exit code."""
+    if sys.argv[1:2] in (["copy"], ["unseal"]):
+        from skyway.runtime.errors import exit_code_after
+
+        return exit_code_after(_PACKAGE, lambda: _change_database(sys.argv[1], sys.argv[2:]))
+    load_without_collecting()
+    return _run()
 
 
 if __name__ == "__main__":
-    sys.exit(exit_code_after(_PACKAGE, _run))
+    sys.exit(main())

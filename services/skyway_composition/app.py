@@ -188,7 +188,9 @@ def build_app(settings: CompositionSettings) -> FastAPI:
             Loops() as loops,
         ):
             await parts.own_cells.read_database(parts.db)
-            loops.start("warm", parts.solver.warm())
+            if parts.db.dialect != "sqlite":  # another replica may follow the drones
+                parts.solver.needed.set()
+            loops.start("warm", parts.solver.warm_when_needed())
             work.start(loops)
             start_pruning(loops, parts.membership, parts.own_cells, parts.db, parts.clock, settings)
             yield
@@ -197,7 +199,7 @@ def build_app(settings: CompositionSettings) -> FastAPI:
         return {
             "database": await parts.db.is_answering(),
             "mqtt": mqtt.is_connected,
-            "planner": parts.solver.is_warm,
+            "planner": parts.solver.is_compiled,
         }
 
     inboxes = GaugeSource("mqtt", mqtt.gauges, kept_s=0.0)

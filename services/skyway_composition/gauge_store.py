@@ -1,11 +1,20 @@
-"""All SQL of composition's gauges; no statement reads missions or alarms that are over."""
+"""All SQL of composition's gauges and rests; no statement reads what is over."""
 
 from typing import Final
 
-from sqlalchemy import func, select
+from sqlalchemy import exists, func, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway_composition.tables import alarms, is_live, is_open, missions, quarantine
+from skyway_composition.tables import (
+    alarms,
+    closures,
+    is_live,
+    is_open,
+    missions,
+    offer_holds,
+    outbox,
+    quarantine,
+)
 
 _OPEN: Final = select(missions.c.state, func.count()).where(is_open).group_by(missions.c.state)
 _STUCK: Final = select(func.count()).where(is_live, missions.c.stuck.is_not(None))
@@ -15,6 +24,14 @@ _ALARMS: Final = (
     .group_by(alarms.c.level, alarms.c.code)
 )
 _QUARANTINED: Final = select(func.count()).select_from(quarantine)
+
+#: While there are such rows, time alone can make work for the loops.
+OPEN_ROWS: Final = (
+    exists(select(missions).where(is_open)),
+    exists(select(offer_holds)),
+    exists(select(closures).where(closures.c.lifted_ms.is_(None))),
+    exists(select(outbox)),
+)
 
 
 async def open_missions(connection: AsyncConnection) -> dict[str, int]:

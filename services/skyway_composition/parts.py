@@ -18,6 +18,7 @@ from skyway.runtime.replicas.replica_store import ReplicaStore
 from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.sql.database import Database
 from skyway_composition.closures.close import Closings
+from skyway_composition.gauge_store import OPEN_ROWS
 from skyway_composition.links.listening import Listening
 from skyway_composition.links.registered_keys import RegisteredKeys
 from skyway_composition.missions.booking.book import Bookings
@@ -169,7 +170,9 @@ def parts_of(settings: CompositionSettings, registry: ServiceClient) -> Parts:
     db = Database(settings.database_url, outbox=outbox)
     clock = load_clock(settings.clock_file)
     own_id = f"{SERVICE}-{secrets.token_hex(8)}"
-    membership = Membership(ReplicaStore(db, replicas), own_id=own_id, clock=clock)
+    membership = Membership(
+        ReplicaStore(db, replicas, open_rows=OPEN_ROWS), own_id=own_id, clock=clock
+    )
     listening = Listening(clock, membership)
     own_cells = OwnCells(
         Cells(table_from(registry)),

@@ -12,7 +12,7 @@ from typing import Final, Never
 from skyway.cells import READ_EVERY_S
 from skyway.contracts.mission_reports import MANY_MISSION_REPORTS, MISSION_REPORTS
 from skyway.runtime.http.client import ServiceClient
-from skyway.runtime.loops import Loops, Wake, repeat
+from skyway.runtime.loops import Loops, Wake, always, repeat
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.senders import MqttSender, ReportSender
 from skyway.runtime.outbox.stream_sender import hint_pace
@@ -115,6 +115,7 @@ class Work:
     def _publish_again(self) -> None:
         self._station_states.forget()
         self._network_versions.forget()
+        self._membership.rest.end()
         self._parts.published.set()
 
     async def _may_publish(self) -> None:
@@ -128,6 +129,17 @@ class Work:
             self._membership.gained.set()
         return False
 
+    async def _follow(self) -> bool:
+        """Handle the messages of drones; the first of them has the planner loaded."""
+        has_more = await self._follower.step()
+        self._parts.solver.needed.set()
+        return has_more
+
+    async def _notice_freezes(self) -> bool:
+        """Notice that this process was frozen, also while the loop of overdue missions rests."""
+        self._listening.look()
+        return False
+
     async def _notice_lost_connections(self) -> Never:
         """End the listening whenever the connection to the broker is lost; `greet` begins it."""
         while True:
@@ -139,19 +151,22 @@ class Work:
     def start(self, loops: Loops) -> None:
         """Start all loops."""
         self._membership.start(loops)
-        loops.start("cells", repeat("cells", self._read_cells, every_s=READ_EVERY_S))
+        cells, polls = self._read_cells, self._own.cells.polls
+        loops.start("cells", repeat("cells", cells, every_s=READ_EVERY_S, polls=polls))
         loops.start("listening", self._notice_lost_connections())
         loops.start("gained drones", repeat("gained drones", self._gained.step, every_s=1.0))
         loops.start("instructions", self._instructions.run())
         loops.start("reports", self._reports.run())
         self._parts.signatures.start(loops)
-        loops.start("follow", self._follower.run())
-        for name, step, wake in (
-            ("overdue", self._overdue.step, Wake()),
-            ("quarantine", self._parts.quarantine.step, self._parts.quarantine.wake),
+        loops.start("follow", repeat("follow", self._follow, every_s=1.0))
+        loops.start("freezes", repeat("freezes", self._notice_freezes, every_s=_STEP_EVERY_S))
+        looks, quarantine = self._membership.looks, self._parts.quarantine
+        for name, step, wake, polls in (
+            ("overdue", self._overdue.step, Wake(), looks),
+            ("quarantine", quarantine.step, quarantine.wake, always),
         ):
             active = self._own.while_active(step)
-            loops.start(name, repeat(name, active, every_s=_STEP_EVERY_S, wake=wake))
+            loops.start(name, repeat(name, active, every_s=_STEP_EVERY_S, wake=wake, polls=polls))
         # Each replica does the work it was woken for. The leader also finds work that others left.
         for name, step, wake in (
             ("recompose", self._replanner.step, self._parts.stuck),
@@ -172,11 +187,15 @@ class Work:
             ("unknown missions", led(self._unknown.step), _UNKNOWN_EVERY_S),
             ("holds", led(self._keeper.delete_expired), _STEP_EVERY_S),
             ("ground stops", led(self._ground_stops.step), _STEP_EVERY_S),
-            ("measured wind", led(self._measured_winds.step), _MEASURE_EVERY_S),
             ("station states", led(states.step, begin=states.forget), _STEP_EVERY_S),
             ("withdrawn drones", led(self._withdrawn.step), _ASK_REGISTRY_EVERY_S),
         ):
-            loops.start(name, repeat(name, self._own.while_active(step), every_s=every_s))
+            active, looks = self._own.while_active(step), self._membership.looks
+            loops.start(name, repeat(name, active, every_s=every_s, polls=looks))
+        # It does not rest, because the last flight before a rest has measured wind too.
+        measured = self._own.while_active(led(self._measured_winds.step))
+        winds = repeat("measured wind", measured, every_s=_MEASURE_EVERY_S)
+        loops.start("measured wind", winds)
         dispatch_every_s = self._parts.dispatch_terms.every_s
         if dispatch_every_s > 0:
             dispatched = repeat(
@@ -184,6 +203,7 @@ class Work:
                 self._own.while_active(led(self._dispatcher.step)),
                 every_s=dispatch_every_s,
                 wake=self._parts.dispatches,
+                polls=self._membership.looks,
             )
             loops.start("dispatcher", dispatched)
         loops.start(
@@ -193,5 +213,6 @@ class Work:
                 self._own.while_active(led(versions.step, begin=versions.forget)),
                 every_s=_STEP_EVERY_S,
                 wake=self._parts.published,
+                polls=self._membership.looks,
             ),
         )

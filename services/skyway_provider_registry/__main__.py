@@ -2,21 +2,30 @@
 
 import sys
 
-from skyway.runtime.service_process import ServiceProcess
-from skyway_provider_registry.settings import RegistrySettings
-from skyway_provider_registry.verify import FACTS, RULES
+from skyway.runtime.garbage import load_without_collecting
+
+_PACKAGE = "skyway_provider_registry"
 
 
-def _serve(settings: RegistrySettings) -> int:
-    # Imported here: the other commands do without the app.
-    from skyway.runtime.http.serving import serve
-    from skyway_provider_registry.app import build_app
+def main() -> int:
+    """Run the command; the exit code."""
+    load_without_collecting()
+    from skyway.runtime.service_process import ServiceProcess, StoredData
+    from skyway_provider_registry.settings import RegistrySettings
 
-    return serve(build_app(settings), settings)
+    def serve(settings: RegistrySettings) -> int:
+        from skyway.runtime.http.serving import serve
+        from skyway_provider_registry.app import build_app
+
+        return serve(build_app(settings), settings)
+
+    def data() -> StoredData:
+        from skyway_provider_registry.verify import FACTS, RULES
+
+        return StoredData(RULES, FACTS)
+
+    return ServiceProcess("registry", _PACKAGE, RegistrySettings, serve, data).run()
 
 
 if __name__ == "__main__":
-    process = ServiceProcess(
-        "registry", "skyway_provider_registry", RegistrySettings, _serve, RULES, FACTS
-    )
-    sys.exit(process.run())
+    sys.exit(main())

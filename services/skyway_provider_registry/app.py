@@ -21,7 +21,7 @@ from skyway.runtime.http.app import (
 from skyway.runtime.http.entrance import ServiceEntrance
 from skyway.runtime.http.metrics_routes import figures_routes, metrics_routes, readiness_gauges
 from skyway.runtime.idempotency_store import sweep
-from skyway.runtime.loops import Loops, repeat
+from skyway.runtime.loops import Loops, always, repeat
 from skyway.runtime.metrics import GaugeSource
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.peer_secrets import read_secret
@@ -179,7 +179,8 @@ def build_app(settings: RegistrySettings) -> FastAPI:
                 "password file",
                 repeat("password file", parts.password_file.step, every_s=_PASSWORDS_EVERY_S),
             )
-            loops.start("cells", repeat("cells", servers.refresh, every_s=READ_EVERY_S))
+            cells = repeat("cells", servers.refresh, every_s=READ_EVERY_S, polls=membership.looks)
+            loops.start("cells", cells)
             _start_leading(loops, parts, keep_times)
             yield
 
@@ -210,14 +211,15 @@ def openapi_app() -> FastAPI:
 def _start_leading(loops: Loops, parts: Parts, keep_times: KeepTimes) -> None:
     """Start the loops that only the leader runs, for all replicas."""
     renewals = RenewalAnnouncer(parts.db, parts.clock, CompositionNotice(parts.servers))
-    for name, step, every_s in (
-        ("thinning", Thinning(parts.db, parts.clock, keep_times).step, _THINNING_EVERY_S),
-        ("alarms", AlarmAnnouncer(parts.db, parts.servers).step, 1.0),
-        ("renewals", renewals.step, 1.0),
-        ("idempotency", partial(_sweep, parts), _SWEEP_EVERY_S),
+    looks = parts.membership.looks
+    for name, step, every_s, polls in (
+        ("thinning", Thinning(parts.db, parts.clock, keep_times).step, _THINNING_EVERY_S, always),
+        ("alarms", AlarmAnnouncer(parts.db, parts.servers).step, 1.0, looks),
+        ("renewals", renewals.step, 1.0, looks),
+        ("idempotency", partial(_sweep, parts), _SWEEP_EVERY_S, always),
     ):
         led = LeaderStep(parts.membership, step)
-        loops.start(name, repeat(name, led, every_s=every_s))
+        loops.start(name, repeat(name, led, every_s=every_s, polls=polls))
 
 
 async def _notice_lost_connections(mqtt: MqttClient, membership: Membership) -> Never:

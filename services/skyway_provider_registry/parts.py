@@ -39,7 +39,7 @@ from skyway_provider_registry.fleets.quota_store import DroneLimit
 from skyway_provider_registry.fleets.registration import CompositionStations, StationLookup
 from skyway_provider_registry.presence.judge_states import NoQuarantine
 from skyway_provider_registry.settings import RegistrySettings
-from skyway_provider_registry.tables import replicas
+from skyway_provider_registry.tables import OPEN_ROWS, replicas
 
 SERVICE: Final = "registry"
 
@@ -117,7 +117,9 @@ def parts_in_life(settings: RegistrySettings) -> Parts:
         end_connection=None if is_nats or authority is None else partial(take_over, settings),
     )
     own_id = f"{SERVICE}-{secrets.token_hex(8)}"
-    membership = Membership(ReplicaStore(db, replicas), own_id=own_id, clock=clock)
+    membership = Membership(
+        ReplicaStore(db, replicas, open_rows=OPEN_ROWS), own_id=own_id, clock=clock
+    )
     return Parts(
         db=db,
         membership=membership,

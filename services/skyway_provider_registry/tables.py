@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Iterator
+from typing import Final
 
 from sqlalchemy import (
     BigInteger,
@@ -17,7 +18,9 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    exists,
     false,
+    select,
     text,
 )
 
@@ -285,3 +288,6 @@ changes = Table(
     Column("providers", BigInteger, nullable=False),
     Column("removals", BigInteger, nullable=False),
 )
+
+#: While there are such rows, time alone can make work for the loops.
+OPEN_ROWS: Final = (exists(select(drones)),)

@@ -1,6 +1,7 @@
 """Cells: which server of composition serves which network.
 
-The registry keeps the table of cells. Gateway and composition read it every second. The composition
+The registry keeps the table of cells. Gateway and composition read it every second,
+or every ten seconds where it has no cell and cannot get one. The composition
 of `SKYWAY_COMPOSITION_URL` serves each network that is not in the table.
 """
 
@@ -66,6 +67,13 @@ class CellTable(WireModel):
     """All cells, in order of their networks."""
 
     cells: tuple[NetworkCell, ...]
+    may_grow: Annotated[
+        bool,
+        Field(
+            description="False: there is one registry, on SQLite, and its settings allow no host "
+            "for a cell. Then the table need not be read every second."
+        ),
+    ] = True
 
 
 _HEADER: Final = re.compile(r"([A-Za-z0-9_-]{1,64});([0-9]{1,18})")

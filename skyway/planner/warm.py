@@ -16,6 +16,7 @@ from skyway.planner.compose import compose
 from skyway.planner.compose_many import compose_many
 from skyway.planner.exact_memory import enlarged, new_memory
 from skyway.planner.hierarchy import Hierarchy
+from skyway.planner.kernels.search import run
 from skyway.planner.kernels.ways import lengths_from
 from skyway.planner.pad_book import PadBook
 from skyway.planner.pad_ledger import PadLedger
@@ -54,6 +55,12 @@ def warm() -> None:
     lengths_from(
         away.offsets, away.station, away.length_m, 0, np.array([2], np.int64), len(STATIONS)
     )
+
+
+def is_on_disk() -> bool:
+    """Whether the planner was compiled for these sources, so that `warm` takes about a second."""
+    cache: Any = getattr(run, "_cache", None)  # numba has no types
+    return cache is not None and bool(cache._cache_file._load_index())
 
 
 def _compose_many(network: Network, booked: PadBook) -> None:

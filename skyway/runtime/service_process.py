@@ -1,6 +1,6 @@
 """A cloud service as a process: ``python -m PACKAGE [serve | migrate | verify | archive]``.
 
-Each command imports what it needs: `verify` takes a third of the time without the app.
+Each command imports what it needs: `serve` no rules and no archive, all others no app.
 """
 
 import argparse
@@ -12,18 +12,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Final, Generic, TypeVar
 
-from skyway.runtime.archive.archived_table import ArchivedTable
-from skyway.runtime.clock import fleet_margin, load_clock
 from skyway.runtime.errors import exit_code_after
-from skyway.runtime.garbage import load_without_collecting
+from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.settings import ArchiveSettings, DatabaseSettings, ServiceSettings
-from skyway.runtime.sql.database import Database
-from skyway.runtime.tracing import LAST_ERRORS, configure_logs
-from skyway.runtime.verification.check import check
-from skyway.runtime.verification.fact_files import FactReader
-from skyway.runtime.verification.rule import Rule
+
+if TYPE_CHECKING:
+    from skyway.runtime.archive.archived_table import ArchivedTable
+    from skyway.runtime.verification.fact_files import FactReader
+    from skyway.runtime.verification.rule import Rule
 
 S = TypeVar("S", bound=ServiceSettings)
 
@@ -36,6 +34,15 @@ _SWITCH_INTERVAL_S: Final = 0.0005
 
 
 @dataclass(frozen=True, slots=True)
+class StoredData:
+    """What `verify` checks of a service's data, and what `archive` writes of it."""
+
+    rules: Sequence["Rule"]
+    facts: Mapping[str, "FactReader"]
+    archived: Sequence["ArchivedTable"] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class ServiceProcess(Generic[S]):
     """What differs from one service's process to the next."""
 
@@ -44,9 +51,8 @@ class ServiceProcess(Generic[S]):
     settings: type[S]
     #: Imports the app and serves it; returns the exit code.
     serve: Callable[[S], int]
-    rules: Sequence[Rule]
-    facts: Mapping[str, FactReader]
-    archived: Sequence[ArchivedTable] = ()
+    #: Imports what is known of its data.
+    data: Callable[[], StoredData]
 
     def run(self, arguments: Sequence[str] | None = None) -> int:
         """The exit code; 1 when `verify` found something."""
@@ -59,6 +65,8 @@ class ServiceProcess(Generic[S]):
         return exit_code_after(self.package, partial(self._run, given))
 
     def _run(self, given: argparse.Namespace) -> int:
+        if given.command != "serve":
+            keep_what_is_loaded()
         if given.command == "verify":
             return self._verify(given.facts)
         if given.command == "archive":
@@ -66,6 +74,8 @@ class ServiceProcess(Generic[S]):
         return self._migrate() if given.command == "migrate" else self._serve()
 
     def _serve(self) -> int:
+        from skyway.runtime.tracing import LAST_ERRORS, configure_logs
+
         # Serving ends with the process, and so does the export of its spans.
         settings = self.settings.load()
         configure_logs(self.name, settings.log_level)
@@ -74,7 +84,6 @@ class ServiceProcess(Generic[S]):
             from skyway.runtime.otlp import export_spans
 
             export_spans(self.name, settings.otlp_endpoint)
-        load_without_collecting()
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
         return self.serve(settings)
 
@@ -89,21 +98,27 @@ class ServiceProcess(Generic[S]):
 
     async def _archive(self, folder: Path) -> int:
         from skyway.runtime.archive.export import Export
+        from skyway.runtime.clock import load_clock
+        from skyway.runtime.sql.database import Database
 
         settings = ArchiveSettings.load()
         async with Database(settings.database_url) as db:
             export = Export(db, load_clock(settings.clock_file), folder)
-            for each in await export.write(self.archived):
+            for each in await export.write(self.data().archived):
                 sys.stdout.write(each.model_dump_json() + "\n")
         return 0
 
     async def _print_broken_rules(self, settings: ArchiveSettings, folder: Path | None) -> int:
-        clock = load_clock(settings.clock_file)
+        from skyway.runtime.clock import fleet_margin, load_clock
+        from skyway.runtime.sql.database import Database
+        from skyway.runtime.verification.check import check
+
+        clock, data = load_clock(settings.clock_file), self.data()
         async with Database(settings.database_url) as db:
             broken = await check(
                 db,
-                self.rules,
-                self.facts,
+                data.rules,
+                data.facts,
                 folder=folder,
                 wall_at=clock.wall_now(),
                 fleet_at=clock.now() + fleet_margin(clock, fleet_s=600.0, wall_s=30.0),

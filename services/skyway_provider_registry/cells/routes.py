@@ -42,8 +42,9 @@ def cell_routes(*, db: Database, gate: ServiceGate, changes: CellChanges) -> Ser
     async def get_cell_table(caller: Annotated[Caller, Depends(gate)]) -> CellTable:
         """The table of cells."""
         caller.must_be_service("gateway", "composition")
+        may_grow = bool(changes.hosts) or db.dialect != "sqlite"
         async with db.read() as connection:
-            return CellTable(cells=await store.every(connection))
+            return CellTable(cells=await store.every(connection), may_grow=may_grow)
 
     @router.get("/v1/cells")
     async def list_cells(caller: Annotated[Caller, Depends(gate)]) -> CellList:

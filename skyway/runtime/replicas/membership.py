@@ -1,6 +1,7 @@
 """Keeps a replica in the list of live replicas, and knows its drones now and before.
 
-With SQLite there is one process: it leads, owns every drone, and writes nothing.
+With SQLite there is one process: it leads, owns every drone, and writes nothing. Its loops rest
+while no row needs them.
 """
 
 import logging
@@ -30,6 +31,10 @@ _MOST_CHANGES: Final = 100
 _EVER: Final = datetime.min.replace(tzinfo=UTC)
 
 
+#: Seconds of wall time between two steps of a rest: longer than between two looks of a loop.
+_REST_STEP_S: Final = 2.0
+
+
 def _nothing() -> None:
     """Begin without preparation."""
 
@@ -39,6 +44,7 @@ class Membership:
 
     def __init__(self, store: ReplicaStore, *, own_id: str, clock: FleetClock) -> None:
         self.own_id = own_id
+        self.rest = store.rest
         #: Set when this replica may own more drones than before.
         self.gained = Wake()
         self._store = store
@@ -62,8 +68,10 @@ class Membership:
                 await self._store.leave(self.own_id)
 
     def start(self, loops: Loops) -> None:
-        """Start the beats."""
-        if not self._store.has_one_process:
+        """Start the beats; with one process the rests."""
+        if self._store.has_one_process:
+            loops.start("rest", repeat("rest", self.rest.step, every_s=_REST_STEP_S))
+        else:
             beats = repeat("replicas", self.step, every_s=_BEAT_EVERY_S, wake=self._wake)
             loops.start("replicas", beats)
 
@@ -83,11 +91,15 @@ class Membership:
         return self._now.leads
 
     def polls(self) -> bool:
-        """Whether this replica looks for work that nothing has woken it for: `leads`, to pass on.
+        """Whether this replica looks for work that nothing has woken it for.
 
         Each replica does the work that it was woken for; the leader finds what others left.
         """
-        return self._now.leads
+        return self._now.leads and self.looks()
+
+    def looks(self) -> bool:
+        """Whether the loops of all replicas look for work now."""
+        return not self.rest.is_on
 
     @property
     def alive(self) -> int:
@@ -151,7 +163,7 @@ class PollsInTurn:
         if self._rounds < self.membership.alive:
             return False
         self._rounds = 0
-        return True
+        return self.membership.looks()
 
 
 @dataclass(slots=True)

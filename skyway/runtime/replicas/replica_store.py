@@ -27,7 +27,7 @@ from sqlalchemy.dialects.postgresql import insert
 
 from skyway.runtime.replicas.share import Member
 from skyway.runtime.sql.connection import AnyRow
-from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.database import Database, Rest
 
 #: A replica that was not seen for so long is dead, wall milliseconds: three beats are missing.
 DEAD_AFTER_MS: Final = 2_100
@@ -52,8 +52,11 @@ def replicas_table(metadata: MetaData) -> Table:
 class ReplicaStore:
     """Stores the live replicas of one service; on SQLite, with one process, it stores nothing."""
 
-    def __init__(self, db: Database, replicas: Table) -> None:
+    def __init__(
+        self, db: Database, replicas: Table, *, open_rows: Sequence[ColumnElement[bool]] = ()
+    ) -> None:
         self.has_one_process = db.dialect == "sqlite"
+        self.rest = Rest(db, open_rows)
         self._db = db
         self._beat = _beat(replicas)
         self._living = select(replicas).where(_is_live(replicas, _database_now_ms()))

@@ -99,7 +99,7 @@ class KeyBook:
             The source is away. After a minute without it all keys are looked up anew.
         """
         asked_at = self._clock.wall_now()
-        changed = await self._source.changed()
+        changed = await self._source.changed() if self._keys else ()
         if asked_at - self._refreshed_at > CHANGES_NAMED_FOR / 2:
             self._keys.clear()
         self._refreshed_at = asked_at

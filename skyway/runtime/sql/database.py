@@ -13,9 +13,9 @@ from contextlib import (
     asynccontextmanager,
     suppress,
 )
-from typing import Self
+from typing import Final, Self
 
-from sqlalchemy import Executable, Table, text
+from sqlalchemy import ColumnElement, Executable, Table, false, or_, select, text
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.runtime.errors import ServiceUnavailable
@@ -27,7 +27,7 @@ from skyway.runtime.sql.storage import PostgresqlStorage, SqliteStorage, Storage
 from skyway.runtime.sql.transaction import Tx
 from skyway.runtime.sql.trouble import count_trouble
 
-__all__ = ["Database", "Tx"]
+__all__ = ["Database", "Rest", "Tx"]
 
 
 class _RehearsalOver(Exception):
@@ -127,6 +127,11 @@ class Database:
             done = await connection.execute_last(statement, parameters)
         return done.all() if done.returns_rows else ()
 
+    @property
+    def commits(self) -> int:
+        """The number of commits that changed rows; 0 on PostgreSQL, which others write too."""
+        return self._storage.commits if isinstance(self._storage, SqliteStorage) else 0
+
     def wake_when_sent(self, wake: Wake, *, channel: str) -> None:
         """Set `wake` after each commit that put messages for this channel into the outbox."""
         self._wakes.setdefault(channel, []).append(wake)
@@ -144,3 +149,41 @@ class Database:
         if self._storage is None:
             raise ServiceUnavailable("database", "it is not open")
         return self._storage
+
+
+#: After so many steps all loops look again, for changes by other programs.
+_MOST_REST_STEPS: Final = 30
+
+
+class Rest:
+    """Whether loops may leave out their looks at the database, because they could find nothing.
+
+    Only with SQLite: there this process makes all changes, and each of them ends the rest. So loops
+    find nothing later than without a rest. Without `open_rows`, time alone makes no work.
+    """
+
+    def __init__(self, db: Database, open_rows: Sequence[ColumnElement[bool]]) -> None:
+        self._db = db
+        self._has_open_rows = select(or_(false(), *open_rows))
+        self._seen = self._steps = -1
+        self._has_begun = False
+
+    @property
+    def is_on(self) -> bool:
+        """Whether loops may rest now."""
+        return self._has_begun and self._seen == self._db.commits
+
+    def end(self) -> None:
+        """Let all loops look once more: something outside the database has changed."""
+        self._has_begun, self._steps = False, _MOST_REST_STEPS
+
+    async def step(self) -> bool:
+        """Step of a loop: begin if nothing was changed since the step before; always False."""
+        if self._seen != self._db.commits or self._steps == _MOST_REST_STEPS:
+            self._has_begun, self._seen, self._steps = False, self._db.commits, -1
+        self._steps += 1
+        if self._steps == 1:
+            async with self._db.read() as connection:
+                has_open_rows = await connection.execute(self._has_open_rows)
+            self._has_begun = not has_open_rows.scalar_one()
+        return False

@@ -12,8 +12,9 @@ import logging
 import sqlite3
 from collections import deque
 from collections.abc import AsyncIterator
-from typing import Final, Self
+from typing import Final, Self, cast
 
+import aiosqlite
 from sqlalchemy.engine import URL
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
@@ -72,6 +73,9 @@ class SqliteWriter:
         self._is_closing = False
         self._running: _Turn | None = None
         self._is_spoilt = False  # the present connection
+        self._changed_rows = 0  # by the present connection
+        #: The number of commits that changed rows.
+        self.commits = 0
         self._task: asyncio.Task[None] | None = None
 
     async def __aenter__(self) -> Self:
@@ -168,12 +172,14 @@ class SqliteWriter:
             while self._queue and len(group) < _LARGEST_GROUP:
                 group.append(self._queue.popleft())
                 await self._run_block(group[-1], connection)
-            await _control(connection, "COMMIT")
+            driver = await _control(connection, "COMMIT")
         except (sqlite3.Error, DBAPIError, OSError) as error:
             reason = trouble_of_writing(error) or ServiceUnavailable("database", "not committed")
             for turn in group:
                 turn.refuse(reason)
             raise _NotCommitted from error
+        before, self._changed_rows = self._changed_rows, driver.total_changes
+        self.commits += before != self._changed_rows
         for turn in group:
             turn.settle()
 
@@ -192,9 +198,10 @@ class SqliteWriter:
             await _control(connection, "ROLLBACK TO block")
 
 
-async def _control(connection: AsyncConnection, statement: str) -> None:
+async def _control(connection: AsyncConnection, statement: str) -> aiosqlite.Connection:
     """Run BEGIN, SAVEPOINT or COMMIT in one hop to the driver's thread, past SQLAlchemy."""
     driver = (await connection.get_raw_connection()).driver_connection
     if driver is None:
         raise sqlite3.OperationalError("the writing connection is gone")
     await driver.execute_fetchall(statement)
+    return cast("aiosqlite.Connection", driver)

@@ -72,6 +72,11 @@ class SqliteStorage:
         # Nothing above waits, and a loop that only reads must still let other tasks run.
         await asyncio.sleep(0)
 
+    @property
+    def commits(self) -> int:
+        """The number of commits that changed rows."""
+        return self._writer.commits
+
     def survey(self) -> AbstractAsyncContextManager[AsyncConnection]:
         """The same. The event loop goes on while a statement runs."""
         return _connect(AsyncConnection(self._surveys))

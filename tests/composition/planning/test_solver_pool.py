@@ -71,6 +71,21 @@ async def test_a_plan_does_not_depend_on_the_limit_of_inline_labels(
     assert without_times(plan) == without_times(expected)
 
 
+async def test_a_compiled_planner_is_loaded_when_a_drone_reports() -> None:
+    async with SolverPool(threads=1, time_limit_s=5.0) as solver:
+        await solver.warm()  # now it is on disk
+    async with SolverPool(threads=1, time_limit_s=5.0) as solver, asyncio.timeout(60):
+        warming = asyncio.create_task(solver.warm_when_needed())
+        while not solver.is_compiled:  # noqa: ASYNC110 - a thread finds it on disk
+            await asyncio.sleep(0)
+        assert not solver.is_warm
+
+        solver.needed.set()
+        await warming
+
+        assert solver.is_warm
+
+
 async def test_a_small_problem_needs_no_thread(make: Any, local: Any) -> None:
     async with SolverPool(threads=1, time_limit_s=5.0, inline_labels=2_048) as solver:
         await solver.warm()

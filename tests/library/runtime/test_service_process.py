@@ -9,14 +9,14 @@ from sqlalchemy import BigInteger, Column, MetaData, Table, literal, select, tru
 
 from skyway.runtime.archive.archived_table import ArchivedTable
 from skyway.runtime.errors import ExitCode
-from skyway.runtime.service_process import ServiceProcess
+from skyway.runtime.service_process import ServiceProcess, StoredData
 from skyway.runtime.settings import ServiceSettings
 from skyway.runtime.verification.rule import Rule
 
 
 def make_process(rules: Sequence[Rule] = ()) -> ServiceProcess[ServiceSettings]:
     return ServiceProcess(
-        "tower", "skyway_tower", ServiceSettings, lambda _settings: 0, rules, facts={}
+        "tower", "skyway_tower", ServiceSettings, lambda _settings: 0, lambda: StoredData(rules, {})
     )
 
 
@@ -96,7 +96,7 @@ def test_archive_prints_a_line_for_each_file(
         database.executemany("INSERT INTO flights VALUES (?)", [(1,), (2,), (86_400_000,)])
     database.close()
     archived = ArchivedTable(flights, flights.c.at_ms, flights, true())
-    process = replace(make_process(), archived=[archived])
+    process = replace(make_process(), data=lambda: StoredData([], {}, [archived]))
 
     code = process.run(["archive", "--folder", str(tmp_path / "archive")])
 

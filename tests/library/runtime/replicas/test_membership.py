@@ -1,24 +1,30 @@
-"""Replicas on one PostgreSQL: the first one leads, and a dead one is replaced."""
+"""Replicas on one PostgreSQL: the first one leads, and a dead one is replaced. Rests on SQLite."""
 
+import asyncio
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from datetime import timedelta
 
 import pytest
-from sqlalchemy import MetaData
+from sqlalchemy import MetaData, exists, select
 
 from skyway.runtime.clock import ManualClock
+from skyway.runtime.loops import Loops
 from skyway.runtime.replicas.membership import LeaderStep, Membership, PollsInTurn
 from skyway.runtime.replicas.replica_store import DEAD_AFTER_MS, ReplicaStore, replicas_table
-from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.database import Database, Rest
 
 METADATA = MetaData()
 REPLICAS = replicas_table(METADATA)
 DRONES = [f"drn_{number}" for number in range(50)]
 
+A_ROW = {"replica_id": "a", "joined_wall_ms": 0, "seen_wall_ms": 0, "is_listening": True}
+
 on_postgresql = pytest.mark.parametrize(
     "database_url", [pytest.param("postgresql", marks=pytest.mark.integration)], indirect=True
 )
+
+on_sqlite = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
 
 Join = Callable[[str], Membership]
 
@@ -194,3 +200,70 @@ async def test_replicas_that_poll_in_turn_poll_as_often_as_one(db: Database, joi
 
     assert [alone() for _ in range(4)] == [True] * 4
     assert sum(polls() for _ in range(4) for polls in in_turn) == 4
+
+
+async def rested(rest: Rest) -> bool:
+    """Whether loops rest after two steps."""
+    await rest.step()
+    await rest.step()
+    return rest.is_on
+
+
+@on_sqlite
+async def test_loops_rest_until_this_process_changes_a_row(db: Database) -> None:
+    rest = Rest(db, [])
+    assert await rested(rest)
+
+    async with db.write() as tx:
+        await tx.execute(REPLICAS.delete())
+    assert rest.is_on
+
+    async with db.write() as tx:
+        await tx.execute(tx.insert(REPLICAS).values(A_ROW))
+    assert not rest.is_on
+    await rest.step()
+    assert not rest.is_on
+    await rest.step()
+    assert rest.is_on
+
+
+@on_sqlite
+async def test_loops_do_not_rest_while_a_row_is_open(db: Database) -> None:
+    rest = Rest(db, [exists(select(REPLICAS))])
+    async with db.write() as tx:
+        await tx.execute(tx.insert(REPLICAS).values(A_ROW))
+    assert not await rested(rest)
+
+    async with db.write() as tx:
+        await tx.execute(REPLICAS.delete())
+
+    assert await rested(rest)
+
+
+@on_sqlite
+async def test_loops_look_again_from_time_to_time_and_after_a_call(db: Database) -> None:
+    rest = Rest(db, [])
+    assert await rested(rest)
+
+    steps = 0
+    while rest.is_on:
+        await rest.step()
+        steps += 1
+    assert steps == 30
+    await rest.step()
+    assert rest.is_on
+
+    rest.end()
+    assert not rest.is_on
+    assert await rested(rest)
+
+
+@on_postgresql
+async def test_with_a_database_server_loops_never_rest(join: Join) -> None:
+    replica = join("rpl_a")
+    async with replica, Loops() as loops:
+        replica.start(loops)
+        running = {task.get_name() for task in asyncio.all_tasks()}
+
+    assert "rest" not in running
+    assert replica.looks()
