@@ -9,6 +9,9 @@ from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.service_facts import DeliveryFacts, MissionFacts, PackageFacts
 
 _rule = partial(CrossRule[DeliveryFacts], facts=ServiceLook.deliveries)
+#: Rules about what one service has: the other one is read later, and must have it too.
+_from_gateway = partial(_rule, first="gateway", second="composition")
+_from_composition = partial(_rule, first="composition", second="gateway")
 
 
 def _pairs(
@@ -183,89 +186,66 @@ _ASK_PEOPLE: Final = (
 )
 
 DELIVERY_RULES: Final = (
-    _rule(
-        name="a delivery of composition is a delivery of the gateway",
-        first="composition",
-        second="gateway",
-        finder=_unknown_delivery,
-        advice="The delivery was deleted at the gateway. Restore it from a backup; if that cannot "
+    _from_composition(
+        "a delivery of composition is a delivery of the gateway",
+        _unknown_delivery,
+        "The delivery was deleted at the gateway. Restore it from a backup; if that cannot "
         "be done, cancel its missions (POST /v1/missions/{id}/commands with CANCEL).",
     ),
-    _rule(
-        name="a mission of the gateway is a mission of composition",
-        first="gateway",
-        second="composition",
-        finder=_unknown_missions,
-        advice="Composition has lost the mission, so no report about it will come. Restore "
+    _from_gateway(
+        "a mission of the gateway is a mission of composition",
+        _unknown_missions,
+        "Composition has lost the mission, so no report about it will come. Restore "
         "composition's database from a backup, or find the drone and settle the delivery by hand.",
     ),
-    _rule(
-        name="a live mission is one of its delivery at the gateway",
-        first="composition",
-        second="gateway",
-        finder=_unexpected_missions,
-        advice="Nobody waits for this mission. Cancel it: POST /v1/missions/{id}/commands with "
-        "CANCEL.",
+    _from_composition(
+        "a live mission is one of its delivery at the gateway",
+        _unexpected_missions,
+        "Nobody waits for this mission. Cancel it: POST /v1/missions/{id}/commands with CANCEL.",
     ),
-    _rule(
-        name="the gateway knows each mission soon after its first report",
-        first="composition",
-        second="gateway",
-        finder=_unlearnt_missions,
-        advice="Composition flies the mission, and its customer does not know. Start the gateway "
+    _from_composition(
+        "the gateway knows each mission soon after its first report",
+        _unlearnt_missions,
+        "Composition flies the mission, and its customer does not know. Start the gateway "
         "if it is down; else look for NOT_YET and for `booking postponed` in its log.",
     ),
-    _rule(
-        name="the gateway has every report that composition has sent",
-        first="composition",
-        second="gateway",
-        finder=_lost_reports,
-        advice="A report was lost, and the gateway waits for it. Composition's steps and custody "
+    _from_composition(
+        "the gateway has every report that composition has sent",
+        _lost_reports,
+        "A report was lost, and the gateway waits for it. Composition's steps and custody "
         "say what it reported: restore the report as a row of composition's `outbox`, or set the "
         "gateway's `missions.report_seq` and correct the delivery by hand.",
     ),
-    _rule(
-        name="composition has sent every report that the gateway has",
-        first="gateway",
-        second="composition",
-        finder=_invented_reports,
-        advice="Composition's database is older than the gateway's, or was changed. Restore both "
+    _from_gateway(
+        "composition has sent every report that the gateway has",
+        _invented_reports,
+        "Composition's database is older than the gateway's, or was changed. Restore both "
         "from one backup, or set composition's `missions.report_seq` to the gateway's.",
     ),
-    _rule(
-        name="gateway and composition agree on a mission",
-        first="gateway",
-        second="composition",
-        finder=_other_missions,
-        advice="Correct the service that differs from the drone's instruction (composition's "
+    _from_gateway(
+        "gateway and composition agree on a mission",
+        _other_missions,
+        "Correct the service that differs from the drone's instruction (composition's "
         "`instructions.body`) and from the events that the customer has received.",
     ),
-    _rule(
-        name="I6 what the gateway counts as delivered is delivered in composition",
-        first="gateway",
-        second="composition",
-        finder=_undelivered,
-        advice=_ASK_PEOPLE,
+    _from_gateway(
+        "I6 what the gateway counts as delivered is delivered in composition",
+        _undelivered,
+        _ASK_PEOPLE,
     ),
-    _rule(
-        name="I6 what composition counts as delivered is delivered at the gateway",
-        first="composition",
-        second="gateway",
-        finder=_unreported_deliveries,
-        advice="The customer may believe that the package is elsewhere. " + _ASK_PEOPLE,
+    _from_composition(
+        "I6 what composition counts as delivered is delivered at the gateway",
+        _unreported_deliveries,
+        "The customer may believe that the package is elsewhere. " + _ASK_PEOPLE,
     ),
-    _rule(
-        name="I6 a drone that has a package at the gateway has it in composition",
-        first="gateway",
-        second="composition",
-        finder=_other_drones,
-        advice="Two drones may have taken the package. " + _ASK_PEOPLE,
+    _from_gateway(
+        "I6 a drone that has a package at the gateway has it in composition",
+        _other_drones,
+        "Two drones may have taken the package. " + _ASK_PEOPLE,
     ),
-    _rule(
-        name="I6 a drone that has a package in composition has it at the gateway",
-        first="composition",
-        second="gateway",
-        finder=_unreported_drones,
-        advice="Two drones may have taken the package. " + _ASK_PEOPLE,
+    _from_composition(
+        "I6 a drone that has a package in composition has it at the gateway",
+        _unreported_drones,
+        "Two drones may have taken the package. " + _ASK_PEOPLE,
     ),
 )
