@@ -10,7 +10,7 @@ from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.mission_reports import MissionReport
-from skyway.runtime.verification.rule import Rule, Survey
+from skyway.runtime.verification.rule import Rule, Survey, any_of, rows_where
 from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
 from skyway_composition.tables import (
@@ -58,26 +58,18 @@ _RESTORE: Final = (
 _RECEIVERS: Final = ("gateway", "registry")
 
 
-async def _other_than_body(survey: Survey) -> list[str]:
-    query = select(missions)
-    return [row.mission_id async for row in survey.each(query) if _differs(row)]
-
-
 def _differs(row: Any) -> bool:  # a row of missions
-    try:
-        body, request, candidate = map(json.loads, (row.body, row.request, row.candidate))
-        packages = {each["package_id"] for each in request["packages"]}
-        return (
-            any(body[name] != getattr(row, name) for name in _REPEATED)
-            or _ms(body["start_at"]) != row.start_ms
-            or _ms(body["released_at"]) != row.released_ms
-            or (body["loading"] != row.loading)
-            or row.pooling_at not in (None, request["pickup"]["station_id"])
-            or (candidate["drone_id"], candidate["provider_id"]) != (row.drone_id, row.provider_id)
-            or not {each["package_id"] for each in body["packages"]} <= packages
-        )
-    except (ValueError, KeyError, TypeError):
-        return False  # another rule names texts that cannot be read
+    body, request, candidate = map(json.loads, (row.body, row.request, row.candidate))
+    packages = {each["package_id"] for each in request["packages"]}
+    return (
+        any(body[name] != getattr(row, name) for name in _REPEATED)
+        or _ms(body["start_at"]) != row.start_ms
+        or _ms(body["released_at"]) != row.released_ms
+        or (body["loading"] != row.loading)
+        or row.pooling_at not in (None, request["pickup"]["station_id"])
+        or (candidate["drone_id"], candidate["provider_id"]) != (row.drone_id, row.provider_id)
+        or not {each["package_id"] for each in body["packages"]} <= packages
+    )
 
 
 def _ms(text: str) -> int:
@@ -97,15 +89,16 @@ async def _other_expiries(survey: Survey) -> list[str]:
     return [mission_id for (mission_id, at_ms), ends in sent.items() if at_ms not in ends]
 
 
-async def _unknown_doubts(survey: Survey) -> list[str]:
-    query = select(missions.c.mission_id, missions.c.body).where(
-        is_live,
-        ~exists().where(
-            alarms.c.mission_id == missions.c.mission_id, alarms.c.code == "MISSION_IN_DOUBT"
-        ),
-    )
-    rows = await survey.rows(query)
-    return [row.mission_id for row in rows if json.loads(row.body)["doubt"] is not None]
+_WITHOUT_ALARM: Final = select(missions).where(
+    is_live,
+    ~exists().where(
+        alarms.c.mission_id == missions.c.mission_id, alarms.c.code == "MISSION_IN_DOUBT"
+    ),
+)
+
+
+def _is_in_doubt(row: Any) -> bool:  # a row of missions
+    return json.loads(row.body)["doubt"] is not None
 
 
 async def _lost_proposals(survey: Survey) -> list[str]:
@@ -128,12 +121,11 @@ async def _lost_proposals(survey: Survey) -> list[str]:
 MISSIONS: Final = (
     Rule(
         "an alarm is acknowledged by somebody, after it was raised",
-        select(alarms.c.alarm_id).where(
-            or_(
-                alarms.c.acknowledged_ms.is_(None) != alarms.c.acknowledged_by.is_(None),
-                alarms.c.acknowledged_ms < alarms.c.at_ms,
-                and_(alarms.c.note.is_not(None), alarms.c.acknowledged_ms.is_(None)),
-            )
+        any_of(
+            alarms.c.alarm_id,
+            alarms.c.acknowledged_ms.is_(None) != alarms.c.acknowledged_by.is_(None),
+            alarms.c.acknowledged_ms < alarms.c.at_ms,
+            and_(alarms.c.note.is_not(None), alarms.c.acknowledged_ms.is_(None)),
         ),
         "Set `acknowledged_ms` and `acknowledged_by` to NULL: an operator looks at it again.",
     ),
@@ -211,13 +203,13 @@ MISSIONS: Final = (
     ),
     Rule(
         "a mission in doubt has called an operator",
-        _unknown_doubts,
+        rows_where(_WITHOUT_ALARM, _is_in_doubt, "mission_id"),
         "The alarm MISSION_IN_DOUBT was not raised, or its row was deleted. Find out where drone "
         "and packages are, and end the mission: POST /v1/missions/{id}/commands with GIVE_UP.",
     ),
     Rule(
         "a mission's columns say what its body says",
-        _other_than_body,
+        rows_where(select(missions), _differs, "mission_id"),
         _AGAINST_BODY,
     ),
     Rule(
@@ -254,10 +246,8 @@ MISSIONS: Final = (
         select(missions.c.mission_id).where(
             missions.c.state.in_(("QUEUED", "BOOKED", "REFUSED")),
             exists().where(
-                and_(
-                    mission_steps.c.mission_id == missions.c.mission_id,
-                    mission_steps.c.status == "ENDED",
-                )
+                mission_steps.c.mission_id == missions.c.mission_id,
+                mission_steps.c.status == "ENDED",
             ),
         ),
         "The state was set back by hand. The steps that have ended are the evidence: set the state "

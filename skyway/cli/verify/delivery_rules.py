@@ -8,15 +8,16 @@ from skyway.cli.verify.looks import CrossRule, ServiceLook
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.service_facts import DeliveryFacts, MissionFacts, PackageFacts
 
+#: What a service knows of a delivery; None if it does not know the delivery.
+_Known = DeliveryFacts | None
+
 _rule = partial(CrossRule[DeliveryFacts], facts=ServiceLook.deliveries)
 #: Rules about what one service has: the other one is read later, and must have it too.
 _from_gateway = partial(_rule, first="gateway", second="composition")
 _from_composition = partial(_rule, first="composition", second="gateway")
 
 
-def _pairs(
-    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
-) -> Iterator[tuple[MissionFacts, MissionFacts]]:
+def _pairs(gateway: _Known, composition: _Known) -> Iterator[tuple[MissionFacts, MissionFacts]]:
     """The missions that both services have, each as the gateway and as composition has it."""
     if gateway is None or composition is None:
         return
@@ -26,34 +27,28 @@ def _pairs(
             yield mission, planned[mission.mission_id]
 
 
-def _packages(delivery: DeliveryFacts | None) -> dict[str, PackageFacts]:
+def _packages(delivery: _Known) -> dict[str, PackageFacts]:
     return {} if delivery is None else {each.package_id: each for each in delivery.packages}
 
 
-def _is_leaving(gateway: DeliveryFacts, composition: DeliveryFacts | None) -> bool:
+def _is_leaving(gateway: DeliveryFacts, composition: _Known) -> bool:
     """Whether composition has deleted a delivery because of its age, and the gateway will."""
     return gateway.is_leaving and composition is None
 
 
-def _unknown_delivery(
-    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
-) -> Iterator[str]:
+def _unknown_delivery(composition: _Known, gateway: _Known) -> Iterator[str]:
     if composition is not None and gateway is None:
         yield composition.delivery_id
 
 
-def _unknown_missions(
-    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
-) -> Iterator[str]:
+def _unknown_missions(gateway: _Known, composition: _Known) -> Iterator[str]:
     if gateway is not None and not _is_leaving(gateway, composition):
         planned = () if composition is None else composition.missions
         known = {each.mission_id for each in planned}
         yield from (each.mission_id for each in gateway.missions if each.mission_id not in known)
 
 
-def _unexpected_missions(
-    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
-) -> Iterator[str]:
+def _unexpected_missions(composition: _Known, gateway: _Known) -> Iterator[str]:
     """Live missions for which the gateway does not wait; a booking may still be answered."""
     if composition is None or gateway is None:
         return
@@ -65,9 +60,7 @@ def _unexpected_missions(
             yield mission.mission_id
 
 
-def _unlearnt_missions(
-    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
-) -> Iterator[str]:
+def _unlearnt_missions(composition: _Known, gateway: _Known) -> Iterator[str]:
     """Missions that are not known at the gateway although all their reports were sent often."""
     if composition is None or gateway is None:
         return
@@ -78,25 +71,19 @@ def _unlearnt_missions(
             yield mission.mission_id
 
 
-def _lost_reports(
-    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
-) -> Iterator[str]:
+def _lost_reports(composition: _Known, gateway: _Known) -> Iterator[str]:
     for applied, sent in _pairs(gateway, composition):
         if applied.report_seq < sent.report_seq - sent.waiting_reports:
             yield sent.mission_id
 
 
-def _invented_reports(
-    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
-) -> Iterator[str]:
+def _invented_reports(gateway: _Known, composition: _Known) -> Iterator[str]:
     for applied, sent in _pairs(gateway, composition):
         if applied.report_seq > sent.report_seq:
             yield sent.mission_id
 
 
-def _other_missions(
-    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
-) -> Iterator[str]:
+def _other_missions(gateway: _Known, composition: _Known) -> Iterator[str]:
     for applied, sent in _pairs(gateway, composition):
         if _fixed(applied) != _fixed(sent) or (
             applied.report_seq == sent.report_seq and applied.state != sent.state
@@ -115,7 +102,7 @@ def _fixed(mission: MissionFacts) -> tuple[object, ...]:
     )
 
 
-def _undelivered(gateway: DeliveryFacts | None, composition: DeliveryFacts | None) -> Iterator[str]:
+def _undelivered(gateway: _Known, composition: _Known) -> Iterator[str]:
     """Packages that the gateway counts as delivered, and composition not, or otherwise."""
     if gateway is None or _is_leaving(gateway, composition):
         return
@@ -129,9 +116,7 @@ def _undelivered(gateway: DeliveryFacts | None, composition: DeliveryFacts | Non
             yield f"{gateway.delivery_id}/{package_id}"
 
 
-def _unreported_deliveries(
-    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
-) -> Iterator[str]:
+def _unreported_deliveries(composition: _Known, gateway: _Known) -> Iterator[str]:
     """Packages that composition counts as delivered, and the gateway not."""
     if composition is None or gateway is None:
         return
@@ -150,9 +135,7 @@ def _unreported_deliveries(
             yield f"{composition.delivery_id}/{package_id}"
 
 
-def _other_drones(
-    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
-) -> Iterator[str]:
+def _other_drones(gateway: _Known, composition: _Known) -> Iterator[str]:
     """Packages that another drone had by the gateway than by composition."""
     if gateway is None or _is_leaving(gateway, composition):
         return
@@ -163,9 +146,7 @@ def _other_drones(
             yield f"{gateway.delivery_id}/{package_id}"
 
 
-def _unreported_drones(
-    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
-) -> Iterator[str]:
+def _unreported_drones(composition: _Known, gateway: _Known) -> Iterator[str]:
     """Packages that a drone had by composition, and not by the gateway."""
     if composition is None or gateway is None:
         return

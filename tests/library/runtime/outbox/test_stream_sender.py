@@ -304,13 +304,14 @@ async def test_rows_that_were_sent_before_and_during_a_failed_look_are_deleted(
 ) -> None:
     taken: list[str] = []
 
-    async def receive(row: Row[Any]) -> None:
-        taken.append(row.address)
-        if row.address == "/2":
-            db.is_away = True
-            await db.meanwhile.wait()
-
     async with AwayOnce(database_url) as db:
+
+        async def receive(row: Row[Any]) -> None:
+            taken.append(row.address)
+            if row.address == "/2":
+                db.is_away = True
+                await db.meanwhile.wait()
+
         async with db.write() as tx:
             await tx.connection.run_sync(METADATA.create_all)
         await write(db, "/1", stream="s")
