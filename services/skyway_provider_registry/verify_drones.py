@@ -7,7 +7,8 @@ from sqlalchemy import Column, ColumnElement, and_, exists, false, func, or_, se
 
 from skyway.bounds import LATEST
 from skyway.drone.learned_values import CHARGE_RATE_BOUNDS, HEALTH_BOUNDS, STILL_AIR_BOUNDS
-from skyway.runtime.verification.rule import Rule, any_of
+from skyway.finders import any_of
+from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
 from skyway_provider_registry.battery_tables import (

@@ -9,7 +9,8 @@ from sqlalchemy import ColumnElement, and_, exists, func, or_, select
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.delivery.request import DeliveryRequest
-from skyway.runtime.verification.rule import Rule, Survey, any_of, rows_where
+from skyway.finders import any_of, rows_where
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES, TERMINAL_STATES

@@ -8,7 +8,8 @@ from typing import Any, Final
 from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.mission import Cancellation
-from skyway.runtime.verification.rule import Rule, Survey, each_where, rows_where
+from skyway.finders import each_where, rows_where
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import later_than
 from skyway_composition.tables import (
     cancellations,

@@ -10,7 +10,8 @@ from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.mission_reports import MissionReport
-from skyway.runtime.verification.rule import Rule, Survey, any_of, rows_where
+from skyway.finders import any_of, rows_where
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
 from skyway_composition.tables import (
@@ -24,6 +25,7 @@ from skyway_composition.tables import (
     is_under_way,
     mission_steps,
     missions,
+    no_shows,
     outbox,
 )
 from skyway_composition.verify.shares import shares_of
@@ -287,3 +289,26 @@ def _is_whole(numbers: list[int], last: int, *, is_gapless: bool) -> bool:
 
 
 REPORTS: Final = (Rule("a mission's waiting reports are its last ones", _with_gaps, _RESTORE),)
+
+#: What a provider sees: no-shows that happened, and alarms of its own missions.
+NO_SHOWS: Final = (
+    Rule(
+        "an alarm of a mission is about its provider",
+        select(alarms.c.alarm_id)
+        .join(missions, missions.c.mission_id == alarms.c.mission_id)
+        .where(alarms.c.provider_id != missions.c.provider_id),
+        "Set `provider_id` of the alarm to that of its mission: its provider sees it then.",
+    ),
+    Rule(
+        "a no-show is a mission of its provider that was refused or aborted",
+        select(no_shows.c.mission_id).where(
+            ~exists().where(
+                missions.c.mission_id == no_shows.c.mission_id,
+                missions.c.provider_id == no_shows.c.provider_id,
+                missions.c.drone_id == no_shows.c.drone_id,
+                missions.c.state.in_(("REFUSED", "ABORTED")),
+            )
+        ),
+        "The row of `no_shows` lowers the rank of its provider without a cause: delete it.",
+    ),
+)

@@ -5,7 +5,8 @@ from typing import Any, Final
 
 from sqlalchemy import select
 
-from skyway.runtime.verification.rule import Rule, rows_where
+from skyway.finders import rows_where
+from skyway.runtime.verification.rule import Rule
 from skyway_composition.quarantine.quarantined import MOST_PAYLOAD_BYTES
 from skyway_composition.quarantine.store import quarantined
 from skyway_composition.tables import quarantine

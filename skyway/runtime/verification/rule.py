@@ -1,10 +1,10 @@
 """A rule that a database must keep, and a database at one moment, as rules read it."""
 
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final, TypeVar, cast
 
-from sqlalchemy import ColumnElement, CompoundSelect, Executable, Select, or_, select
+from sqlalchemy import CompoundSelect, Executable, Select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Dialect as SqlDialect
 from sqlalchemy.ext.asyncio import AsyncConnection
@@ -75,52 +75,6 @@ def statement_text(query: Select[Any] | CompoundSelect[Any], dialect: Dialect) -
 
 #: Finds what breaks a rule, by a query or by a function of the survey.
 Finder = Subjects | Callable[[Survey], Awaitable[Iterable[str]]]
-
-#: What a text raises that does not have its form; another rule names such texts.
-UNREADABLE_TEXT: Final = (ValueError, KeyError, TypeError)
-
-
-# Any: columns have every type.
-def any_of(subject: ColumnElement[Any], *is_broken: ColumnElement[bool]) -> Subjects:
-    """The subjects for which one of these conditions is true."""
-    return select(subject).where(or_(*is_broken))
-
-
-def rows_where(
-    query: Select[Any], is_broken: Callable[[Any], bool], *names: str
-) -> Callable[[Survey], Awaitable[list[str]]]:
-    """The rows for which a condition is true, by their values of these names; Any: rows.
-
-    A row whose texts cannot be read is left out.
-    """
-
-    def is_wrong(row: AnyRow) -> bool:
-        try:
-            return is_broken(row)
-        except UNREADABLE_TEXT:
-            return False
-
-    async def find(survey: Survey) -> list[str]:
-        return [
-            "/".join(str(getattr(row, name)) for name in names)
-            async for row in survey.each(query)
-            if is_wrong(row)
-        ]
-
-    return find
-
-
-def each_where(
-    load: Callable[[Survey], Awaitable[Mapping[Any, T]]], is_broken: Callable[[T], bool]
-) -> Callable[[Survey], Awaitable[list[str]]]:
-    """The loaded things for which a condition is true, by their keys: texts, or tuples of texts."""
-
-    async def find(survey: Survey) -> list[str]:
-        loaded = await survey.once(load)
-        wrong = (key for key, each in loaded.items() if is_broken(each))
-        return [key if isinstance(key, str) else "/".join(key) for key in wrong]
-
-    return find
 
 
 @dataclass(frozen=True, slots=True)

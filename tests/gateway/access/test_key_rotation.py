@@ -120,7 +120,7 @@ async def test_a_late_rotation_of_the_old_key_does_not_end_a_key_in_use(gateway:
 
     async with gateway.parts.db.write() as tx:
         await store.end_next(tx, KeyId(old["key_id"]), at=gateway.clock.wall_now())
-    gateway.clock.advance(timedelta(seconds=10))  # whatever was cached of the key is forgotten
+    gateway.clock.advance(timedelta(seconds=10))  # what was cached of the key is forgotten
 
     assert await status_of(gateway, new) == 200
 
