@@ -27,13 +27,13 @@ from skyway.contracts.service_facts import (
 from skyway.delivery.offer import Tariff
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DRONE_MODELS
-from skyway.finders import any_of
 from skyway.runtime.signing.key_pair import public_key_bytes
 from skyway.runtime.verification.fact_files import FactReader
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import replica_rule, storage_rules
 from skyway.runtime.verification.stored_forms import form_rule, read_fernet_token, read_sha256
 from skyway.units import moment_to_ms
+from skyway.verify_finders import any_of
 from skyway_provider_registry.change_store import ONLY_ROW
 from skyway_provider_registry.presence.drone_presence import Condition
 from skyway_provider_registry.tables import (

@@ -7,10 +7,10 @@ from sqlalchemy import Column, ColumnElement, and_, exists, false, func, or_, se
 
 from skyway.bounds import LATEST
 from skyway.drone.learned_values import CHARGE_RATE_BOUNDS, HEALTH_BOUNDS, STILL_AIR_BOUNDS
-from skyway.finders import any_of
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
+from skyway.verify_finders import any_of
 from skyway_provider_registry.battery_tables import (
     batteries,
     maintenance_rules,

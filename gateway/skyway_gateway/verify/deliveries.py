@@ -9,10 +9,10 @@ from sqlalchemy import ColumnElement, and_, exists, func, or_, select
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.delivery.qos import PRIORITY_RANKS
 from skyway.delivery.request import DeliveryRequest
-from skyway.finders import any_of, rows_where
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
+from skyway.verify_finders import any_of, rows_where
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES, TERMINAL_STATES
 from skyway_gateway.delivery_tables import deliveries, missions, packages
 from skyway_gateway.notifications.delivery_events import LAST_EVENTS

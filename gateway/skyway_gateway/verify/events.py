@@ -9,9 +9,9 @@ from typing import Any, Final
 
 from sqlalchemy import String, and_, cast, exists, func, or_, select
 
-from skyway.finders import any_of, rows_where
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import later_than
+from skyway.verify_finders import any_of, rows_where
 from skyway_gateway.delivery_tables import deliveries, missions
 from skyway_gateway.notifications.event_store import hash_after
 from skyway_gateway.notifications.webhook import LONGEST_PAUSE_S, MOST_ATTEMPTS

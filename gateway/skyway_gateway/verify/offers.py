@@ -5,9 +5,9 @@ from typing import Any, Final
 
 from sqlalchemy import exists, select
 
-from skyway.finders import any_of, rows_where
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.storage_rules import later_than
+from skyway.verify_finders import any_of, rows_where
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.tables import quotes
 

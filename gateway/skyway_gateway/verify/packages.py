@@ -9,9 +9,9 @@ from sqlalchemy import ColumnElement, and_, exists, func, not_, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.delivery.request import DeliveryRequest
-from skyway.finders import any_of, each_where, rows_where
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway.verify_finders import any_of, each_where, rows_where
 from skyway_gateway.deliveries.lifecycle.delivery import (
     ON_BOARD_STATES,
     SETTLED_PACKAGE_STATES,

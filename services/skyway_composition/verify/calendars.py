@@ -7,9 +7,9 @@ from typing import Any, Final
 from sqlalchemy import and_, exists, or_, select
 
 from skyway.contracts.candidate import Candidate
-from skyway.finders import any_of, rows_where
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.scheduling.stays import Slot, Stay, read_stays, stay_to_begin_at, stays_json
+from skyway.verify_finders import any_of, rows_where
 from skyway_composition.missions.mission.row import read_record
 from skyway_composition.missions.mission.store import NO_CONDITIONS
 from skyway_composition.tables import (

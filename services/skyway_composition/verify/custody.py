@@ -8,9 +8,9 @@ from typing import Any, Final
 from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.mission import Cancellation
-from skyway.finders import each_where, rows_where
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import later_than
+from skyway.verify_finders import each_where, rows_where
 from skyway_composition.tables import (
     cancellations,
     custody,

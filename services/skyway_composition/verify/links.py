@@ -12,10 +12,10 @@ from sqlalchemy import exists, func, select
 
 from skyway.bounds import LATEST
 from skyway.contracts.topics import INSTRUCTIONS
-from skyway.finders import any_of, rows_where
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import replica_rule
 from skyway.units import moment_to_ms
+from skyway.verify_finders import any_of, rows_where
 from skyway_composition.tables import (
     cut_steps,
     drone_links,

@@ -10,10 +10,10 @@ from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.mission_reports import MissionReport
-from skyway.finders import any_of, rows_where
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
+from skyway.verify_finders import any_of, rows_where
 from skyway_composition.tables import (
     alarms,
     deliveries,

@@ -20,10 +20,10 @@ from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.weather import ForecastDocument, MeasuredWind
 from skyway.errors import InvalidInput
-from skyway.finders import rows_where
 from skyway.network.geojson_text import read_network_text
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.units import NEVER_MS, moment_to_ms, ms_to_moment
+from skyway.verify_finders import rows_where
 from skyway_composition.cell_store import HELD
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.conditions import Conditions

@@ -5,8 +5,8 @@ from typing import Any, Final
 
 from sqlalchemy import select
 
-from skyway.finders import rows_where
 from skyway.runtime.verification.rule import Rule
+from skyway.verify_finders import rows_where
 from skyway_composition.quarantine.quarantined import MOST_PAYLOAD_BYTES
 from skyway_composition.quarantine.store import quarantined
 from skyway_composition.tables import quarantine

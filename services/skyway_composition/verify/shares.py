@@ -7,8 +7,8 @@ from typing import Any, Final
 
 from sqlalchemy import and_, exists, select
 
-from skyway.finders import each_where
 from skyway.runtime.verification.rule import Rule, Survey
+from skyway.verify_finders import each_where
 from skyway_composition.missions.mission.share import Share, read_shares
 from skyway_composition.tables import custody, deliveries, guests, is_open, missions
 

@@ -10,9 +10,9 @@ from sqlalchemy import func, or_, select
 from skyway.contracts.candidate import Candidate
 from skyway.drone.flight import flight_energy_j
 from skyway.drone.model import DroneModel
-from skyway.finders import each_where, rows_where
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.units import moment_to_ms
+from skyway.verify_finders import each_where, rows_where
 from skyway_composition.tables import cut_steps, is_live, mission_steps, missions
 from skyway_composition.verify.evidence import SentMission, StepJson, sent_missions, step_json
 
