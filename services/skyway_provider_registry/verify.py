@@ -33,6 +33,7 @@ from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import replica_rule, storage_rules
 from skyway.runtime.verification.stored_forms import form_rule, read_fernet_token, read_sha256
 from skyway.units import moment_to_ms
+from skyway.verify_finders import any_of
 from skyway_provider_registry.change_store import ONLY_ROW
 from skyway_provider_registry.presence.drone_presence import Condition
 from skyway_provider_registry.tables import (
@@ -61,12 +62,11 @@ _LATEST_MS: Final = moment_to_ms(LATEST)
 _CELLS: Final = (
     Rule(
         "a cell has a generation, and is closed since a possible moment or open",
-        select(cells.c.network_id).where(
-            or_(
-                cells.c.generation < 1,
-                (cells.c.state == "CLOSED") != cells.c.closed_wall_ms.is_not(None),
-                ~cells.c.closed_wall_ms.between(0, _LATEST_MS),
-            )
+        any_of(
+            cells.c.network_id,
+            cells.c.generation < 1,
+            (cells.c.state == "CLOSED") != cells.c.closed_wall_ms.is_not(None),
+            ~cells.c.closed_wall_ms.between(0, _LATEST_MS),
         ),
         "Set `generation` to more than that of every other cell, and `closed_wall_ms` to NULL if "
         "the cell is OPEN, or to now: until then the other services may read no table of cells.",
@@ -94,12 +94,11 @@ _HINTS: Final = (
     ),
     Rule(
         "a hint says when, where and with what charge its drone is free, or nothing",
-        select(mission_hints.c.mission_id).where(
-            or_(
-                mission_hints.c.free_ms.is_(None) != mission_hints.c.free_station_id.is_(None),
-                mission_hints.c.free_ms.is_(None) != mission_hints.c.free_soc.is_(None),
-                ~mission_hints.c.free_soc.between(0, 1),
-            )
+        any_of(
+            mission_hints.c.mission_id,
+            mission_hints.c.free_ms.is_(None) != mission_hints.c.free_station_id.is_(None),
+            mission_hints.c.free_ms.is_(None) != mission_hints.c.free_soc.is_(None),
+            ~mission_hints.c.free_soc.between(0, 1),
         ),
         "Set `free_ms`, `free_station_id` and `free_soc` to NULL: the drone counts as busy until "
         "the mission's next report, or its end.",
@@ -195,32 +194,30 @@ _DRONES: Final = (
     ),
     Rule(
         "a drone's charge and place are possible",
-        select(presence.c.drone_id).where(
-            or_(
-                ~presence.c.soc.between(0, 1),
-                presence.c.ahead_m < 0,
-                presence.c.ahead_soc < 0,
-                is_outside(presence.c.longitude_deg, presence.c.latitude_deg),
-                is_outside(presence.c.sample_longitude_deg, presence.c.sample_latitude_deg),
-                ~presence.c.sample_soc.between(0, 1),
-                (presence.c.activity.is_(None)) != (presence.c.state_at_ms.is_(None)),
-                and_(
-                    presence.c.activity.is_not(None),
-                    # A sum is null if any of its parts is.
-                    (presence.c.longitude_deg + presence.c.latitude_deg + presence.c.soc).is_(None),
-                ),
-            )
+        any_of(
+            presence.c.drone_id,
+            ~presence.c.soc.between(0, 1),
+            presence.c.ahead_m < 0,
+            presence.c.ahead_soc < 0,
+            is_outside(presence.c.longitude_deg, presence.c.latitude_deg),
+            is_outside(presence.c.sample_longitude_deg, presence.c.sample_latitude_deg),
+            ~presence.c.sample_soc.between(0, 1),
+            (presence.c.activity.is_(None)) != (presence.c.state_at_ms.is_(None)),
+            and_(
+                presence.c.activity.is_not(None),
+                # A sum is null if any of its parts is.
+                (presence.c.longitude_deg + presence.c.latitude_deg + presence.c.soc).is_(None),
+            ),
         ),
         "The drone's next state fills the row again. Set `state_session` and `state_seq` to -1, "
         "so that it is accepted.",
     ),
     Rule(
         "a drone's home is on earth, and its first charge possible",
-        select(drones.c.drone_id).where(
-            or_(
-                is_outside(drones.c.home_longitude_deg, drones.c.home_latitude_deg),
-                ~drones.c.initial_soc.between(0, 1),
-            )
+        any_of(
+            drones.c.drone_id,
+            is_outside(drones.c.home_longitude_deg, drones.c.home_latitude_deg),
+            ~drones.c.initial_soc.between(0, 1),
         ),
         "Set the home to the place of the station `home_station_id`: see GET /v1/networks.",
     ),

@@ -10,6 +10,7 @@ from skyway.drone.learned_values import CHARGE_RATE_BOUNDS, HEALTH_BOUNDS, STILL
 from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
+from skyway.verify_finders import any_of
 from skyway_provider_registry.battery_tables import (
     batteries,
     maintenance_rules,
@@ -115,61 +116,57 @@ DRONE_RULES: Final = (
     ),
     Rule(
         "credentials were renewed at a possible moment",
-        select(renewals.c.drone_id).where(
-            or_(
-                ~renewals.c.renewed_ms.between(0, _LATEST_MS),
-                ~renewals.c.renewed_wall_ms.between(0, _LATEST_MS),
-            )
+        any_of(
+            renewals.c.drone_id,
+            ~renewals.c.renewed_ms.between(0, _LATEST_MS),
+            ~renewals.c.renewed_wall_ms.between(0, _LATEST_MS),
         ),
         "Set both moments to now and `is_announced` to false: composition is notified again.",
     ),
     Rule(
         "a sample of telemetry is possible",
-        select(telemetry_samples.c.drone_id).where(
-            or_(
-                is_outside(telemetry_samples.c.longitude_deg, telemetry_samples.c.latitude_deg),
-                ~telemetry_samples.c.soc.between(0, 1),
-                _is_endless(telemetry_samples.c.power_w),
-                _is_endless(telemetry_samples.c.speed_mps),
-            )
+        any_of(
+            telemetry_samples.c.drone_id,
+            is_outside(telemetry_samples.c.longitude_deg, telemetry_samples.c.latitude_deg),
+            ~telemetry_samples.c.soc.between(0, 1),
+            _is_endless(telemetry_samples.c.power_w),
+            _is_endless(telemetry_samples.c.speed_mps),
         ),
         "Delete the row of `telemetry_samples`: it is a measurement, and nothing depends on it.",
     ),
     Rule(
         "a minute of telemetry has samples, and means between the least and the greatest",
-        select(telemetry_minutes.c.drone_id).where(
-            or_(
-                telemetry_minutes.c.samples < 1,
-                is_outside(telemetry_minutes.c.longitude_deg, telemetry_minutes.c.latitude_deg),
-                ~telemetry_minutes.c.min_soc.between(0, 1),
-                ~telemetry_minutes.c.max_soc.between(0, 1),
-                *(
-                    ~telemetry_minutes.c[name].between(
-                        telemetry_minutes.c[f"min_{name}"] - tolerance,
-                        telemetry_minutes.c[f"max_{name}"] + tolerance,
-                    )
-                    # Means are rounded.
-                    for name, tolerance in (("soc", 1e-6), ("power_w", 1e-3), ("speed_mps", 1e-3))
-                ),
-            )
+        any_of(
+            telemetry_minutes.c.drone_id,
+            telemetry_minutes.c.samples < 1,
+            is_outside(telemetry_minutes.c.longitude_deg, telemetry_minutes.c.latitude_deg),
+            ~telemetry_minutes.c.min_soc.between(0, 1),
+            ~telemetry_minutes.c.max_soc.between(0, 1),
+            *(
+                ~telemetry_minutes.c[name].between(
+                    telemetry_minutes.c[f"min_{name}"] - tolerance,
+                    telemetry_minutes.c[f"max_{name}"] + tolerance,
+                )
+                # Means are rounded.
+                for name, tolerance in (("soc", 1e-6), ("power_w", 1e-3), ("speed_mps", 1e-3))
+            ),
         ),
         "Delete the row of `telemetry_minutes`: it is a measurement, and nothing depends on it.",
     ),
     Rule(
         "what was learned about a drone is within its bounds",
-        select(learned_values.c.drone_id).where(
-            or_(
-                ~learned_values.c.still_air_factor.between(*STILL_AIR_BOUNDS),
-                # A flight counts as at most 0.25 away from the mean.
-                ~learned_values.c.still_air_variance.between(0.0, 0.25**2),
-                ~learned_values.c.state_of_health.between(*HEALTH_BOUNDS),
-                ~learned_values.c.charge_rate_factor.between(*CHARGE_RATE_BOUNDS),
-                learned_values.c.flights + learned_values.c.recharges < 1,
-                ~learned_values.c.health_observations.between(
-                    0, learned_values.c.flights + learned_values.c.recharges
-                ),
-                learned_values.c.learned_ms < learned_values.c.since_ms,
-            )
+        any_of(
+            learned_values.c.drone_id,
+            ~learned_values.c.still_air_factor.between(*STILL_AIR_BOUNDS),
+            # A flight counts as at most 0.25 away from the mean.
+            ~learned_values.c.still_air_variance.between(0.0, 0.25**2),
+            ~learned_values.c.state_of_health.between(*HEALTH_BOUNDS),
+            ~learned_values.c.charge_rate_factor.between(*CHARGE_RATE_BOUNDS),
+            learned_values.c.flights + learned_values.c.recharges < 1,
+            ~learned_values.c.health_observations.between(
+                0, learned_values.c.flights + learned_values.c.recharges
+            ),
+            learned_values.c.learned_ms < learned_values.c.since_ms,
         ),
         "Delete the row of `learned_values`: plans use the drone's model until it has flown again.",
     ),
@@ -194,25 +191,23 @@ DRONE_RULES: Final = (
     ),
     Rule(
         "a battery is in at most one drone, of its own provider and model",
-        select(batteries.c.battery_id).where(
-            or_(
-                and_(batteries.c.drone_id.is_not(None), ~_fits_drone),
-                batteries.c.drone_id.is_(None) != batteries.c.installed_ms.is_(None),
-                batteries.c.drone_id.is_(None) != batteries.c.installed_used_soc.is_(None),
-                _was_elsewhere_later,
-            )
+        any_of(
+            batteries.c.battery_id,
+            and_(batteries.c.drone_id.is_not(None), ~_fits_drone),
+            batteries.c.drone_id.is_(None) != batteries.c.installed_ms.is_(None),
+            batteries.c.drone_id.is_(None) != batteries.c.installed_used_soc.is_(None),
+            _was_elsewhere_later,
         ),
         "Ask the provider where the battery is. Set `drone_id`, `installed_ms` and "
         "`installed_used_soc` to NULL: the battery is in no drone until the provider installs it.",
     ),
     Rule(
         "a battery was in one drone after the other",
-        select(past_installations.c.battery_id).where(
-            or_(
-                past_installations.c.removed_ms <= past_installations.c.installed_ms,
-                _is_no_sum(past_installations.c.used_soc),
-                _overlaps_later,
-            )
+        any_of(
+            past_installations.c.battery_id,
+            past_installations.c.removed_ms <= past_installations.c.installed_ms,
+            _is_no_sum(past_installations.c.used_soc),
+            _overlaps_later,
         ),
         "Delete the row of `past_installations` that is wrong: it is only shown.",
     ),
@@ -250,15 +245,14 @@ DRONE_RULES: Final = (
     ),
     Rule(
         "a maintenance rule has a limit",
-        select(maintenance_rules.c.model_id).where(
-            or_(
-                and_(
-                    maintenance_rules.c.every_flight_s.is_(None),
-                    maintenance_rules.c.every_cycles.is_(None),
-                ),
-                maintenance_rules.c.every_flight_s <= 0,
-                maintenance_rules.c.every_cycles <= 0,
-            )
+        any_of(
+            maintenance_rules.c.model_id,
+            and_(
+                maintenance_rules.c.every_flight_s.is_(None),
+                maintenance_rules.c.every_cycles.is_(None),
+            ),
+            maintenance_rules.c.every_flight_s <= 0,
+            maintenance_rules.c.every_cycles <= 0,
         ),
         "Have the provider set the rule again (PUT /v1/providers/{id}/maintenance-rules/{id}).",
     ),

@@ -28,36 +28,30 @@ TryOption = Annotated[
 AnswerOption = Annotated[bool, typer.Option("--json", help="Print the gateway's answer as JSON.")]
 
 
-@mission_app.command("hold")
-def hold(
-    mission: MissionArgument,
-    reason: WhyOption,
-    dry_run: TryOption = False,
-    as_json: AnswerOption = False,
-    data: DataOption = None,
-) -> None:
-    """Have the drone stand at its next landing until it is resumed."""
-    _command(
-        mission, {"command": "HOLD", "reason": reason}, dry_run=dry_run, as_json=as_json, data=data
-    )
+#: The commands that need nothing but a reason, with their help.
+_PLAIN: Final = {
+    "hold": "Have the drone stand at its next landing until it is resumed.",
+    "resume": "Let a held drone go on.",
+    "cancel": "Cancel the mission; packages on board are brought back.",
+    "give-up": "End a mission in doubt, when people know that its drone will not report.",
+}
 
 
-@mission_app.command("resume")
-def resume(
-    mission: MissionArgument,
-    reason: WhyOption,
-    dry_run: TryOption = False,
-    as_json: AnswerOption = False,
-    data: DataOption = None,
-) -> None:
-    """Let a held drone go on."""
-    _command(
-        mission,
-        {"command": "RESUME", "reason": reason},
-        dry_run=dry_run,
-        as_json=as_json,
-        data=data,
-    )
+def _add_plain(name: str, about: str) -> None:
+    @mission_app.command(name, help=about)
+    def give(
+        mission: MissionArgument,
+        reason: WhyOption,
+        dry_run: TryOption = False,
+        as_json: AnswerOption = False,
+        data: DataOption = None,
+    ) -> None:
+        body = {"command": name.upper().replace("-", "_"), "reason": reason}
+        _command(mission, body, dry_run=dry_run, as_json=as_json, data=data)
+
+
+for _name, _about in _PLAIN.items():
+    _add_plain(_name, _about)
 
 
 @mission_app.command("divert")
@@ -96,42 +90,6 @@ def return_home(
         "overrides_failsafe": override_failsafe,
     }
     _command(mission, body, dry_run=dry_run, as_json=as_json, data=data)
-
-
-@mission_app.command("cancel")
-def cancel(
-    mission: MissionArgument,
-    reason: WhyOption,
-    dry_run: TryOption = False,
-    as_json: AnswerOption = False,
-    data: DataOption = None,
-) -> None:
-    """Cancel the mission; packages on board are brought back."""
-    _command(
-        mission,
-        {"command": "CANCEL", "reason": reason},
-        dry_run=dry_run,
-        as_json=as_json,
-        data=data,
-    )
-
-
-@mission_app.command("give-up")
-def give_up(
-    mission: MissionArgument,
-    reason: WhyOption,
-    dry_run: TryOption = False,
-    as_json: AnswerOption = False,
-    data: DataOption = None,
-) -> None:
-    """End a mission in doubt, when people know that its drone will not report."""
-    _command(
-        mission,
-        {"command": "GIVE_UP", "reason": reason},
-        dry_run=dry_run,
-        as_json=as_json,
-        data=data,
-    )
 
 
 def _command(

@@ -1,10 +1,11 @@
 """One example of each instruction, all for one mission."""
 
 from datetime import UTC, datetime, timedelta
-from typing import Final
+from typing import Any, Final
 
 from skyway.contracts.flight_step import (
     DeliverStep,
+    FlightStep,
     FlyStep,
     PackageOnBoard,
     PickUpStep,
@@ -45,146 +46,96 @@ def after(minutes: float) -> datetime:
     return START + timedelta(minutes=minutes)
 
 
-def _pick_up() -> PickUpStep:
-    return PickUpStep(
-        step_id=1,
-        planned_start_at=after(5),
-        planned_end_at=after(5),
-        station_id=SAN_MARCOS,
-        packages=(
-            PackageOnBoard(package_id=PackageId("p1"), mass_kg=0.8),
-            PackageOnBoard(package_id=PackageId("p2"), mass_kg=1.2),
+def sent(number: int, minutes: float) -> dict[str, Any]:
+    """The members of the message with this number, sent so many minutes after the mission."""
+    return {"message_id": f"msg_{number:02}", "sent_at": after(minutes)}
+
+
+def _step(number: int, begin_min: float, end_min: float) -> dict[str, Any]:
+    """The members of every step."""
+    span = {"planned_start_at": after(begin_min), "planned_end_at": after(end_min)}
+    return {"step_id": number, **span}
+
+
+def _numbered(seq: int, minutes: float, *, revision: int = 1) -> dict[str, Any]:
+    """The members of the instruction with this number, except its message's id."""
+    return {
+        "instruction_id": InstructionId(f"ins_{seq:02}"),
+        "stream": 1,
+        "seq": seq,
+        "expires_at": after(minutes + 1),
+        "mission_id": MISSION,
+        "mission_revision": revision,
+    }
+
+
+_OUT: Final[dict[str, Any]] = {
+    "from_id": SAN_MARCOS,
+    "to_id": MCQUEENEY,
+    "from_position": AT_SAN_MARCOS,
+    "to_position": AT_MCQUEENEY,
+    "length_m": 33_600.0,
+    "lands": True,
+}
+_BACK: Final[dict[str, Any]] = {
+    **_OUT,
+    "from_id": MCQUEENEY,
+    "to_id": SAN_MARCOS,
+    "from_position": AT_MCQUEENEY,
+    "to_position": AT_SAN_MARCOS,
+}
+_P1: Final = PackageId("p1")
+_P2: Final = PackageId("p2")
+
+
+def _steps() -> tuple[FlightStep, ...]:
+    return (
+        PickUpStep(
+            **_step(1, 5, 5),
+            station_id=SAN_MARCOS,
+            packages=(
+                PackageOnBoard(package_id=_P1, mass_kg=0.8),
+                PackageOnBoard(package_id=_P2, mass_kg=1.2),
+            ),
         ),
-    )
-
-
-def _fly() -> FlyStep:
-    return FlyStep(
-        step_id=2,
-        planned_start_at=after(5),
-        planned_end_at=after(29),
-        from_id=SAN_MARCOS,
-        to_id=MCQUEENEY,
-        from_position=AT_SAN_MARCOS,
-        to_position=AT_MCQUEENEY,
-        length_m=33_600.0,
-        lands=True,
-    )
-
-
-def _wait() -> WaitStep:
-    return WaitStep(
-        step_id=3,
-        planned_start_at=after(29),
-        planned_end_at=after(35),
-        station_id=MCQUEENEY,
-        until_at=after(35),
-    )
-
-
-def _recharge() -> RechargeStep:
-    return RechargeStep(
-        step_id=4,
-        planned_start_at=after(35),
-        planned_end_at=after(75),
-        station_id=MCQUEENEY,
-        pad=0,
-        not_before_at=after(35),
-        until_soc=0.8,
-        not_after_at=after(80),
-    )
-
-
-def _deliver() -> DeliverStep:
-    return DeliverStep(
-        step_id=5,
-        planned_start_at=after(75),
-        planned_end_at=after(76),
-        station_id=MCQUEENEY,
-        package_ids=(PackageId("p1"),),
-        dropoff_s=60.0,
-    )
-
-
-def _fly_back() -> FlyStep:
-    return FlyStep(
-        step_id=6,
-        planned_start_at=after(76),
-        planned_end_at=after(100),
-        from_id=MCQUEENEY,
-        to_id=SAN_MARCOS,
-        from_position=AT_MCQUEENEY,
-        to_position=AT_SAN_MARCOS,
-        length_m=33_600.0,
-        lands=True,
-    )
-
-
-def _hand_back() -> ReturnStep:
-    return ReturnStep(
-        step_id=7,
-        planned_start_at=after(100),
-        planned_end_at=after(100),
-        station_id=SAN_MARCOS,
-        package_ids=(PackageId("p2"),),
+        FlyStep(**_step(2, 5, 29), **_OUT),
+        WaitStep(**_step(3, 29, 35), station_id=MCQUEENEY, until_at=after(35)),
+        RechargeStep(
+            **_step(4, 35, 75),
+            station_id=MCQUEENEY,
+            pad=0,
+            not_before_at=after(35),
+            until_soc=0.8,
+            not_after_at=after(80),
+        ),
+        DeliverStep(**_step(5, 75, 76), station_id=MCQUEENEY, package_ids=(_P1,), dropoff_s=60.0),
+        FlyStep(**_step(6, 76, 100), **_BACK),
+        ReturnStep(**_step(7, 100, 100), station_id=SAN_MARCOS, package_ids=(_P2,)),
     )
 
 
 def _mission() -> MissionInstruction:
     return MissionInstruction(
-        message_id="msg_01",
-        sent_at=after(0),
+        **sent(1, 0),
+        **_numbered(1, 0),
         traceparent=TRACEPARENT,
-        instruction_id=InstructionId("ins_01"),
-        stream=1,
-        seq=1,
-        expires_at=after(1),
-        mission_id=MISSION,
-        mission_revision=1,
         delivery_id=DELIVERY,
         first_step=1,
-        steps=(
-            _pick_up(),
-            _fly(),
-            _wait(),
-            _recharge(),
-            _deliver(),
-            _fly_back(),
-            _hand_back(),
-        ),
+        steps=_steps(),
     )
 
 
 def _divert() -> DivertInstruction:
     """Mcqueeney has closed: the drone on its way there flies over it."""
     return DivertInstruction(
-        message_id="msg_13",
-        sent_at=after(17),
+        **sent(13, 17),
+        **_numbered(4, 17, revision=2),
         traceparent=TRACEPARENT,
-        instruction_id=InstructionId("ins_04"),
-        stream=1,
-        seq=4,
-        expires_at=after(18),
-        mission_id=MISSION,
-        mission_revision=2,
         delivery_id=DELIVERY,
         last_valid_step=2,
         steps=(
-            _fly_back().model_copy(
-                update={
-                    "step_id": 3,
-                    "planned_start_at": after(28.5),
-                    "planned_end_at": after(52.5),
-                }
-            ),
-            _hand_back().model_copy(
-                update={
-                    "step_id": 4,
-                    "planned_start_at": after(52.5),
-                    "planned_end_at": after(52.5),
-                    "package_ids": (PackageId("p1"), PackageId("p2")),
-                }
-            ),
+            FlyStep(**_step(3, 28.5, 52.5), **_BACK),
+            ReturnStep(**_step(4, 52.5, 52.5), station_id=SAN_MARCOS, package_ids=(_P1, _P2)),
         ),
         reason="STATION_CLOSED: mcqueeney",
     )
@@ -193,78 +144,32 @@ def _divert() -> DivertInstruction:
 def _return_home() -> ReturnHomeInstruction:
     """The drone is called home while it charges: the RECHARGE under way ends immediately."""
     return ReturnHomeInstruction(
-        message_id="msg_14",
-        sent_at=after(60),
-        instruction_id=InstructionId("ins_05"),
-        stream=1,
-        seq=5,
-        expires_at=after(61),
-        mission_id=MISSION,
-        mission_revision=2,
+        **sent(14, 60),
+        **_numbered(5, 60, revision=2),
         delivery_id=DELIVERY,
         last_valid_step=3,
-        steps=(
-            _fly_back().model_copy(
-                update={
-                    "step_id": 4,
-                    "planned_start_at": after(60),
-                    "planned_end_at": after(84),
-                }
-            ),
-        ),
+        steps=(FlyStep(**_step(4, 60, 84), **_BACK),),
         reason="CALLED_HOME",
     )
 
 
 def _hold() -> HoldInstruction:
     return HoldInstruction(
-        message_id="msg_15",
-        sent_at=after(40),
-        instruction_id=InstructionId("ins_06"),
-        stream=1,
-        seq=6,
-        expires_at=after(41),
-        mission_id=MISSION,
-        mission_revision=1,
-        reason="the operator looks at the drone",
+        **sent(15, 40), **_numbered(6, 40), reason="the operator looks at the drone"
     )
 
 
 def _resume() -> ResumeInstruction:
-    return ResumeInstruction(
-        message_id="msg_16",
-        sent_at=after(45),
-        instruction_id=InstructionId("ins_07"),
-        stream=1,
-        seq=7,
-        expires_at=after(46),
-        mission_id=MISSION,
-        mission_revision=1,
-    )
+    return ResumeInstruction(**sent(16, 45), **_numbered(7, 45))
 
 
 def _cancel() -> CancelInstruction:
     return CancelInstruction(
-        message_id="msg_02",
-        sent_at=after(2),
-        instruction_id=InstructionId("ins_02"),
-        stream=1,
-        seq=2,
-        expires_at=after(3),
-        mission_id=MISSION,
-        mission_revision=2,
-        reason="the customer cancelled",
+        **sent(2, 2), **_numbered(2, 2, revision=2), reason="the customer cancelled"
     )
 
 
 def _report() -> ReportInstruction:
-    return ReportInstruction(
-        message_id="msg_03",
-        sent_at=after(30),
-        instruction_id=InstructionId("ins_03"),
-        stream=1,
-        seq=3,
-        events_confirmed_seq=4,
-        expires_at=after(31),
-        events_after_seq=4,
-    )
+    numbered = _numbered(3, 30)
+    del numbered["mission_id"], numbered["mission_revision"]
+    return ReportInstruction(**sent(3, 30), **numbered, events_confirmed_seq=4, events_after_seq=4)

@@ -10,6 +10,7 @@ from skyway.contracts.instruction_examples import (
     MISSION,
     after,
     instruction_examples,
+    sent,
 )
 from skyway.contracts.message import Message
 from skyway.contracts.world import ClockAnchor, NetworkVersion, StationState
@@ -39,8 +40,7 @@ def message_examples() -> dict[str, Message]:
 
 def _ack() -> Ack:
     return Ack(
-        message_id="msg_04",
-        sent_at=after(0),
+        **sent(4, 0),
         session=_SESSION,
         seq=2,
         instruction_id=InstructionId("ins_01"),
@@ -52,8 +52,7 @@ def _ack() -> Ack:
 
 def _event() -> DroneEvent:
     return DroneEvent(
-        message_id="msg_05",
-        sent_at=after(29),
+        **sent(5, 29),
         session=_SESSION,
         seq=2,
         event="STEP_ENDED",
@@ -74,8 +73,7 @@ def _event() -> DroneEvent:
 
 def _state() -> DroneState:
     return DroneState(
-        message_id="msg_06",
-        sent_at=after(17),
+        **sent(6, 17),
         session=_SESSION,
         seq=9,
         at=after(17),
@@ -96,8 +94,7 @@ def _state() -> DroneState:
 
 def _telemetry() -> Telemetry:
     return Telemetry(
-        message_id="msg_07",
-        sent_at=after(17),
+        **sent(7, 17),
         session=_SESSION,
         seq=720,
         at=after(17),
@@ -110,8 +107,7 @@ def _telemetry() -> Telemetry:
 
 def _connection() -> Connection:
     return Connection(
-        message_id="msg_08",
-        sent_at=after(-60),
+        **sent(8, -60),
         session=_SESSION,
         connection_number=1,
         status="ONLINE",
@@ -120,8 +116,7 @@ def _connection() -> Connection:
 
 def _pads() -> StationState:
     return StationState(
-        message_id="msg_10",
-        sent_at=after(35),
+        **sent(10, 35),
         station_id=MCQUEENEY,
         pads=2,
         pads_taken=2,
@@ -131,8 +126,7 @@ def _pads() -> StationState:
 
 def _network() -> NetworkVersion:
     return NetworkVersion(
-        message_id="msg_11",
-        sent_at=after(-90),
+        **sent(11, -90),
         network_id=NetworkId("texas"),
         version=3,
         sha256="9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08",
@@ -141,6 +135,4 @@ def _network() -> NetworkVersion:
 
 
 def _clock() -> ClockAnchor:
-    return ClockAnchor(
-        message_id="msg_12", sent_at=after(0), fleet_at=after(0), wall_at=after(0), rate=120.0
-    )
+    return ClockAnchor(**sent(12, 0), fleet_at=after(0), wall_at=after(0), rate=120.0)

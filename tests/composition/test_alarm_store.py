@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -122,6 +123,22 @@ async def test_the_end_of_an_alarm_ends_none_about_another_mission_or_drone(
         found = await alarm_store.page(tx.connection, shown, before=None, limit=9)
 
     assert {(each.drone_id, each.mission_id) for each in found} == {*pairs[1:]}
+
+
+async def test_an_acknowledged_alarm_is_raised_again_when_its_cause_comes_again(
+    composition: Any,
+) -> None:
+    add = partial(
+        alarm_store.add, level="URGENT", code="X", detail="of a test", mint=composition.parts.mint
+    )
+    async with composition.db.write() as tx:
+        found = [await alarm_store.is_open(tx.connection, DRONE, code="X")]
+        alarm_id = await add(tx, at_ms=1, drone_id=DRONE)
+        found.append(await alarm_store.is_open(tx.connection, DRONE, code="X"))
+        await alarm_store.acknowledge(tx, alarm_id, by="operator:op", at_ms=2, note=None)
+        found.append(await alarm_store.is_open(tx.connection, DRONE, code="X"))
+
+    assert found == [False, True, False]
 
 
 async def test_an_alarm_that_an_operator_has_acknowledged_stays_the_operators(

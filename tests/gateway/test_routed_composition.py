@@ -110,6 +110,17 @@ async def test_a_silent_cell_is_not_an_absent_delivery(
             await each
 
 
+async def test_a_delivery_without_a_stored_network_is_found_by_its_pickup(
+    gateway: Gateway, cell: FakeComposition
+) -> None:
+    delivery_id = await gateway.planned()
+    await gateway.execute("UPDATE deliveries SET network_id = NULL")
+
+    closed = await gateway.parts.composition.close(delivery_id)
+
+    assert [each.delivery_id for each in closed.missions] == [delivery_id]
+
+
 async def test_deliveries_of_a_silent_cell_are_kept_when_others_are_forgotten(
     gateway: Gateway, cell: FakeComposition
 ) -> None:

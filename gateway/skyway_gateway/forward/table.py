@@ -75,52 +75,31 @@ def _batteries_and_maintenance(provider: str) -> tuple[Forwarded, ...]:
 
 
 CELLS_PATH: Final = "/v1/cells"
+_PROVIDER: Final = "/v1/providers/{provider_id}"
+_ONE_DRONE: Final = f"{_PROVIDER}/drones/{{drone_id}}"
+_NETWORK: Final = "/v1/networks/{network_id}"
 
 #: Its route is its own: the gateway adds the provider's key to the answer.
 PROVIDER_CREATION: Final = Forwarded("POST", "/v1/providers", "registry", _OPERATOR)
 
 FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded("GET", "/v1/providers", "registry", _ANY),
-    Forwarded("GET", "/v1/providers/{provider_id}", "registry", _ANY),
-    Forwarded("PATCH", "/v1/providers/{provider_id}", "registry", _FLEETS),
+    Forwarded("GET", _PROVIDER, "registry", _ANY),
+    Forwarded("PATCH", _PROVIDER, "registry", _FLEETS),
     Forwarded("GET", "/v1/drone-models", "registry", _ANY),
     Forwarded("GET", "/v1/drone-models/{model_id}", "registry", _ANY),
     Forwarded("PUT", "/v1/drone-models/{model_id}", "registry", _OPERATOR),
-    Forwarded(
-        "POST",
-        "/v1/providers/{provider_id}/drones",
-        "registry",
-        _FLEETS,
-        timeout_s=_HEAVY_S,
-    ),
-    Forwarded("GET", "/v1/providers/{provider_id}/drones", "registry", _FLEETS),
+    Forwarded("POST", f"{_PROVIDER}/drones", "registry", _FLEETS, timeout_s=_HEAVY_S),
+    Forwarded("GET", f"{_PROVIDER}/drones", "registry", _FLEETS),
     Forwarded("GET", "/v1/drones", "registry", _OPERATOR),
-    Forwarded("GET", "/v1/providers/{provider_id}/drones/{drone_id}", "registry", _FLEETS_OR_DRONE),
-    Forwarded(
-        "GET",
-        "/v1/providers/{provider_id}/drones/{drone_id}/telemetry",
-        "registry",
-        _FLEETS_OR_DRONE,
-        is_report=True,
-    ),
-    Forwarded("PATCH", "/v1/providers/{provider_id}/drones/{drone_id}", "registry", _FLEETS),
-    Forwarded("DELETE", "/v1/providers/{provider_id}/drones/{drone_id}", "registry", _FLEETS),
-    Forwarded(
-        "POST",
-        "/v1/providers/{provider_id}/drones/{drone_id}/enrolment-tokens",
-        "registry",
-        _FLEETS,
-    ),
-    Forwarded(
-        "DELETE", "/v1/providers/{provider_id}/drones/{drone_id}/credentials", "registry", _FLEETS
-    ),
-    Forwarded(
-        "DELETE",
-        "/v1/providers/{provider_id}/drones/{drone_id}/learned-values",
-        "registry",
-        _FLEETS,
-    ),
-    *_batteries_and_maintenance("/v1/providers/{provider_id}"),
+    Forwarded("GET", _ONE_DRONE, "registry", _FLEETS_OR_DRONE),
+    Forwarded("GET", f"{_ONE_DRONE}/telemetry", "registry", _FLEETS_OR_DRONE, is_report=True),
+    Forwarded("PATCH", _ONE_DRONE, "registry", _FLEETS),
+    Forwarded("DELETE", _ONE_DRONE, "registry", _FLEETS),
+    Forwarded("POST", f"{_ONE_DRONE}/enrolment-tokens", "registry", _FLEETS),
+    Forwarded("DELETE", f"{_ONE_DRONE}/credentials", "registry", _FLEETS),
+    Forwarded("DELETE", f"{_ONE_DRONE}/learned-values", "registry", _FLEETS),
+    *_batteries_and_maintenance(_PROVIDER),
     Forwarded("POST", "/v1/enrolments", "registry", ()),
     Forwarded("POST", "/v1/enrolments/rotations", "registry", _DRONE),
     Forwarded("GET", CELLS_PATH, "registry", _OPERATOR),
@@ -129,36 +108,24 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded("POST", f"{CELLS_PATH}/{{network_id}}/moves", "registry", _OPERATOR),
     Forwarded("GET", "/v1/networks", "composition", _ANY),
     Forwarded(
-        "PUT",
-        "/v1/networks/{network_id}",
-        "composition",
-        _OPERATOR,
-        limit_bytes=_NETWORK_BYTES,
-        timeout_s=_HEAVY_S,
+        "PUT", _NETWORK, "composition", _OPERATOR, limit_bytes=_NETWORK_BYTES, timeout_s=_HEAVY_S
     ),
-    Forwarded(
-        "GET",
-        "/v1/networks/{network_id}",
-        "composition",
-        _ANY,
-        timeout_s=_HEAVY_S,
-        is_report=True,
-    ),
-    Forwarded("GET", "/v1/networks/{network_id}/versions", "composition", _ANY),
-    Forwarded("GET", "/v1/networks/{network_id}/status", "composition", _ANY, is_report=True),
-    Forwarded("GET", "/v1/networks/{network_id}/weather", "composition", _ANY),
+    Forwarded("GET", _NETWORK, "composition", _ANY, timeout_s=_HEAVY_S, is_report=True),
+    Forwarded("GET", f"{_NETWORK}/versions", "composition", _ANY),
+    Forwarded("GET", f"{_NETWORK}/status", "composition", _ANY, is_report=True),
+    Forwarded("GET", f"{_NETWORK}/weather", "composition", _ANY),
     Forwarded(
         "PUT",
-        "/v1/networks/{network_id}/weather",
+        f"{_NETWORK}/weather",
         "composition",
         _OPERATOR,
         limit_bytes=_FORECAST_BYTES,
         timeout_s=_HEAVY_S,
     ),
-    Forwarded("DELETE", "/v1/networks/{network_id}/weather", "composition", _OPERATOR),
-    Forwarded("GET", "/v1/networks/{network_id}/stations", "composition", _ANY_OR_DRONE),
-    Forwarded("GET", "/v1/networks/{network_id}/segments", "composition", _ANY),
-    Forwarded("GET", "/v1/networks/{network_id}/zones", "composition", _ANY),
+    Forwarded("DELETE", f"{_NETWORK}/weather", "composition", _OPERATOR),
+    Forwarded("GET", f"{_NETWORK}/stations", "composition", _ANY_OR_DRONE),
+    Forwarded("GET", f"{_NETWORK}/segments", "composition", _ANY),
+    Forwarded("GET", f"{_NETWORK}/zones", "composition", _ANY),
     Forwarded("GET", "/v1/stations/{station_id}/pads", "composition", _ANY_OR_DRONE),
     Forwarded("GET", "/v1/stations/{station_id}/reservations", "composition", _ANY),
     Forwarded(
@@ -175,16 +142,10 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded("GET", "/v1/drones/{drone_id}/plans", "composition", _FLEETS, is_report=True),
     Forwarded("GET", "/v1/drones/{drone_id}/schedule", "composition", _FLEETS),
     Forwarded("GET", "/v1/stations/{station_id}/schedule", "composition", _ANY, is_report=True),
-    Forwarded(
-        "GET", "/v1/providers/{provider_id}/schedule", "composition", _FLEETS, is_report=True
-    ),
+    Forwarded("GET", f"{_PROVIDER}/schedule", "composition", _FLEETS, is_report=True),
     Forwarded("POST", "/v1/missions/{mission_id}/loading", "composition", _FLEETS),
     Forwarded(
-        "POST",
-        "/v1/missions/{mission_id}/commands",
-        "composition",
-        _OPERATOR,
-        has_dry_run=True,
+        "POST", "/v1/missions/{mission_id}/commands", "composition", _OPERATOR, has_dry_run=True
     ),
     Forwarded("GET", "/v1/closures", "composition", _ANY, is_report=True),
     *_world_rows("/v1/stations/{station_id}/closures"),

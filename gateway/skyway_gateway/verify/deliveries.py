@@ -12,6 +12,7 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
+from skyway.verify_finders import any_of, rows_where
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES, TERMINAL_STATES
 from skyway_gateway.delivery_tables import deliveries, missions, packages
 from skyway_gateway.notifications.delivery_events import LAST_EVENTS
@@ -51,7 +52,8 @@ _REPEATED: Final = ("mission_id", "delivery_id", "attempt", "trip", "provider_id
 _HAVE_ENDED: Final = ("COMPLETED", "ABORTED", "CANCELLED")
 
 
-def _event_count(*conditions: ColumnElement[bool]) -> ColumnElement[int]:
+def event_count(*conditions: ColumnElement[bool]) -> ColumnElement[int]:
+    """How many events of a delivery meet these conditions."""
     return select(func.count()).where(_is_own, *conditions).correlate(deliveries).scalar_subquery()
 
 
@@ -70,14 +72,8 @@ async def _other_packages(survey: Survey) -> list[str]:
     ]
 
 
-async def _other_ranks(survey: Survey) -> list[str]:
-    """Queued deliveries whose rank is not that of their request's class."""
-    query = select(deliveries.c.delivery_id, deliveries.c.queue_rank, deliveries.c.request)
-    return [
-        row.delivery_id
-        async for row in survey.each(query.where(deliveries.c.is_queued))
-        if row.queue_rank != PRIORITY_RANKS[DeliveryRequest.read(row.request).qos.priority]
-    ]
+def _has_other_rank(row: Any) -> bool:  # a row of deliveries
+    return bool(row.queue_rank != PRIORITY_RANKS[DeliveryRequest.read(row.request).qos.priority])
 
 
 def _requested(text: str) -> tuple[str | None, dict[str, Any]]:
@@ -87,10 +83,6 @@ def _requested(text: str) -> tuple[str | None, dict[str, Any]]:
         each["package_id"]: (number, each["destination"]["station_id"], each["mass_kg"])
         for number, each in enumerate(request["packages"])
     }
-
-
-async def _other_than_body(survey: Survey) -> list[str]:
-    return [row.mission_id async for row in survey.each(select(missions)) if _differs(row)]
 
 
 def _differs(row: Any) -> bool:  # a row of missions
@@ -103,31 +95,29 @@ def _differs(row: Any) -> bool:  # a row of missions
     )
 
 
-async def _other_beginnings(survey: Survey) -> list[str]:
-    """Deliveries whose request and moments are not those of their first event."""
-    query = select(deliveries, events.c.body).join(events, _is_own).where(events.c.sequence == 1)
-    found = []
-    async for row in survey.each(query):
-        event, request = json.loads(row.body), DeliveryRequest.read(row.request)
-        begun_ms = moment_to_ms(datetime.fromisoformat(event["occurred_at"]))
-        earliest_at = request.first_hand_over_at
-        earliest_ms = None if earliest_at is None else moment_to_ms(earliest_at)
-        starts = (
-            abs(row.created_ms - begun_ms) <= 1,
-            row.earliest_pickup_ms == earliest_ms,
-            DeliveryRequest.model_validate(event["data"]["request"]) == request,
-        )
-        waits = row.waits_since_ms is None or row.waits_since_ms >= row.created_ms - 1
-        ends = min(row.updated_ms, row.give_up_ms) >= row.created_ms - 1
-        if not (all(starts) and waits and ends):
-            found.append(row.delivery_id)
-    return found
+_BEGUN: Final = (
+    select(deliveries, events.c.body).join(events, _is_own).where(events.c.sequence == 1)
+)
+
+
+def _began_otherwise(row: Any) -> bool:  # a row of _BEGUN
+    event, request = json.loads(row.body), DeliveryRequest.read(row.request)
+    begun_ms = moment_to_ms(datetime.fromisoformat(event["occurred_at"]))
+    earliest_at = request.first_hand_over_at
+    earliest_ms = None if earliest_at is None else moment_to_ms(earliest_at)
+    return (
+        abs(row.created_ms - begun_ms) > 1
+        or row.earliest_pickup_ms != earliest_ms
+        or DeliveryRequest.model_validate(event["data"]["request"]) != request
+        or (row.waits_since_ms is not None and row.waits_since_ms < row.created_ms - 1)
+        or min(row.updated_ms, row.give_up_ms) < row.created_ms - 1
+    )
 
 
 DELIVERIES: Final = (
     Rule(
         "a delivery began as its first event says, and waits and ends later",
-        _other_beginnings,
+        rows_where(_BEGUN, _began_otherwise, "delivery_id"),
         _FROM_EVENTS,
     ),
     Rule(
@@ -177,7 +167,9 @@ DELIVERIES: Final = (
     ),
     Rule(
         "I5 requests wait in the order of their classes",
-        _other_ranks,
+        rows_where(
+            select(deliveries).where(deliveries.c.is_queued), _has_other_rank, "delivery_id"
+        ),
         "Set `queue_rank` to 0 where `request` has the priority PRIORITY, else to 1.",
     ),
     Rule(
@@ -192,8 +184,8 @@ DELIVERIES: Final = (
         select(deliveries.c.delivery_id).where(
             _is_over,
             or_(
-                _event_count(_is_last_event) != 1,
-                _event_count(
+                event_count(_is_last_event) != 1,
+                event_count(
                     _is_last_event,
                     events.c.sequence == deliveries.c.last_sequence,
                     events.c.type == "delivery." + func.lower(deliveries.c.state),
@@ -205,7 +197,7 @@ DELIVERIES: Final = (
     ),
     Rule(
         "I5 a delivery that goes on has no final event",
-        select(deliveries.c.delivery_id).where(~_is_over, _event_count(_is_last_event) != 0),
+        select(deliveries.c.delivery_id).where(~_is_over, event_count(_is_last_event) != 0),
         _FROM_EVENTS,
     ),
     Rule(
@@ -228,15 +220,14 @@ DELIVERIES: Final = (
     ),
     Rule(
         "I5 a delivery ends as its packages did",
-        select(deliveries.c.delivery_id).where(
-            or_(
-                and_(deliveries.c.state == "COMPLETED", ~_all_delivered),
-                and_(
-                    deliveries.c.state == "PARTIALLY_COMPLETED",
-                    or_(_all_delivered, ~_any_delivered),
-                ),
-                and_(deliveries.c.state.in_(("CANCELLED", "FAILED", "REJECTED")), _any_delivered),
-            )
+        any_of(
+            deliveries.c.delivery_id,
+            and_(deliveries.c.state == "COMPLETED", ~_all_delivered),
+            and_(
+                deliveries.c.state == "PARTIALLY_COMPLETED",
+                or_(_all_delivered, ~_any_delivered),
+            ),
+            and_(deliveries.c.state.in_(("CANCELLED", "FAILED", "REJECTED")), _any_delivered),
         ),
         _FROM_EVENTS,
     ),
@@ -251,34 +242,30 @@ DELIVERIES: Final = (
 MISSIONS: Final = (
     Rule(
         "a mission's columns say what its body says",
-        _other_than_body,
+        rows_where(select(missions), _differs, "mission_id"),
         "Composition has the same mission (GET /v1/missions/{id}): correct the value that differs. "
         "Earnings and statistics read the columns.",
     ),
     Rule(
         "a mission that is over has its end",
-        select(missions.c.mission_id).where(
-            or_(
-                and_(missions.c.state.in_(_HAVE_ENDED), missions.c.ended_ms.is_(None)),
-                and_(missions.c.state.in_(LIVE_MISSION_STATES), missions.c.ended_ms.is_not(None)),
-            )
+        any_of(
+            missions.c.mission_id,
+            and_(missions.c.state.in_(_HAVE_ENDED), missions.c.ended_ms.is_(None)),
+            and_(missions.c.state.in_(LIVE_MISSION_STATES), missions.c.ended_ms.is_not(None)),
         ),
         "Composition knows whether the mission is over (GET /v1/missions/{id}): correct `state` or "
         "`ended_ms`.",
     ),
     Rule(
         "a mission belongs to an attempt that was made",
-        select(missions.c.mission_id).where(
-            or_(
-                missions.c.trip < 1,
-                missions.c.attempt < 1,
-                ~exists().where(
-                    and_(
-                        deliveries.c.delivery_id == missions.c.delivery_id,
-                        deliveries.c.attempt >= missions.c.attempt,
-                    )
-                ),
-            )
+        any_of(
+            missions.c.mission_id,
+            missions.c.trip < 1,
+            missions.c.attempt < 1,
+            ~exists().where(
+                deliveries.c.delivery_id == missions.c.delivery_id,
+                deliveries.c.attempt >= missions.c.attempt,
+            ),
         ),
         "A lower `deliveries.attempt` than that of a mission makes booking repeat an attempt, and "
         "composition answers with the old missions. Set it to one more than the last attempt.",

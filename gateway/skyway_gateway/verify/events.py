@@ -7,14 +7,16 @@ not (I14).
 import json
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, String, and_, cast, exists, func, or_, select
+from sqlalchemy import String, and_, cast, exists, func, or_, select
 
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import later_than
+from skyway.verify_finders import any_of, rows_where
 from skyway_gateway.delivery_tables import deliveries, missions
 from skyway_gateway.notifications.event_store import hash_after
 from skyway_gateway.notifications.webhook import LONGEST_PAUSE_S, MOST_ATTEMPTS
 from skyway_gateway.tables import events, notifications, pruned, webhook_attempts, webhooks
+from skyway_gateway.verify.deliveries import event_count
 
 _is_own = events.c.delivery_id == deliveries.c.delivery_id
 
@@ -51,10 +53,6 @@ _SEND_AGAIN: Final = (
 )
 
 
-def _event_count(*conditions: ColumnElement[bool]) -> ColumnElement[int]:
-    return select(func.count()).where(_is_own, *conditions).correlate(deliveries).scalar_subquery()
-
-
 async def _changed(survey: Survey) -> list[str]:
     """The deliveries whose events do not lead to the stored hash."""
     hashes: dict[str, str] = {}
@@ -69,10 +67,6 @@ async def _changed(survey: Survey) -> list[str]:
         async for row in survey.each(query)
         if hashes.get(row.delivery_id, "") != row.events_hash
     ]
-
-
-async def _other_than_body(survey: Survey) -> list[str]:
-    return [row.event_id async for row in survey.each(select(events)) if _differs(row)]
 
 
 def _differs(row: Any) -> bool:  # a row of events
@@ -104,19 +98,18 @@ EVENTS: Final = (
     ),
     Rule(
         "a delivery's events have no gap",
-        select(deliveries.c.delivery_id).where(
-            or_(
-                _event_count() != deliveries.c.last_sequence,
-                _event_count(events.c.sequence.between(1, deliveries.c.last_sequence))
-                != deliveries.c.last_sequence,
-            )
+        any_of(
+            deliveries.c.delivery_id,
+            event_count() != deliveries.c.last_sequence,
+            event_count(events.c.sequence.between(1, deliveries.c.last_sequence))
+            != deliveries.c.last_sequence,
         ),
         _RESTORE,
     ),
     Rule("a delivery's events are those that were recorded", _changed, _RESTORE),
     Rule(
         "an event's columns say what its body says",
-        _other_than_body,
+        rows_where(select(events), _differs, "event_id"),
         "Webhooks and streams choose events by the columns, and send the body. Set the columns to "
         "the values of the body if the chain of hashes holds; else restore the row.",
     ),
@@ -134,11 +127,10 @@ NOTIFICATIONS: Final = (
     ),
     Rule(
         "a webhook says why it is disabled, and when it changed",
-        select(webhooks.c.webhook_id).where(
-            or_(
-                (webhooks.c.state == "ACTIVE") & webhooks.c.disabled_reason.is_not(None),
-                webhooks.c.changed_wall_ms < webhooks.c.created_wall_ms,
-            )
+        any_of(
+            webhooks.c.webhook_id,
+            (webhooks.c.state == "ACTIVE") & webhooks.c.disabled_reason.is_not(None),
+            webhooks.c.changed_wall_ms < webhooks.c.created_wall_ms,
         ),
         "Set `changed_wall_ms` to now: from then on the webhook is notified of all events.",
     ),
@@ -193,20 +185,19 @@ NOTIFICATIONS: Final = (
     ),
     Rule(
         "I14 a notification that was delivered or tried has its attempt",
-        select(notifications.c.event_id).where(
-            or_(
-                and_(
-                    notifications.c.state == "DELIVERED",
-                    _has_kept_attempts,
-                    ~exists().where(_is_its_attempt, webhook_attempts.c.outcome == "DELIVERED"),
-                ),
-                and_(
-                    notifications.c.attempts > 0,
-                    _has_kept_attempts,
-                    ~exists().where(_is_its_attempt),
-                ),
-                ~notifications.c.attempts.between(0, MOST_ATTEMPTS),
-            )
+        any_of(
+            notifications.c.event_id,
+            and_(
+                notifications.c.state == "DELIVERED",
+                _has_kept_attempts,
+                ~exists().where(_is_its_attempt, webhook_attempts.c.outcome == "DELIVERED"),
+            ),
+            and_(
+                notifications.c.attempts > 0,
+                _has_kept_attempts,
+                ~exists().where(_is_its_attempt),
+            ),
+            ~notifications.c.attempts.between(0, MOST_ATTEMPTS),
         ),
         "Nothing shows that the webhook has received it. " + _SEND_AGAIN,
     ),

@@ -3,23 +3,20 @@
 import json
 from typing import Any, Final
 
-from sqlalchemy import exists, or_, select
+from sqlalchemy import exists, select
 
-from skyway.runtime.verification.rule import Rule, Survey
+from skyway.runtime.verification.rule import Rule
 from skyway.runtime.verification.storage_rules import later_than
+from skyway.verify_finders import any_of, rows_where
 from skyway_gateway.delivery_tables import deliveries
 from skyway_gateway.tables import quotes
 
-
-async def _other_limits(survey: Survey) -> list[str]:
-    """Deliveries with other limits than the accepted offer of their quote."""
-    query = select(
-        deliveries.c.delivery_id, deliveries.c.offer, quotes.c.offers, quotes.c.taken_offer_id
-    ).join(quotes, quotes.c.delivery_id == deliveries.c.delivery_id)
-    return [row.delivery_id async for row in survey.each(query) if _differs(row)]
+_ACCEPTED: Final = select(
+    deliveries.c.delivery_id, deliveries.c.offer, quotes.c.offers, quotes.c.taken_offer_id
+).join(quotes, quotes.c.delivery_id == deliveries.c.delivery_id)
 
 
-def _differs(row: Any) -> bool:  # a delivery with its quote
+def _has_other_limits(row: Any) -> bool:  # a row of _ACCEPTED
     accepted = [each for each in json.loads(row.offers) if each["offer_id"] == row.taken_offer_id]
     if row.offer is None or not accepted:
         return True
@@ -38,22 +35,16 @@ def _differs(row: Any) -> bool:  # a delivery with its quote
 _LATER_CAUSES: Final = frozenset({"REFUSED", "TOO_LATE", "DESTINATION_UNREACHABLE"})
 
 
-async def _lost_without_cause(survey: Survey) -> list[str]:
-    """Deliveries that were rejected although their offer was held when it was accepted."""
-    rejected = select(deliveries.c.delivery_id, deliveries.c.offer, deliveries.c.reasons).where(
-        deliveries.c.state == "REJECTED", deliveries.c.offer.is_not(None)
-    )
-    return [row.delivery_id async for row in survey.each(rejected) if not _has_later_cause(row)]
+_REJECTED: Final = select(deliveries.c.delivery_id, deliveries.c.offer, deliveries.c.reasons).where(
+    deliveries.c.state == "REJECTED", deliveries.c.offer.is_not(None)
+)
 
 
-def _has_later_cause(row: Any) -> bool:  # a rejected delivery
-    try:
-        is_held = json.loads(row.offer).get("hold") is not None
-        reasons = json.loads(row.reasons)
-    except ValueError:
-        return True  # another rule names texts that cannot be read
-    return not is_held or any(
-        each["code"] in _LATER_CAUSES or "hold_loss" in each.get("data", {}) for each in reasons
+def _is_lost_without_cause(row: Any) -> bool:  # a row of _REJECTED
+    """Whether it was rejected although its offer was held when it was accepted."""
+    return json.loads(row.offer).get("hold") is not None and not any(
+        each["code"] in _LATER_CAUSES or "hold_loss" in each.get("data", {})
+        for each in json.loads(row.reasons)
     )
 
 
@@ -63,7 +54,7 @@ _LONGEST_OFFER_MS: Final = 86_400_000
 OFFERS: Final = (
     Rule(
         "I17 an accepted offer is flown, or its failure has a cause after the acceptance",
-        _lost_without_cause,
+        rows_where(_REJECTED, _is_lost_without_cause, "delivery_id"),
         "The delivery was REJECTED although composition held its offer, and no reason says what "
         "happened after the acceptance. Find the reason in the logs, and inform the customer.",
     ),
@@ -74,22 +65,21 @@ OFFERS: Final = (
     ),
     Rule(
         "an accepted quote has its delivery",
-        select(quotes.c.quote_id).where(
-            or_(
-                quotes.c.delivery_id.is_not(None) != quotes.c.taken_offer_id.is_not(None),
-                quotes.c.delivery_id.is_not(None)
-                & ~exists().where(
-                    deliveries.c.delivery_id == quotes.c.delivery_id,
-                    deliveries.c.customer_id == quotes.c.customer_id,
-                ),
-            )
+        any_of(
+            quotes.c.quote_id,
+            quotes.c.delivery_id.is_not(None) != quotes.c.taken_offer_id.is_not(None),
+            quotes.c.delivery_id.is_not(None)
+            & ~exists().where(
+                deliveries.c.delivery_id == quotes.c.delivery_id,
+                deliveries.c.customer_id == quotes.c.customer_id,
+            ),
         ),
         "The quote names a delivery that does not exist or belongs to somebody else. Restore the "
         "delivery from a backup, or correct its `customer_id`.",
     ),
     Rule(
         "a delivery of an accepted offer has its limits",
-        _other_limits,
+        rows_where(_ACCEPTED, _has_other_limits, "delivery_id"),
         "The customer was promised the price and the time of the quote's accepted offer "
         "(`quotes.offers`); `deliveries.offer` must say the same. Correct what was changed.",
     ),

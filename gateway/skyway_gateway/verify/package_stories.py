@@ -2,14 +2,14 @@
 
 import json
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Final
 
 from sqlalchemy import and_, select
 
-from skyway.runtime.verification.rule import Finder, Survey
+from skyway.runtime.verification.rule import Survey
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.lifecycle.delivery import SETTLED_PACKAGE_STATES
 from skyway_gateway.delivery_tables import custody, deliveries, missions, packages
@@ -67,17 +67,7 @@ _MOVED: Final = (
 )
 
 
-def packages_where(is_broken: Callable[[PackageStory], bool]) -> Finder:
-    """The packages for which a condition is true."""
-
-    async def find(survey: Survey) -> list[str]:
-        stories = await survey.once(_package_stories)
-        return [f"{of}/{package}" for (of, package), each in stories.items() if is_broken(each)]
-
-    return find
-
-
-async def _package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageStory]:
+async def package_stories(survey: Survey) -> Mapping[tuple[str, str], PackageStory]:
     """All packages by delivery and package."""
     stories = await _stories(survey)
     links = select(custody).order_by(custody.c.delivery_id, custody.c.package_id, custody.c.seq)

@@ -11,6 +11,7 @@ from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.delivery.request import DeliveryRequest
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway.verify_finders import any_of, each_where, rows_where
 from skyway_gateway.deliveries.lifecycle.delivery import (
     ON_BOARD_STATES,
     SETTLED_PACKAGE_STATES,
@@ -20,13 +21,14 @@ from skyway_gateway.delivery_tables import custody, deliveries, missions, packag
 from skyway_gateway.lateness.promise import due_of
 from skyway_gateway.lateness.store import IS_DUE_AS_PROMISED
 from skyway_gateway.tables import events
-from skyway_gateway.verify.package_stories import PackageStory, packages_where
+from skyway_gateway.verify.package_stories import PackageStory, package_stories
 
 _is_of_package = and_(
     custody.c.delivery_id == packages.c.delivery_id,
     custody.c.package_id == packages.c.package_id,
 )
 _name = packages.c.delivery_id + "/" + packages.c.package_id
+_NAMES: Final = ("delivery_id", "package_id")
 _is_settled = packages.c.state.in_(sorted(SETTLED_PACKAGE_STATES))
 _is_delivered = packages.c.state == "DELIVERED"
 _is_with_recipient = packages.c.custodian_kind == "RECIPIENT"
@@ -87,15 +89,6 @@ def _ends_otherwise_than_notified(story: PackageStory) -> bool:
     return story.notified_ends != story.expected_ends
 
 
-async def _other_proofs(survey: Survey) -> list[str]:
-    query = select(packages).where(_is_delivered)
-    return [
-        f"{row.delivery_id}/{row.package_id}"
-        async for row in survey.each(query)
-        if _proof_differs(row)
-    ]
-
-
 def _proof_differs(row: Any) -> bool:  # a row of packages
     if row.proof is None:
         return True
@@ -107,29 +100,22 @@ def _proof_differs(row: Any) -> bool:  # a row of packages
     )
 
 
-async def _due_at_another_moment(survey: Survey) -> list[str]:
-    """Packages that are not due when promised, plus what their customers allow."""
-    of_package = (packages.c.delivery_id, packages.c.package_id, packages.c.promised_ms)
-    query = (
-        select(*of_package, packages.c.promised_p90_ms, packages.c.due_ms, deliveries.c.request)
-        .join(deliveries, deliveries.c.delivery_id == packages.c.delivery_id)
-        .where(not_(IS_DUE_AS_PROMISED))
-    )
-    return [
-        f"{row.delivery_id}/{row.package_id}"
-        async for row in survey.each(query)
-        if not _is_due_as_allowed(row)
-    ]
+_DUE_LATER: Final = (
+    select(packages, deliveries.c.request)
+    .join(deliveries, deliveries.c.delivery_id == packages.c.delivery_id)
+    .where(not_(IS_DUE_AS_PROMISED))
+)
 
 
-def _is_due_as_allowed(row: Any) -> bool:  # a row of packages, with the delivery's request
+def _is_due_otherwise(row: Any) -> bool:  # a row of _DUE_LATER
+    """Whether it is not due when promised, plus what its customer allows."""
     qos = DeliveryRequest.read(row.request).qos
     if row.promised_ms is None or qos.may_be_later_s == 0:
-        return False
+        return True
     p90_at = None if row.promised_p90_ms is None else ms_to_moment(row.promised_p90_ms)
     due_at = due_of(ms_to_moment(row.promised_ms), p90_at, qos)
     # The parts of a millisecond that are not stored may add up to another one.
-    return bool(abs(row.due_ms - moment_to_ms(due_at)) <= 1)
+    return bool(abs(row.due_ms - moment_to_ms(due_at)) > 1)
 
 
 async def _other_promises(survey: Survey) -> list[str]:
@@ -184,12 +170,10 @@ PACKAGES: Final = (
     ),
     Rule(
         "I6 a package's chain of custody has no gap",
-        select(_name).where(
-            or_(
-                _link_count() != packages.c.custody_seq,
-                _link_count(custody.c.seq.between(1, packages.c.custody_seq))
-                != packages.c.custody_seq,
-            )
+        any_of(
+            _name,
+            _link_count() != packages.c.custody_seq,
+            _link_count(custody.c.seq.between(1, packages.c.custody_seq)) != packages.c.custody_seq,
         ),
         _FROM_COMPOSITION,
     ),
@@ -207,12 +191,11 @@ PACKAGES: Final = (
     ),
     Rule(
         "I6 a package is delivered once, and then with its recipient",
-        select(_name).where(
-            or_(
-                _link_count(custody.c.custodian_kind == "RECIPIENT") > 1,
-                and_(_is_delivered, ~_is_with_recipient),
-                and_(~_is_delivered, _is_with_recipient),
-            )
+        any_of(
+            _name,
+            _link_count(custody.c.custodian_kind == "RECIPIENT") > 1,
+            and_(_is_delivered, ~_is_with_recipient),
+            and_(~_is_delivered, _is_with_recipient),
         ),
         _FROM_COMPOSITION,
     ),
@@ -230,32 +213,32 @@ PACKAGES: Final = (
     ),
     Rule(
         "I6 a chain of custody begins at the pickup",
-        packages_where(_begins_elsewhere),
+        each_where(package_stories, _begins_elsewhere),
         _FROM_COMPOSITION,
     ),
     Rule(
         "I6 packages pass from station to drone and from drone to station or recipient",
-        packages_where(_has_impossible_link),
+        each_where(package_stories, _has_impossible_link),
         _FROM_COMPOSITION,
     ),
     Rule(
         "I6 only drones of the delivery's missions have its packages",
-        packages_where(_is_carried_by_another),
+        each_where(package_stories, _is_carried_by_another),
         _FROM_COMPOSITION,
     ),
     Rule(
         "I6 a package is delivered at its destination or its alternative",
-        packages_where(_is_delivered_elsewhere),
+        each_where(package_stories, _is_delivered_elsewhere),
         _FROM_EVENTS,
     ),
     Rule(
         "I6 a package ends as its customer was notified",
-        packages_where(_ends_otherwise_than_notified),
+        each_where(package_stories, _ends_otherwise_than_notified),
         _FROM_EVENTS,
     ),
     Rule(
         "a delivered package has the proof of its hand-over",
-        _other_proofs,
+        rows_where(select(packages).where(_is_delivered), _proof_differs, *_NAMES),
         "The event `package.delivered` has the same evidence: correct `proof`, or the columns that "
         "differ from it.",
     ),
@@ -272,7 +255,7 @@ PACKAGES: Final = (
     ),
     Rule(
         "a package is due at the moment that was promised",
-        _due_at_another_moment,
+        rows_where(_DUE_LATER, _is_due_otherwise, *_NAMES),
         "Set `due_ms` to `promised_p90_ms`, or `promised_ms` without it or with `promise` P50, and "
         "add what the request allows (`may_be_later_s`), up to its deadline.",
     ),

@@ -69,7 +69,6 @@ _is_needed_mission: Final = or_(
     ),
     exists().where(
         drone_links.c.drone_id == missions.c.drone_id,
-        drone_links.c.is_occupied,
         drone_links.c.state.contains('"mission_id":"' + missions.c.mission_id + '"'),
     ),
 )

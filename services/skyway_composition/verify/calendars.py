@@ -9,6 +9,7 @@ from sqlalchemy import and_, exists, or_, select
 from skyway.contracts.candidate import Candidate
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.scheduling.stays import Slot, Stay, read_stays, stay_to_begin_at, stays_json
+from skyway.verify_finders import any_of, rows_where
 from skyway_composition.missions.mission.row import read_record
 from skyway_composition.missions.mission.store import NO_CONDITIONS
 from skyway_composition.tables import (
@@ -37,22 +38,11 @@ def read_stored_stays(text: str) -> tuple[Stay, ...]:
         raise ValueError(str(error)) from error
 
 
-async def _other_than_plan(survey: Survey) -> list[str]:
-    """Missions whose stays, or end of service, are not those of the plan in their body."""
-    return [
-        row.mission_id
-        async for row in survey.each(select(missions).where(is_open))
-        if _differs_from_plan(row)
-    ]
-
-
 def _differs_from_plan(row: Any) -> bool:  # a row of missions
+    """Whether its stays, or its end of service, are not those of the plan in its body."""
     if row.served_ms is None:
         return row.stays is not None  # an older version did not fill these columns
-    try:
-        record = read_record(row)
-    except ValueError:
-        return False  # another rule names texts that cannot be read
+    record = read_record(row)
     if row.served_ms != record.served_ms:
         return True
     # A trouble makes the plan doubtful before the stays are saved again.
@@ -112,19 +102,18 @@ CALENDARS: Final = (
     ),
     Rule(
         "I16 a QUEUED mission has a plan of its network, and only a QUEUED one waits",
-        select(missions.c.mission_id).where(
-            or_(
-                and_(is_live, missions.c.planned_version.is_not(None)),
-                and_(
-                    is_queued,
-                    or_(
-                        missions.c.planned_version.is_(None),
-                        missions.c.planned_conditions.is_(None),
-                        missions.c.served_ms.is_(None),
-                        missions.c.served_ms <= missions.c.start_ms,
-                    ),
+        any_of(
+            missions.c.mission_id,
+            and_(is_live, missions.c.planned_version.is_not(None)),
+            and_(
+                is_queued,
+                or_(
+                    missions.c.planned_version.is_(None),
+                    missions.c.planned_conditions.is_(None),
+                    missions.c.served_ms.is_(None),
+                    missions.c.served_ms <= missions.c.start_ms,
                 ),
-            )
+            ),
         ),
         "Set `planned_version` and `planned_conditions` to -1 for a QUEUED mission: composition "
         "plans it again. Set both to NULL for a mission that was sent.",
@@ -144,7 +133,7 @@ CALENDARS: Final = (
     ),
     Rule(
         "I16 a mission's stays and end of service are those of its plan",
-        _other_than_plan,
+        rows_where(select(missions).where(is_open), _differs_from_plan, "mission_id"),
         "Other missions begin where the stays say. Set `served_ms` to the start plus "
         "`plan.delivery_time_s` in `body`, and `stays` to NULL: nothing is booked behind this "
         "mission until its next report fills them.",
@@ -163,12 +152,11 @@ CALENDARS: Final = (
     ),
     Rule(
         "what better orders have saved is counted by days",
-        select(better_orders.c.provider_id).where(
-            or_(
-                better_orders.c.day_ms % DAY_MS != 0,
-                better_orders.c.orders < 1,
-                better_orders.c.moves < 0,
-            )
+        any_of(
+            better_orders.c.provider_id,
+            better_orders.c.day_ms % DAY_MS != 0,
+            better_orders.c.orders < 1,
+            better_orders.c.moves < 0,
         ),
         "Only GET /v1/stats/missions shows these rows of `better_orders`: delete the row.",
     ),

@@ -2,15 +2,15 @@
 
 import json
 from collections import Counter
-from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, Final
 
-from sqlalchemy import and_, exists, func, literal_column, or_, select
+from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.mission import Cancellation
-from skyway.runtime.verification.rule import Finder, Rule, Survey
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import later_than
+from skyway.verify_finders import each_where, rows_where
 from skyway_composition.tables import (
     cancellations,
     custody,
@@ -29,14 +29,10 @@ _name = _link.c.delivery_id + "/" + _link.c.package_id
 _is_same_package = and_(
     _previous.c.delivery_id == _link.c.delivery_id, _previous.c.package_id == _link.c.package_id
 )
-_is_last = ~(
-    select(literal_column("1"))
-    .where(
-        _following.c.delivery_id == _link.c.delivery_id,
-        _following.c.package_id == _link.c.package_id,
-        _following.c.seq > _link.c.seq,
-    )
-    .exists()
+_is_last = ~exists().where(
+    _following.c.delivery_id == _link.c.delivery_id,
+    _following.c.package_id == _link.c.package_id,
+    _following.c.seq > _link.c.seq,
 )
 
 _ASK_PEOPLE: Final = (
@@ -48,16 +44,6 @@ _TWO_DRONES: Final = (
     "both missions (POST /v1/missions/{id}/commands with HOLD), ask the provider what each drone "
     "carries, and bring the wrong package back."
 )
-
-
-def _packages_where(is_broken: Callable[[PackageStory], bool]) -> Finder:
-    """The packages for which a condition is true."""
-
-    async def find(survey: Survey) -> list[str]:
-        stories = await survey.once(package_stories)
-        return [f"{of}/{package}" for (of, package), each in stories.items() if is_broken(each)]
-
-    return find
 
 
 def _begins_elsewhere(story: PackageStory) -> bool:
@@ -110,17 +96,15 @@ def _is_handed_over_elsewhere(story: PackageStory) -> bool:
     return any(mission_id != by for mission_id, _ in story.handed_over)
 
 
-async def _released_and_delivered(survey: Survey) -> list[str]:
-    query = (
-        select(custody.c.delivery_id, custody.c.package_id, cancellations.c.answer)
-        .join(cancellations, cancellations.c.delivery_id == custody.c.delivery_id)
-        .where(custody.c.custodian_kind == "RECIPIENT")
-    )
-    return [
-        f"{row.delivery_id}/{row.package_id}"
-        for row in await survey.rows(query)
-        if row.package_id in Cancellation.read(row.answer).released
-    ]
+_DELIVERED: Final = (
+    select(custody, cancellations.c.answer)
+    .join(cancellations, cancellations.c.delivery_id == custody.c.delivery_id)
+    .where(custody.c.custodian_kind == "RECIPIENT")
+)
+
+
+def _is_released(row: Any) -> bool:  # a row of _DELIVERED
+    return row.package_id in Cancellation.read(row.answer).released
 
 
 async def _carried_by_two(survey: Survey) -> list[str]:
@@ -151,22 +135,20 @@ CUSTODY: Final = (
         "I6 a chain of custody has no gaps",
         select(_name).where(
             _link.c.seq > 1,
-            ~select(literal_column("1"))
-            .where(_is_same_package, _previous.c.seq == _link.c.seq - 1)
-            .exists(),
+            ~exists().where(_is_same_package, _previous.c.seq == _link.c.seq - 1),
         ),
         "A row of `custody` was deleted. The gateway has the same chain (its table `custody`): "
         "copy the missing row from there.",
     ),
     Rule(
         "I6 a chain of custody begins at the pickup",
-        _packages_where(_begins_elsewhere),
+        each_where(package_stories, _begins_elsewhere),
         "The first row of `custody` was deleted or changed: it names the pickup station of the "
         "request, with `seq` 1.",
     ),
     Rule(
         "I6 packages pass from station to drone and from drone to station or recipient",
-        _packages_where(_has_impossible_link),
+        each_where(package_stories, _has_impossible_link),
         _ASK_PEOPLE,
     ),
     Rule(
@@ -191,17 +173,17 @@ CUSTODY: Final = (
     ),
     Rule(
         "I6 a package is delivered at its destination, or where its mission was aimed",
-        _packages_where(_is_delivered_elsewhere),
+        each_where(package_stories, _is_delivered_elsewhere),
         _ASK_PEOPLE,
     ),
     Rule(
         "I6 a delivery in a chain of custody has a drone's event as evidence",
-        _packages_where(_is_delivered_without_evidence),
+        each_where(package_stories, _is_delivered_without_evidence),
         "No DELIVER step of the mission ended at this station with this package. " + _ASK_PEOPLE,
     ),
     Rule(
         "I6 a package is handed over by one mission",
-        _packages_where(_is_handed_over_elsewhere),
+        each_where(package_stories, _is_handed_over_elsewhere),
         "A drone has reported a hand-over that the chain of custody does not have: two drones may "
         "have delivered the package. " + _ASK_PEOPLE,
     ),
@@ -245,7 +227,7 @@ CUSTODY: Final = (
     ),
     Rule(
         "I6 a package that a cancellation released is not delivered",
-        _released_and_delivered,
+        rows_where(_DELIVERED, _is_released, "delivery_id", "package_id"),
         "The customer was notified that the package stays, but it was delivered. Notify the "
         "customer; the alarm FLIES_ON may say more.",
     ),

@@ -8,13 +8,14 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any, Final
 
-from sqlalchemy import and_, exists, func, literal_column, or_, select
+from sqlalchemy import exists, func, select
 
 from skyway.bounds import LATEST
 from skyway.contracts.topics import INSTRUCTIONS
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import replica_rule
 from skyway.units import moment_to_ms
+from skyway.verify_finders import any_of, rows_where
 from skyway_composition.tables import (
     cut_steps,
     drone_links,
@@ -61,41 +62,25 @@ _COUNTERS: Final = (
 )
 
 
-async def _other_than_body(survey: Survey) -> list[str]:
-    return [row.instruction_id async for row in survey.each(select(instructions)) if _differs(row)]
-
-
 def _differs(row: Any) -> bool:  # a row of instructions
     names = ["instruction_id", "stream", "seq", "kind"]
     if row.mission_id is not None:  # the mission of an answered instruction may be deleted
         names += ["mission_id", "mission_revision"]
-    try:
-        body = json.loads(row.body)
-        return any(body[name] != getattr(row, name) for name in names)
-    except (ValueError, KeyError, TypeError):
-        return False  # another rule names texts that cannot be read
+    body = json.loads(row.body)
+    return any(body[name] != getattr(row, name) for name in names)
 
 
-async def _changed_messages(survey: Survey) -> list[str]:
-    """Instructions that the outbox repeats with another text, or to another drone."""
-    query = (
-        select(
-            instructions.c.instruction_id,
-            instructions.c.body,
-            instructions.c.drone_id,
-            drone_links.c.provider_id,
-            outbox.c.payload,
-            outbox.c.address,
-        )
-        .join(outbox, outbox.c.message_id == instructions.c.instruction_id)
-        .join(drone_links, drone_links.c.drone_id == instructions.c.drone_id)
-    )
-    return [
-        row.instruction_id
-        for row in await survey.rows(query)
-        if not _is_same(row.body, row.payload)
-        or row.address != INSTRUCTIONS(row.provider_id, row.drone_id).name
-    ]
+_REPEATED: Final = (
+    select(instructions, drone_links.c.provider_id, outbox.c.payload, outbox.c.address)
+    .join(outbox, outbox.c.message_id == instructions.c.instruction_id)
+    .join(drone_links, drone_links.c.drone_id == instructions.c.drone_id)
+)
+
+
+def _is_changed(row: Any) -> bool:  # a row of _REPEATED
+    """Whether the outbox repeats an instruction with another text, or to another drone."""
+    is_here = row.address == INSTRUCTIONS(row.provider_id, row.drone_id).name
+    return not (is_here and _is_same(row.body, row.payload))
 
 
 def _is_same(body: str, payload: bytes) -> bool:
@@ -107,24 +92,13 @@ def _is_same(body: str, payload: bytes) -> bool:
         return False
 
 
-async def _wrongly_occupied(survey: Survey) -> list[str]:
-    query = select(drone_links.c.drone_id, drone_links.c.state, drone_links.c.is_occupied)
-    return [
-        row.drone_id
-        async for row in survey.each(query)
-        if (is_occupied := _is_occupied(row.state)) is not None and is_occupied != row.is_occupied
-    ]
-
-
-def _is_occupied(state: str | None) -> bool | None:
-    """Whether a state reports a mission or a landing in the open; None if it cannot be read."""
-    if state is None:
-        return False
-    try:
-        value = json.loads(state)
-        return value["mission_id"] is not None or value["activity"] == "DOWN"
-    except (ValueError, KeyError, TypeError):
-        return None
+def _is_wrongly_occupied(row: Any) -> bool:  # a row of drone_links
+    """Whether the state reports a mission or a landing in the open, and the link does not."""
+    if row.state is None:
+        return bool(row.is_occupied)
+    state = json.loads(row.state)
+    is_occupied = state["mission_id"] is not None or state["activity"] == "DOWN"
+    return bool(is_occupied != row.is_occupied)
 
 
 async def _wrongly_counted(survey: Survey) -> list[str]:
@@ -202,13 +176,11 @@ LINKS: Final = (
         select(_sent.c.instruction_id).where(
             _sent.c.seq > 1,
             _sent.c.status.in_(("SENT", "RECEIVED")),
-            ~select(literal_column("1"))
-            .where(
+            ~exists().where(
                 _before.c.drone_id == _sent.c.drone_id,
                 _before.c.stream == _sent.c.stream,
                 _before.c.seq == _sent.c.seq - 1,
-            )
-            .exists(),
+            ),
         ),
         "A drone refuses an instruction after a gap. Restore the missing row from a backup, or "
         "open a new stream: raise `drone_links.stream` by 1 and set `last_seq` to 0.",
@@ -226,23 +198,22 @@ LINKS: Final = (
     ),
     Rule(
         "I7 the outbox repeats an instruction as it was stored",
-        _changed_messages,
+        rows_where(_REPEATED, _is_changed, "instruction_id"),
         "Set the `payload` of the row of `outbox` to `instructions.body`, and its `address` to the "
         "topic of the drone.",
     ),
     Rule(
         "an instruction's columns say what its body says",
-        _other_than_body,
+        rows_where(select(instructions), _differs, "instruction_id"),
         "The drone has what the body says. Set the columns to its values.",
     ),
     Rule(
         "I7 a link counts the drone's instructions",
-        select(drone_links.c.drone_id).where(
-            or_(
-                drone_links.c.last_seq != _last_seq,
-                drone_links.c.stream < _last_stream,
-                drone_links.c.acked_stream > drone_links.c.stream,
-            )
+        any_of(
+            drone_links.c.drone_id,
+            drone_links.c.last_seq != _last_seq,
+            drone_links.c.stream < _last_stream,
+            drone_links.c.acked_stream > drone_links.c.stream,
         ),
         _COUNTERS,
     ),
@@ -259,7 +230,7 @@ LINKS: Final = (
     ),
     Rule(
         "I2 a link says whether its drone is occupied",
-        _wrongly_occupied,
+        rows_where(select(drone_links), _is_wrongly_occupied, "drone_id"),
         "Set `is_occupied` to whether `state` names a mission or the activity DOWN. While it is "
         "wrong, a drone that flies can be booked, or a free drone cannot.",
     ),
@@ -267,10 +238,8 @@ LINKS: Final = (
         "a link belongs to the provider of its drone's missions",
         select(drone_links.c.drone_id).where(
             exists().where(
-                and_(
-                    missions.c.drone_id == drone_links.c.drone_id,
-                    missions.c.provider_id != drone_links.c.provider_id,
-                )
+                missions.c.drone_id == drone_links.c.drone_id,
+                missions.c.provider_id != drone_links.c.provider_id,
             )
         ),
         "The registry knows the drone's provider. Correct the column that differs.",

@@ -13,6 +13,7 @@ from skyway.contracts.mission_reports import MissionReport
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.runtime.verification.storage_rules import later_than
 from skyway.units import moment_to_ms
+from skyway.verify_finders import any_of, rows_where
 from skyway_composition.tables import (
     alarms,
     deliveries,
@@ -24,6 +25,7 @@ from skyway_composition.tables import (
     is_under_way,
     mission_steps,
     missions,
+    no_shows,
     outbox,
 )
 from skyway_composition.verify.shares import shares_of
@@ -58,26 +60,18 @@ _RESTORE: Final = (
 _RECEIVERS: Final = ("gateway", "registry")
 
 
-async def _other_than_body(survey: Survey) -> list[str]:
-    query = select(missions)
-    return [row.mission_id async for row in survey.each(query) if _differs(row)]
-
-
 def _differs(row: Any) -> bool:  # a row of missions
-    try:
-        body, request, candidate = map(json.loads, (row.body, row.request, row.candidate))
-        packages = {each["package_id"] for each in request["packages"]}
-        return (
-            any(body[name] != getattr(row, name) for name in _REPEATED)
-            or _ms(body["start_at"]) != row.start_ms
-            or _ms(body["released_at"]) != row.released_ms
-            or (body["loading"] != row.loading)
-            or row.pooling_at not in (None, request["pickup"]["station_id"])
-            or (candidate["drone_id"], candidate["provider_id"]) != (row.drone_id, row.provider_id)
-            or not {each["package_id"] for each in body["packages"]} <= packages
-        )
-    except (ValueError, KeyError, TypeError):
-        return False  # another rule names texts that cannot be read
+    body, request, candidate = map(json.loads, (row.body, row.request, row.candidate))
+    packages = {each["package_id"] for each in request["packages"]}
+    return (
+        any(body[name] != getattr(row, name) for name in _REPEATED)
+        or _ms(body["start_at"]) != row.start_ms
+        or _ms(body["released_at"]) != row.released_ms
+        or (body["loading"] != row.loading)
+        or row.pooling_at not in (None, request["pickup"]["station_id"])
+        or (candidate["drone_id"], candidate["provider_id"]) != (row.drone_id, row.provider_id)
+        or not {each["package_id"] for each in body["packages"]} <= packages
+    )
 
 
 def _ms(text: str) -> int:
@@ -97,15 +91,16 @@ async def _other_expiries(survey: Survey) -> list[str]:
     return [mission_id for (mission_id, at_ms), ends in sent.items() if at_ms not in ends]
 
 
-async def _unknown_doubts(survey: Survey) -> list[str]:
-    query = select(missions.c.mission_id, missions.c.body).where(
-        is_live,
-        ~exists().where(
-            alarms.c.mission_id == missions.c.mission_id, alarms.c.code == "MISSION_IN_DOUBT"
-        ),
-    )
-    rows = await survey.rows(query)
-    return [row.mission_id for row in rows if json.loads(row.body)["doubt"] is not None]
+_WITHOUT_ALARM: Final = select(missions).where(
+    is_live,
+    ~exists().where(
+        alarms.c.mission_id == missions.c.mission_id, alarms.c.code == "MISSION_IN_DOUBT"
+    ),
+)
+
+
+def _is_in_doubt(row: Any) -> bool:  # a row of missions
+    return json.loads(row.body)["doubt"] is not None
 
 
 async def _lost_proposals(survey: Survey) -> list[str]:
@@ -128,12 +123,11 @@ async def _lost_proposals(survey: Survey) -> list[str]:
 MISSIONS: Final = (
     Rule(
         "an alarm is acknowledged by somebody, after it was raised",
-        select(alarms.c.alarm_id).where(
-            or_(
-                alarms.c.acknowledged_ms.is_(None) != alarms.c.acknowledged_by.is_(None),
-                alarms.c.acknowledged_ms < alarms.c.at_ms,
-                and_(alarms.c.note.is_not(None), alarms.c.acknowledged_ms.is_(None)),
-            )
+        any_of(
+            alarms.c.alarm_id,
+            alarms.c.acknowledged_ms.is_(None) != alarms.c.acknowledged_by.is_(None),
+            alarms.c.acknowledged_ms < alarms.c.at_ms,
+            and_(alarms.c.note.is_not(None), alarms.c.acknowledged_ms.is_(None)),
         ),
         "Set `acknowledged_ms` and `acknowledged_by` to NULL: an operator looks at it again.",
     ),
@@ -211,13 +205,13 @@ MISSIONS: Final = (
     ),
     Rule(
         "a mission in doubt has called an operator",
-        _unknown_doubts,
+        rows_where(_WITHOUT_ALARM, _is_in_doubt, "mission_id"),
         "The alarm MISSION_IN_DOUBT was not raised, or its row was deleted. Find out where drone "
         "and packages are, and end the mission: POST /v1/missions/{id}/commands with GIVE_UP.",
     ),
     Rule(
         "a mission's columns say what its body says",
-        _other_than_body,
+        rows_where(select(missions), _differs, "mission_id"),
         _AGAINST_BODY,
     ),
     Rule(
@@ -254,10 +248,8 @@ MISSIONS: Final = (
         select(missions.c.mission_id).where(
             missions.c.state.in_(("QUEUED", "BOOKED", "REFUSED")),
             exists().where(
-                and_(
-                    mission_steps.c.mission_id == missions.c.mission_id,
-                    mission_steps.c.status == "ENDED",
-                )
+                mission_steps.c.mission_id == missions.c.mission_id,
+                mission_steps.c.status == "ENDED",
             ),
         ),
         "The state was set back by hand. The steps that have ended are the evidence: set the state "
@@ -297,3 +289,26 @@ def _is_whole(numbers: list[int], last: int, *, is_gapless: bool) -> bool:
 
 
 REPORTS: Final = (Rule("a mission's waiting reports are its last ones", _with_gaps, _RESTORE),)
+
+#: What a provider sees: no-shows that happened, and alarms of its own missions.
+NO_SHOWS: Final = (
+    Rule(
+        "an alarm of a mission is about its provider",
+        select(alarms.c.alarm_id)
+        .join(missions, missions.c.mission_id == alarms.c.mission_id)
+        .where(alarms.c.provider_id != missions.c.provider_id),
+        "Set `provider_id` of the alarm to that of its mission: its provider sees it then.",
+    ),
+    Rule(
+        "a no-show is a mission of its provider that was refused or aborted",
+        select(no_shows.c.mission_id).where(
+            ~exists().where(
+                missions.c.mission_id == no_shows.c.mission_id,
+                missions.c.provider_id == no_shows.c.provider_id,
+                missions.c.drone_id == no_shows.c.drone_id,
+                missions.c.state.in_(("REFUSED", "ABORTED")),
+            )
+        ),
+        "The row of `no_shows` lowers the rank of its provider without a cause: delete it.",
+    ),
+)

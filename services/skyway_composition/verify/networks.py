@@ -16,13 +16,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import timedelta
 from typing import Any, Final
 
-from sqlalchemy import and_, func, literal_column, or_, select
+from sqlalchemy import and_, exists, func, or_, select
 
 from skyway.contracts.weather import ForecastDocument, MeasuredWind
 from skyway.errors import InvalidInput
 from skyway.network.geojson_text import read_network_text
 from skyway.runtime.verification.rule import Rule, Survey
 from skyway.units import NEVER_MS, moment_to_ms, ms_to_moment
+from skyway.verify_finders import rows_where
 from skyway_composition.cell_store import HELD
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.conditions import Conditions
@@ -47,6 +48,10 @@ _is_current = and_(
     network_versions.c.version == networks.c.version,
 )
 
+_CURRENT: Final = select(networks.c.network_id, network_versions.c.content).join(
+    network_versions, _is_current
+)
+
 #: The values of a row of `stations`.
 _Station = tuple[str | None, int, float, float]
 
@@ -60,12 +65,8 @@ _concerns = and_(
 )
 
 
-async def _changed_contents(survey: Survey) -> list[str]:
-    return [
-        f"{row.network_id} version {row.version}"
-        async for row in survey.each(select(network_versions))
-        if hashlib.sha256(row.content).hexdigest() != row.sha256
-    ]
+def _is_changed(row: Any) -> bool:  # a row with a content and its hash
+    return bool(hashlib.sha256(row.content).hexdigest() != row.sha256)
 
 
 async def _other_stations(survey: Survey) -> list[str]:
@@ -73,11 +74,8 @@ async def _other_stations(survey: Survey) -> list[str]:
     async for row in survey.each(select(stations)):
         values = (row.name, row.pads, row.longitude_deg, row.latitude_deg)
         stored.setdefault(row.network_id, {})[row.station_id] = values
-    query = select(networks.c.network_id, network_versions.c.content).join(
-        network_versions, _is_current
-    )
     found: list[str] = []
-    for row in await survey.rows(query):
+    for row in await survey.rows(_CURRENT):
         published, own = _published(row.content), stored.pop(row.network_id, {})
         found += sorted(
             station_id
@@ -126,8 +124,7 @@ def _is_unusable(row: Any, latest_ms: int) -> bool:  # a row of forecasts
         return True
     if max(map(moment_to_ms, moments)) > latest_ms or moments[0] > moments[1]:
         return True
-    is_changed: bool = hashlib.sha256(row.content).hexdigest() != row.sha256
-    return is_changed
+    return _is_changed(row)
 
 
 NETWORKS: Final = (
@@ -147,13 +144,11 @@ NETWORKS: Final = (
     Rule(
         "I12 a current version is kept",
         select(networks.c.network_id).where(
-            ~select(literal_column("1"))
-            .where(
+            ~exists().where(
                 _is_current,
                 network_versions.c.sha256 == networks.c.sha256,
                 network_versions.c.published_ms == networks.c.published_ms,
             )
-            .exists()
         ),
         "Restore the row of `network_versions` from a backup, or publish the network again: PUT "
         "/v1/networks/{id}.",
@@ -175,7 +170,7 @@ NETWORKS: Final = (
     ),
     Rule(
         "I12 a version's content has its hash",
-        _changed_contents,
+        rows_where(select(network_versions), _is_changed, "network_id", "version"),
         "The content was changed without a new version. Restore it from a backup; if it is the "
         "current one, you may also publish the right content: PUT /v1/networks/{id}.",
     ),
@@ -189,15 +184,8 @@ NETWORKS: Final = (
 
 async def _met_by_plans(survey: Survey) -> set[str]:
     """The missions whose plans land, fly or charge where it is closed."""
-    query = select(networks.c.network_id, network_versions.c.content).join(
-        network_versions,
-        and_(
-            network_versions.c.network_id == networks.c.network_id,
-            network_versions.c.version == networks.c.version,
-        ),
-    )
     found: set[str] = set()
-    for row in await survey.rows(query):
+    for row in await survey.rows(_CURRENT):
         closed = await in_force(survey.connection, row.network_id, after_ms=0)
         if any(each.kind != "GROUND_STOP" for each in closed):
             conditions = Conditions(read_network_text(row.content), closed)

@@ -62,9 +62,8 @@ from skyway_composition.tables import (
 from skyway_composition.verify.calendars import CALENDARS, read_stored_stays
 from skyway_composition.verify.custody import CUSTODY
 from skyway_composition.verify.links import LINKS
-from skyway_composition.verify.missions import MISSIONS, REPORTS
+from skyway_composition.verify.missions import MISSIONS, NO_SHOWS, REPORTS
 from skyway_composition.verify.networks import CLOSURES, NETWORKS
-from skyway_composition.verify.no_shows import NO_SHOWS
 from skyway_composition.verify.pads import HOLDS, PADS
 from skyway_composition.verify.quarantine import QUARANTINE
 from skyway_composition.verify.reach import REACH

@@ -1,13 +1,14 @@
 """The rules of shared missions, and whose package flies under which id."""
 
 import json
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Mapping
 from typing import Any, Final
 
 from sqlalchemy import and_, exists, select
 
 from skyway.runtime.verification.rule import Rule, Survey
+from skyway.verify_finders import each_where
 from skyway_composition.missions.mission.share import Share, read_shares
 from skyway_composition.tables import custody, deliveries, guests, is_open, missions
 
@@ -75,24 +76,17 @@ async def _unlike_guests(survey: Survey) -> set[str]:
     return wrong
 
 
-async def _wrong_prices(survey: Survey) -> set[str]:
-    """Missions whose shares would pay more together than alone, or are pooled alone."""
-    return {
-        mission_id
-        for mission_id, shares in (await survey.once(shares_of)).items()
-        if sum(each.is_pooled for each in shares) == 1
-        or any(each.pooled_price.amount > each.price.amount for each in shares)
-    }
+def _have_wrong_prices(shares: tuple[Share, ...]) -> bool:
+    """Whether the shares would pay more together than alone, or one is pooled alone."""
+    return sum(each.is_pooled for each in shares) == 1 or any(
+        each.pooled_price.amount > each.price.amount for each in shares
+    )
 
 
-async def _twice_named(survey: Survey) -> set[str]:
-    """Missions on which two packages fly under one id."""
-    return {
-        mission_id
-        for mission_id, shares in (await survey.once(shares_of)).items()
-        for times in [Counter(flying for each in shares for flying in each.packages)]
-        if any(count > 1 for count in times.values())
-    }
+def _share_a_name(shares: tuple[Share, ...]) -> bool:
+    """Whether two packages fly under one id."""
+    flying = [package_id for each in shares for package_id in each.packages]
+    return len(flying) > len(set(flying))
 
 
 async def _far_pickups(survey: Survey) -> set[str]:
@@ -131,13 +125,13 @@ SHARED: Final = (
     ),
     Rule(
         "each package of a shared mission flies under its own id",
-        _twice_named,
+        each_where(shares_of, _share_a_name),
         "The drone cannot distinguish the packages. Cancel one of the deliveries before it is "
         "loaded; else ask people at the hand-over.",
     ),
     Rule(
         "a pooled price is paid together, and is no higher than the price alone",
-        _wrong_prices,
+        each_where(shares_of, _have_wrong_prices),
         "`is_pooled` is true in the shares that the drone has loaded together, at least two. The "
         "gateway's copy of each mission has the price that its customer saw.",
     ),

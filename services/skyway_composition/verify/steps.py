@@ -1,7 +1,7 @@
 """The rules of the steps of missions: they are what was sent, can be flown, and have evidence."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from datetime import datetime
 from typing import Any, Final
 
@@ -10,8 +10,9 @@ from sqlalchemy import func, or_, select
 from skyway.contracts.candidate import Candidate
 from skyway.drone.flight import flight_energy_j
 from skyway.drone.model import DroneModel
-from skyway.runtime.verification.rule import Finder, Rule, Survey
+from skyway.runtime.verification.rule import Rule, Survey
 from skyway.units import moment_to_ms
+from skyway.verify_finders import each_where, rows_where
 from skyway_composition.tables import cut_steps, is_live, mission_steps, missions
 from skyway_composition.verify.evidence import SentMission, StepJson, sent_missions, step_json
 
@@ -24,16 +25,6 @@ _cut_count = (
     .correlate(missions)
     .scalar_subquery()
 )
-
-
-def _each_mission(is_broken: Callable[[SentMission], bool]) -> Finder:
-    """The missions for which a condition is true."""
-
-    async def find(survey: Survey) -> list[str]:
-        found = await survey.once(sent_missions)
-        return [mission.mission_id for mission in found.values() if is_broken(mission)]
-
-    return find
 
 
 def _differs_from_sent(mission: SentMission) -> bool:
@@ -172,49 +163,42 @@ def _stretches(
     yield soc, need_j
 
 
-async def _changed_cuts(survey: Survey) -> list[str]:
-    return [row.mission_id async for row in survey.each(select(cut_steps)) if _cut_differs(row)]
-
-
 def _cut_differs(row: Any) -> bool:  # a row of cut_steps
-    try:
-        event = json.loads(row.event)
-        return (
-            event["mission_id"],
-            event["seq"],
-            event["step_id"],
-            event["step_kind"],
-            event["station_id"],
-            _ms(event["started_at"]),
-            _ms(event["ended_at"]),
-        ) != (
-            row.mission_id,
-            row.seq,
-            row.step_id,
-            row.kind,
-            row.station_id,
-            row.started_ms,
-            row.ended_ms,
-        )
-    except (ValueError, KeyError, TypeError):
-        return False  # another rule names texts that cannot be read
+    event = json.loads(row.event)
+    return (
+        event["mission_id"],
+        event["seq"],
+        event["step_id"],
+        event["step_kind"],
+        event["station_id"],
+        _ms(event["started_at"]),
+        _ms(event["ended_at"]),
+    ) != (
+        row.mission_id,
+        row.seq,
+        row.step_id,
+        row.kind,
+        row.station_id,
+        row.started_ms,
+        row.ended_ms,
+    )
 
 
 STEPS: Final = (
     Rule(
         "I4 a mission's steps are those that were sent",
-        _each_mission(_differs_from_sent),
+        each_where(sent_missions, _differs_from_sent),
         "The drone flies what `instructions.body` of this revision says, and composition expects "
         "something else. Restore `mission_steps.step` from that instruction.",
     ),
     Rule(
         "a step's columns say what the step says",
-        _each_mission(_has_other_columns),
+        each_where(sent_missions, _has_other_columns),
         "Closures and statistics read the columns. Set them to the values of `mission_steps.step`.",
     ),
     Rule(
         "a step that has ended has the drone's event as evidence",
-        _each_mission(_lacks_evidence),
+        each_where(sent_missions, _lacks_evidence),
         "The step was ended by hand, or its event was changed. The drone's journal has the event: "
         "compare it, and restore the row from a backup.",
     ),
@@ -235,7 +219,7 @@ STEPS: Final = (
     ),
     Rule(
         "a cut step says what its event says",
-        _changed_cuts,
+        rows_where(select(cut_steps), _cut_differs, "mission_id"),
         "Statistics read the columns. Set them to the values of `cut_steps.event`.",
     ),
     Rule(

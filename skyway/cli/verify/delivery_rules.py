@@ -8,12 +8,16 @@ from skyway.cli.verify.looks import CrossRule, ServiceLook
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.contracts.service_facts import DeliveryFacts, MissionFacts, PackageFacts
 
+#: What a service knows of a delivery; None if it does not know the delivery.
+_Known = DeliveryFacts | None
+
 _rule = partial(CrossRule[DeliveryFacts], facts=ServiceLook.deliveries)
+#: Rules about what one service has: the other one is read later, and must have it too.
+_from_gateway = partial(_rule, first="gateway", second="composition")
+_from_composition = partial(_rule, first="composition", second="gateway")
 
 
-def _pairs(
-    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
-) -> Iterator[tuple[MissionFacts, MissionFacts]]:
+def _pairs(gateway: _Known, composition: _Known) -> Iterator[tuple[MissionFacts, MissionFacts]]:
     """The missions that both services have, each as the gateway and as composition has it."""
     if gateway is None or composition is None:
         return
@@ -23,34 +27,28 @@ def _pairs(
             yield mission, planned[mission.mission_id]
 
 
-def _packages(delivery: DeliveryFacts | None) -> dict[str, PackageFacts]:
+def _packages(delivery: _Known) -> dict[str, PackageFacts]:
     return {} if delivery is None else {each.package_id: each for each in delivery.packages}
 
 
-def _is_leaving(gateway: DeliveryFacts, composition: DeliveryFacts | None) -> bool:
+def _is_leaving(gateway: DeliveryFacts, composition: _Known) -> bool:
     """Whether composition has deleted a delivery because of its age, and the gateway will."""
     return gateway.is_leaving and composition is None
 
 
-def _unknown_delivery(
-    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
-) -> Iterator[str]:
+def _unknown_delivery(composition: _Known, gateway: _Known) -> Iterator[str]:
     if composition is not None and gateway is None:
         yield composition.delivery_id
 
 
-def _unknown_missions(
-    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
-) -> Iterator[str]:
+def _unknown_missions(gateway: _Known, composition: _Known) -> Iterator[str]:
     if gateway is not None and not _is_leaving(gateway, composition):
         planned = () if composition is None else composition.missions
         known = {each.mission_id for each in planned}
         yield from (each.mission_id for each in gateway.missions if each.mission_id not in known)
 
 
-def _unexpected_missions(
-    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
-) -> Iterator[str]:
+def _unexpected_missions(composition: _Known, gateway: _Known) -> Iterator[str]:
     """Live missions for which the gateway does not wait; a booking may still be answered."""
     if composition is None or gateway is None:
         return
@@ -62,9 +60,7 @@ def _unexpected_missions(
             yield mission.mission_id
 
 
-def _unlearnt_missions(
-    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
-) -> Iterator[str]:
+def _unlearnt_missions(composition: _Known, gateway: _Known) -> Iterator[str]:
     """Missions that are not known at the gateway although all their reports were sent often."""
     if composition is None or gateway is None:
         return
@@ -75,25 +71,19 @@ def _unlearnt_missions(
             yield mission.mission_id
 
 
-def _lost_reports(
-    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
-) -> Iterator[str]:
+def _lost_reports(composition: _Known, gateway: _Known) -> Iterator[str]:
     for applied, sent in _pairs(gateway, composition):
         if applied.report_seq < sent.report_seq - sent.waiting_reports:
             yield sent.mission_id
 
 
-def _invented_reports(
-    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
-) -> Iterator[str]:
+def _invented_reports(gateway: _Known, composition: _Known) -> Iterator[str]:
     for applied, sent in _pairs(gateway, composition):
         if applied.report_seq > sent.report_seq:
             yield sent.mission_id
 
 
-def _other_missions(
-    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
-) -> Iterator[str]:
+def _other_missions(gateway: _Known, composition: _Known) -> Iterator[str]:
     for applied, sent in _pairs(gateway, composition):
         if _fixed(applied) != _fixed(sent) or (
             applied.report_seq == sent.report_seq and applied.state != sent.state
@@ -112,7 +102,7 @@ def _fixed(mission: MissionFacts) -> tuple[object, ...]:
     )
 
 
-def _undelivered(gateway: DeliveryFacts | None, composition: DeliveryFacts | None) -> Iterator[str]:
+def _undelivered(gateway: _Known, composition: _Known) -> Iterator[str]:
     """Packages that the gateway counts as delivered, and composition not, or otherwise."""
     if gateway is None or _is_leaving(gateway, composition):
         return
@@ -126,9 +116,7 @@ def _undelivered(gateway: DeliveryFacts | None, composition: DeliveryFacts | Non
             yield f"{gateway.delivery_id}/{package_id}"
 
 
-def _unreported_deliveries(
-    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
-) -> Iterator[str]:
+def _unreported_deliveries(composition: _Known, gateway: _Known) -> Iterator[str]:
     """Packages that composition counts as delivered, and the gateway not."""
     if composition is None or gateway is None:
         return
@@ -147,9 +135,7 @@ def _unreported_deliveries(
             yield f"{composition.delivery_id}/{package_id}"
 
 
-def _other_drones(
-    gateway: DeliveryFacts | None, composition: DeliveryFacts | None
-) -> Iterator[str]:
+def _other_drones(gateway: _Known, composition: _Known) -> Iterator[str]:
     """Packages that another drone had by the gateway than by composition."""
     if gateway is None or _is_leaving(gateway, composition):
         return
@@ -160,9 +146,7 @@ def _other_drones(
             yield f"{gateway.delivery_id}/{package_id}"
 
 
-def _unreported_drones(
-    composition: DeliveryFacts | None, gateway: DeliveryFacts | None
-) -> Iterator[str]:
+def _unreported_drones(composition: _Known, gateway: _Known) -> Iterator[str]:
     """Packages that a drone had by composition, and not by the gateway."""
     if composition is None or gateway is None:
         return
@@ -183,89 +167,66 @@ _ASK_PEOPLE: Final = (
 )
 
 DELIVERY_RULES: Final = (
-    _rule(
-        name="a delivery of composition is a delivery of the gateway",
-        first="composition",
-        second="gateway",
-        finder=_unknown_delivery,
-        advice="The delivery was deleted at the gateway. Restore it from a backup; if that cannot "
+    _from_composition(
+        "a delivery of composition is a delivery of the gateway",
+        _unknown_delivery,
+        "The delivery was deleted at the gateway. Restore it from a backup; if that cannot "
         "be done, cancel its missions (POST /v1/missions/{id}/commands with CANCEL).",
     ),
-    _rule(
-        name="a mission of the gateway is a mission of composition",
-        first="gateway",
-        second="composition",
-        finder=_unknown_missions,
-        advice="Composition has lost the mission, so no report about it will come. Restore "
+    _from_gateway(
+        "a mission of the gateway is a mission of composition",
+        _unknown_missions,
+        "Composition has lost the mission, so no report about it will come. Restore "
         "composition's database from a backup, or find the drone and settle the delivery by hand.",
     ),
-    _rule(
-        name="a live mission is one of its delivery at the gateway",
-        first="composition",
-        second="gateway",
-        finder=_unexpected_missions,
-        advice="Nobody waits for this mission. Cancel it: POST /v1/missions/{id}/commands with "
-        "CANCEL.",
+    _from_composition(
+        "a live mission is one of its delivery at the gateway",
+        _unexpected_missions,
+        "Nobody waits for this mission. Cancel it: POST /v1/missions/{id}/commands with CANCEL.",
     ),
-    _rule(
-        name="the gateway knows each mission soon after its first report",
-        first="composition",
-        second="gateway",
-        finder=_unlearnt_missions,
-        advice="Composition flies the mission, and its customer does not know. Start the gateway "
+    _from_composition(
+        "the gateway knows each mission soon after its first report",
+        _unlearnt_missions,
+        "Composition flies the mission, and its customer does not know. Start the gateway "
         "if it is down; else look for NOT_YET and for `booking postponed` in its log.",
     ),
-    _rule(
-        name="the gateway has every report that composition has sent",
-        first="composition",
-        second="gateway",
-        finder=_lost_reports,
-        advice="A report was lost, and the gateway waits for it. Composition's steps and custody "
+    _from_composition(
+        "the gateway has every report that composition has sent",
+        _lost_reports,
+        "A report was lost, and the gateway waits for it. Composition's steps and custody "
         "say what it reported: restore the report as a row of composition's `outbox`, or set the "
         "gateway's `missions.report_seq` and correct the delivery by hand.",
     ),
-    _rule(
-        name="composition has sent every report that the gateway has",
-        first="gateway",
-        second="composition",
-        finder=_invented_reports,
-        advice="Composition's database is older than the gateway's, or was changed. Restore both "
+    _from_gateway(
+        "composition has sent every report that the gateway has",
+        _invented_reports,
+        "Composition's database is older than the gateway's, or was changed. Restore both "
         "from one backup, or set composition's `missions.report_seq` to the gateway's.",
     ),
-    _rule(
-        name="gateway and composition agree on a mission",
-        first="gateway",
-        second="composition",
-        finder=_other_missions,
-        advice="Correct the service that differs from the drone's instruction (composition's "
+    _from_gateway(
+        "gateway and composition agree on a mission",
+        _other_missions,
+        "Correct the service that differs from the drone's instruction (composition's "
         "`instructions.body`) and from the events that the customer has received.",
     ),
-    _rule(
-        name="I6 what the gateway counts as delivered is delivered in composition",
-        first="gateway",
-        second="composition",
-        finder=_undelivered,
-        advice=_ASK_PEOPLE,
+    _from_gateway(
+        "I6 what the gateway counts as delivered is delivered in composition",
+        _undelivered,
+        _ASK_PEOPLE,
     ),
-    _rule(
-        name="I6 what composition counts as delivered is delivered at the gateway",
-        first="composition",
-        second="gateway",
-        finder=_unreported_deliveries,
-        advice="The customer may believe that the package is elsewhere. " + _ASK_PEOPLE,
+    _from_composition(
+        "I6 what composition counts as delivered is delivered at the gateway",
+        _unreported_deliveries,
+        "The customer may believe that the package is elsewhere. " + _ASK_PEOPLE,
     ),
-    _rule(
-        name="I6 a drone that has a package at the gateway has it in composition",
-        first="gateway",
-        second="composition",
-        finder=_other_drones,
-        advice="Two drones may have taken the package. " + _ASK_PEOPLE,
+    _from_gateway(
+        "I6 a drone that has a package at the gateway has it in composition",
+        _other_drones,
+        "Two drones may have taken the package. " + _ASK_PEOPLE,
     ),
-    _rule(
-        name="I6 a drone that has a package in composition has it at the gateway",
-        first="composition",
-        second="gateway",
-        finder=_unreported_drones,
-        advice="Two drones may have taken the package. " + _ASK_PEOPLE,
+    _from_composition(
+        "I6 a drone that has a package in composition has it at the gateway",
+        _unreported_drones,
+        "Two drones may have taken the package. " + _ASK_PEOPLE,
     ),
 )

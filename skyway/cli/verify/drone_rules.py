@@ -8,7 +8,9 @@ from skyway.cli.verify.delivery_rules import DELIVERY_RULES
 from skyway.cli.verify.looks import AnyCrossRule, CrossRule, ServiceLook
 from skyway.contracts.service_facts import CopyFacts, DroneFacts, HintFacts, ProviderFacts
 
-_of_hints = partial(CrossRule[HintFacts], facts=ServiceLook.hints)
+_of_hints = partial(
+    CrossRule[HintFacts], facts=ServiceLook.hints, first="composition", second="registry"
+)
 
 #: A mission is reported to the registry from this state on, until it has ended.
 _REPORTED: Final = ("ACCEPTED", "ACTIVE")
@@ -79,87 +81,79 @@ def _unlike_copy(
     return find
 
 
-_of_copies = partial(CrossRule[CopyFacts], facts=ServiceLook.copies)
+_of_gateway = partial(CrossRule[CopyFacts], facts=ServiceLook.copies, first="gateway")
+_of_composition = partial(CrossRule[CopyFacts], facts=ServiceLook.copies, first="composition")
 
 COPY_RULES: Final = (
-    _of_copies(
-        name="the gateway knows no later version of a network, and no other stations",
-        first="gateway",
+    _of_gateway(
+        "the gateway knows no later version of a network, and no other stations",
+        _unlike_copy("network ", is_later=True),
+        "Delete the row of `known_networks`: the gateway asks composition again.",
         second="composition",
-        finder=_unlike_copy("network ", is_later=True),
-        advice="Delete the row of `known_networks`: the gateway asks composition again.",
     ),
-    _of_copies(
-        name="the gateway knows the cells as the registry has them",
-        first="gateway",
+    _of_gateway(
+        "the gateway knows the cells as the registry has them",
+        _unlike_copy("cell ", is_later=True),
+        "Delete the row of `known_cells`: the gateway asks the registry again.",
         second="registry",
-        finder=_unlike_copy("cell ", is_later=True),
-        advice="Delete the row of `known_cells`: the gateway asks the registry again.",
     ),
-    _of_copies(
-        name="a hold is of the customer whose offers it keeps",
-        first="gateway",
-        second="composition",
-        finder=_unlike_copy("hold ", is_later=False),
-        advice="Set `customer_id` of the row of `offer_holds` to that of the gateway's quote: else "
+    _of_gateway(
+        "a hold is of the customer whose offers it keeps",
+        _unlike_copy("hold ", is_later=False),
+        "Set `customer_id` of the row of `offer_holds` to that of the gateway's quote: else "
         "it counts among the holds of another customer.",
+        second="composition",
     ),
-    _of_copies(
-        name="composition plans with the promise that the gateway made",
-        first="composition",
-        second="gateway",
-        finder=_unlike_copy("promise ", is_later=False),
-        advice="The customer was notified of the gateway's promise. Set `missions.promised` in "
+    _of_composition(
+        "composition plans with the promise that the gateway made",
+        _unlike_copy("promise ", is_later=False),
+        "The customer was notified of the gateway's promise. Set `missions.promised` in "
         "composition to it; with `planned_conditions` -1 the mission is planned again.",
+        second="gateway",
     ),
-    _of_copies(
-        name="composition counts no later renewal of a drone's credentials than the registry",
-        first="composition",
+    _of_composition(
+        "composition counts no later renewal of a drone's credentials than the registry",
+        _unlike_copy("renewal ", is_later=True),
+        "Set `drone_links.renewed_ms` to the registry's `renewals.renewed_ms`.",
         second="registry",
-        finder=_unlike_copy("renewal ", is_later=True),
-        advice="Set `drone_links.renewed_ms` to the registry's `renewals.renewed_ms`.",
     ),
 )
 
 DRONE_RULES: Final = (
     CrossRule(
-        name="a provider that has a key is registered",
+        "a provider that has a key is registered",
+        _unknown_provider,
+        "The provider's calls find nothing. Restore its row of `providers` from a backup of "
+        "the registry, or delete its keys (DELETE /v1/keys/{id}).",
         first="gateway",
         second="registry",
         facts=ServiceLook.providers,
-        finder=_unknown_provider,
-        advice="The provider's calls find nothing. Restore its row of `providers` from a backup of "
-        "the registry, or delete its keys (DELETE /v1/keys/{id}).",
     ),
     CrossRule(
-        name="the drone of a live mission is registered",
+        "the drone of a live mission is registered",
+        _unregistered,
+        "The drone was removed while it flies, so it cannot log in again. Restore its rows "
+        "of `drones`, `presence` and `broker_accounts` from a backup of the registry.",
         first="composition",
         second="registry",
         facts=ServiceLook.drones,
-        finder=_unregistered,
-        advice="The drone was removed while it flies, so it cannot log in again. Restore its rows "
-        "of `drones`, `presence` and `broker_accounts` from a backup of the registry.",
     ),
     _of_hints(
-        name="the registry knows that a drone on a live mission is busy",
-        first="composition",
-        second="registry",
-        finder=_missing_hints,
-        advice=_SET_HINT,
+        "the registry knows that a drone on a live mission is busy",
+        _missing_hints,
+        _SET_HINT,
     ),
     _of_hints(
-        name="the registry knows that a mission is over",
-        first="composition",
-        second="registry",
-        finder=_busy_for_ever,
-        advice="The drone would be busy for ever. " + _SET_HINT,
+        "the registry knows that a mission is over",
+        _busy_for_ever,
+        "The drone would be busy for ever. " + _SET_HINT,
     ),
     _of_hints(
-        name="the registry knows no mission that composition does not have",
+        "the registry knows no mission that composition does not have",
+        _invented_hints,
+        "Delete the row of `mission_hints`, if composition has not lost the mission.",
         first="registry",
         second="composition",
-        finder=_invented_hints,
-        advice="Delete the row of `mission_hints`, if composition has not lost the mission.",
     ),
 )
 

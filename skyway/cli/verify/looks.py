@@ -163,12 +163,12 @@ class CrossRule(Generic[FactsT]):
     """A sentence about the facts of one key in two services; the `second` is read later."""
 
     name: str
-    first: Service
-    second: Service
-    facts: Callable[[ServiceLook], Iterator[FactsT]]
     #: The subjects that break the rule; None where a service has no such fact.
     finder: Callable[[FactsT | None, FactsT | None], Iterable[str]]
     advice: str
+    first: Service
+    second: Service
+    facts: Callable[[ServiceLook], Iterator[FactsT]]
 
     def broken(self, first: ServiceLook, second: ServiceLook) -> Iterator[BrokenRule]:
         """What breaks the rule in a look at the first service and a later one at the second."""

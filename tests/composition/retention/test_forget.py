@@ -147,6 +147,18 @@ async def test_the_next_instruction_follows_the_deleted_ones(composition: Any, d
     assert await composition.broken() == []
 
 
+async def test_the_instruction_before_an_unanswered_one_stays(composition: Any, drone: Any) -> None:
+    """The drone's answer is checked against it."""
+    await flown(composition, drone)
+    await composition.book(delivery_id="dlv_2")
+
+    await forget(composition, "dlv_1")
+
+    rows = await composition.rows("SELECT seq, status FROM instructions ORDER BY seq")
+    (before, _), (last, status) = rows[-2:]
+    assert (last, status) == (before + 1, "SENT")
+
+
 async def test_the_last_instruction_is_deleted_after_a_later_one(
     composition: Any, drone: Any
 ) -> None:

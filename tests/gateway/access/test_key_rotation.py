@@ -5,8 +5,10 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
+from skyway_gateway.access import store
 from skyway_gateway.access.recognise import CachedKeys
 
+from skyway.ids import KeyId
 from skyway.runtime.http.identity import KeyHolder, RefusedKey
 from tests.gateway.access.key_calls import bearer, make_key, rotate, status_of
 from tests.gateway.whole_gateway import START, Gateway
@@ -109,6 +111,18 @@ async def test_deleting_a_key_deletes_its_next_key(gateway_on_both: Gateway) -> 
 
     assert await status_of(gateway, stolen) == 401
     assert await status_of(gateway, new) == 401
+
+
+async def test_a_late_rotation_of_the_old_key_does_not_end_a_key_in_use(gateway: Gateway) -> None:
+    old = await make_key(gateway)
+    new = await next_key(gateway, old)
+    assert await status_of(gateway, new) == 200
+
+    async with gateway.parts.db.write() as tx:
+        await store.end_next(tx, KeyId(old["key_id"]), at=gateway.clock.wall_now())
+    gateway.clock.advance(timedelta(seconds=10))  # what was cached of the key is forgotten
+
+    assert await status_of(gateway, new) == 200
 
 
 async def test_a_rotation_keeps_the_shorter_expiry(gateway: Gateway) -> None:

@@ -58,6 +58,18 @@ async def quotas(gateway: Gateway, headers: dict[str, str]) -> dict[str, tuple[i
     return {each["code"]: (each["most"], each["used"]) for each in answer.json()["quotas"]}
 
 
+async def test_callers_see_only_the_quotas_that_they_have(gateway: Gateway) -> None:
+    operator, customer, provider = [
+        set(await quotas(gateway, each))
+        for each in (gateway.operator, gateway.customer, gateway.provider)
+    ]
+
+    assert await quotas(gateway, gateway.drone) == {}
+    assert "LIVE_VIEWS" not in operator
+    assert "LIVE_VIEWS" in customer & provider
+    assert "TOO_MANY_DRONES" in provider - customer - operator
+
+
 def scheduled(gateway: Gateway) -> dict[str, Any]:
     later_at = gateway.clock.now() + timedelta(days=3)
     return make_request(earliest_pickup_at=later_at.isoformat())

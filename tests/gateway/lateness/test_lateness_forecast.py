@@ -1,5 +1,6 @@
 """The gateway learns from delivered packages, gives new ones a P90, and is held to its promise."""
 
+from collections import Counter
 from datetime import datetime, timedelta
 from typing import Any
 
@@ -7,11 +8,11 @@ import pytest
 from skyway_gateway.deliveries.reading.promises import promises_of
 from skyway_gateway.delivery_tables import packages
 from skyway_gateway.gauges import GatewayGauges
-from skyway_gateway.lateness.store import KeptPromises
-from sqlalchemy import update
+from skyway_gateway.lateness.store import MOST_OF_PROVIDER, KeptPromises, delivered_since
+from sqlalchemy import insert, select, update
 
 from skyway.contracts.margins import Margins
-from skyway.delivery.lateness import FEWEST
+from skyway.delivery.lateness import FEWEST, PackageArrival, late_share
 from skyway.ids import NetworkId, ProviderId, StationId
 from skyway.units import moment_to_ms
 from tests.gateway.whole_gateway import Gateway, make_request
@@ -205,6 +206,50 @@ async def test_a_p90_is_learned_if_all_customers_allow_lateness(gateway_on_both:
     assert abs(margin - timedelta(minutes=10)) < timedelta(seconds=1)
     answer = await gateway.http.get("/v1/stats/promises", headers=gateway.operator)
     assert answer.json()["items"] == []
+
+
+async def deliver_as_allowed(gateway: Gateway, *, late_s: float) -> str:
+    """A delivery whose customer allows an hour more than its P90, a second after the plan."""
+    gateway.is_damaged = True
+    delivery_id = await deliver(gateway, late=timedelta(seconds=late_s))
+    promised = packages.c.promised_ms
+    moved = {"promised_p90_ms": promised + 1_000, "due_ms": promised + 3_600_000}
+    async with gateway.parts.db.write() as tx:
+        this = packages.c.delivery_id == delivery_id
+        await tx.execute(update(packages).where(this).values(moved))
+    return delivery_id
+
+
+async def test_packages_that_may_come_later_say_nothing_about_kept_promises(
+    gateway: Gateway,
+) -> None:
+    late = [10.0 * number for number in range(1, FEWEST + 1)]
+    for each in late:
+        delivery_id = await deliver_as_allowed(gateway, late_s=each)
+    [mission] = (await gateway.get(delivery_id))["missions"]
+    forecast = gateway.parts.forecast
+    network_id = gateway.parts.networks.cached.network_of(StationId("san-marcos"))
+
+    await forecast.step()
+
+    expected = late_share([PackageArrival(600.0, each, None) for each in late])
+    assert forecast.late_share(network_id, mission["provider_id"]) == expected
+
+
+async def test_packages_that_may_come_later_take_no_places_of_others(gateway: Gateway) -> None:
+    strict = await deliver(gateway, late=timedelta(0))
+    moved = await deliver_as_allowed(gateway, late_s=120.0)
+    async with gateway.parts.db.write() as tx:
+        found = await tx.execute(select(packages).where(packages.c.delivery_id == moved))
+        row = dict(found.mappings().one())
+        copies = [{**row, "package_id": f"q{each}"} for each in range(MOST_OF_PROVIDER)]
+        await tx.execute(insert(packages), copies)
+
+    async with gateway.parts.db.read() as connection:
+        rows = await delivered_since(connection, 0, most=1_000)
+
+    shown = Counter(each.delivery_id for each in rows)
+    assert shown == {strict: 1, moved: MOST_OF_PROVIDER}
 
 
 async def test_the_weather_of_the_plan_gives_a_p90_until_one_is_learned(gateway: Gateway) -> None:

@@ -6,6 +6,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
+from skyway_gateway.notifications.webhook_store import due_endpoints
 from standardwebhooks import Webhook
 
 from tests.gateway.notifications.receiver import Receiver, receiving
@@ -29,8 +30,6 @@ async def _webhook(gateway: Gateway, url: str, **fields: object) -> dict[str, An
 
 async def _notify(gateway: Gateway) -> int:
     """Send what is due now; how many."""
-    from skyway_gateway.notifications.webhook_store import due_endpoints
-
     sent = 0
     while True:
         async with gateway.parts.db.read() as connection:
@@ -169,6 +168,22 @@ async def test_an_attempt_at_a_webhook_that_was_disabled_meanwhile_is_not_repeat
     gateway.clock.advance(timedelta(seconds=30))
 
     assert await _notify(gateway) == 0
+
+
+async def test_an_event_that_came_while_its_webhook_was_disabled_waits(
+    gateway: Gateway, receiver: Receiver
+) -> None:
+    """Both may be written at the same time, so the event is not given up with the others."""
+    await _webhook(gateway, receiver.url)
+    await gateway.accepted()
+    found = []
+    for state in ("DISABLED", "ACTIVE"):
+        await gateway.execute(f"UPDATE webhooks SET state = '{state}'")
+        async with gateway.parts.db.read() as connection:
+            due = await due_endpoints(connection, at=gateway.clock.wall_now())
+        found.append(len(due))
+
+    assert found == [0, 1]
 
 
 async def test_a_redirect_is_not_followed(gateway: Gateway, receiver: Receiver) -> None:

@@ -5,9 +5,11 @@ from datetime import timedelta
 
 import pytest
 from skyway_gateway.delivery_tables import IS_OVER
+from skyway_gateway.retention.delivery_store import delete_leaving
 from skyway_gateway.retention.prune_deliveries import DeliveryPruning
 from skyway_gateway.retention.prune_logs import ExpiredPruning
 
+from skyway.ids import DeliveryId
 from skyway.runtime.errors import ServiceUnavailable
 from tests.gateway.whole_gateway import Gateway, make_request
 
@@ -141,6 +143,17 @@ async def test_a_pending_notification_keeps_its_delivery(gateway_on_both: Gatewa
     await pruning(gateway).step()
 
     assert len(await left(gateway)) == 1
+    assert gateway.composition.forgotten == []
+
+
+async def test_a_delivery_that_does_not_leave_any_more_stays(gateway_on_both: Gateway) -> None:
+    """Another replica had claimed it, and composition needs it."""
+    gateway = gateway_on_both
+    delivery_id = DeliveryId(await flown(gateway))
+    async with gateway.parts.db.write() as tx:
+        deleted = await delete_leaving(tx, [delivery_id])
+
+    assert (deleted, await left(gateway)) == (0, {delivery_id})
 
 
 async def test_a_message_in_the_outbox_keeps_its_delivery(gateway_on_both: Gateway) -> None:

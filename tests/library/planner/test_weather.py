@@ -15,6 +15,8 @@ from skyway.errors import InvalidProblem
 from skyway.planner import Hierarchy, compose, read_problem
 from skyway.planner.problem import Problem
 from skyway.planner.verify import verify
+from skyway.planner.weather import Weather, segment_rows
+from skyway.planner.weather_document import WeatherDocument
 from tests.library.planner.oracles.instances import make_problem as make_random_problem
 from tests.library.planner.oracles.instances import make_windy_problem
 from tests.library.planner.outcomes import infeasibility
@@ -237,3 +239,43 @@ def test_weather_is_written_as_it_was_read() -> None:
         written = json.loads(problem.model_dump_json())
 
         assert read_problem(written).weather == problem.weather
+
+
+def air_of(problem: Problem, document: dict[str, Any]) -> Weather:
+    """The weather of a document on the problem's network."""
+    return Weather.of(problem.network, WeatherDocument.model_validate(document))
+
+
+def test_each_segment_has_its_own_air_in_any_order_of_the_document(make_problem: Problems) -> None:
+    document = weather("b>a a>b", (0, None, [2.0, 3.0]))
+    document["periods"][0]["energy_factors"] = [1.2, 1.3]
+
+    found = air_of(make_problem("a-b:4", "b"), document)
+
+    assert found.air_between("b", "a", at_s=0.0) == (2.0, 1.2)
+    assert found.air_between("a", "b", at_s=0.0) == (3.0, 1.3)
+
+
+def test_still_air_before_and_after_the_periods_bounds_the_energy(make_problem: Problems) -> None:
+    document = weather("a>b b>a", (100, 200, [1.0, 1.0]))
+    document["periods"][0]["energy_factors"] = [1.5, 1.4]
+    found = air_of(make_problem("a-b:4", "b"), document)
+
+    bounds = [found.least_energy_factor(until_s=each) for each in (50, 150, 250)]
+    in_period = found.shifted(-120.0)
+
+    assert bounds == [1.0, 1.0, 1.0]
+    assert in_period.least_energy_factor(until_s=50) == 1.4
+    assert in_period.least_energy_factor(until_s=150) == 1.0
+
+
+def test_a_segment_that_closes_during_a_flight_is_closed_for_it(make_problem: Problems) -> None:
+    document = weather("a>b", (0, 100, [2.0]), (100, 200, [None]))
+    found = air_of(make_problem("a-b:4", "b"), document)
+
+    assert not found.closes("a", "b", start_s=10, end_s=90)
+    assert found.closes("a", "b", start_s=10, end_s=110)
+    [segment] = segment_rows(found.network, [("a", "b")])
+    air = found.air_between("a", "b", at_s=10)
+    met = [found.has_air(segment, air, start_s=10, end_s=end_s, within_s=1) for end_s in (90, 110)]
+    assert met == [True, False]

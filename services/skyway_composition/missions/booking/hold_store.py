@@ -23,7 +23,7 @@ from skyway_composition.networks.store import Present
 from skyway_composition.planning.availability import BookedMission
 from skyway_composition.planning.offer import Offer
 from skyway_composition.planning.world import World
-from skyway_composition.tables import drone_links, is_open, missions, offer_holds, pad_reservations
+from skyway_composition.tables import drone_links, missions, offer_holds, pad_reservations
 
 _THIS: Final = offer_holds.c.hold_id == bindparam("this_hold")
 _FIND: Final = select(offer_holds).where(_THIS)
@@ -68,7 +68,7 @@ _EXPIRED: Final = (
 _OWN_PADS: Final = (
     select(pad_reservations)
     .join(missions, missions.c.mission_id == pad_reservations.c.mission_id)
-    .where(in_list(missions.c.drone_id, "drone_ids"), is_open)
+    .where(in_list(missions.c.drone_id, "drone_ids"))
 )
 
 

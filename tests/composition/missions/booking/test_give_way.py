@@ -5,8 +5,9 @@ from dataclasses import replace
 from datetime import datetime, timedelta
 
 import pytest
+from skyway_composition.missions.booking.standby_store import unanswered
 
-from skyway.ids import StationId
+from skyway.ids import MissionId, StationId
 from tests.composition.busy_world import BusyWorld
 from tests.composition.missions.calendar.booked_chain import (
     book,
@@ -73,6 +74,25 @@ async def test_a_drone_that_does_not_answer_keeps_its_pad(world: BusyWorld) -> N
     world.drones[0].is_held_back = False
     await world.end()
     assert delivered_by(world, 2) == ["second", "third"]
+
+
+async def test_only_the_drone_that_was_asked_has_not_answered(world: BusyWorld) -> None:
+    await come_home(world)
+    world.drones[0].is_held_back = True
+    assert await book(world, "third", "a", "b", drone=2) == "BOOKED"
+    mission_of = {each.drone_id: each.mission_id for each in await world.live()}
+    asked, other = (mission_of[drone.drone_id] for drone in world.drones[:2])
+
+    async def is_unanswered(mission_id: MissionId) -> bool:
+        async with world.db.read() as connection:
+            return await unanswered(connection, [mission_id])
+
+    before = [await is_unanswered(each) for each in (asked, other)]
+    world.drones[0].is_held_back = False
+    await world.converse()
+
+    assert before == [True, False]
+    assert not await is_unanswered(asked)
 
 
 async def test_a_drone_that_refuses_keeps_its_pad(world: BusyWorld) -> None:

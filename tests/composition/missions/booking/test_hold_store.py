@@ -1,5 +1,7 @@
 """Whether an offer can be booked as it is held, or must be planned again, and why."""
 
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from datetime import timedelta
 from typing import Any
 
@@ -7,6 +9,8 @@ import pytest
 from skyway_composition.missions.booking.hold_store import (
     HeldOffer,
     Hold,
+    delete_expired,
+    extend_hold,
     find_hold,
     held_offer,
     hold_loss,
@@ -14,7 +18,9 @@ from skyway_composition.missions.booking.hold_store import (
 from skyway_composition.networks.store import Present
 from skyway_composition.planning.availability import BookedMission
 
-from skyway.ids import DroneId, HoldId, MissionId, NetworkId
+from skyway.contracts.mission import OfferLimits
+from skyway.delivery.offer import Price
+from skyway.ids import DroneId, HoldId, MissionId, NetworkId, ProviderId
 from skyway.units import moment_to_ms
 from tests.composition.missions.booking.test_holds import quote
 
@@ -114,3 +120,51 @@ async def test_an_offer_remembers_the_mission_behind_which_it_begins(
     assert found.offers[0].starts_ms > moment_to_ms(
         composition.clock.now() + timedelta(seconds=120)
     )
+
+
+async def test_a_hold_that_is_extended_before_it_is_deleted_stays(
+    composition: Any, hold: Hold
+) -> None:
+    """Its offer is being accepted."""
+    later_ms = hold.until_ms + 60_000
+
+    class Extending:
+        read = composition.db.read
+
+        @asynccontextmanager
+        async def write(self) -> AsyncIterator[Any]:
+            async with composition.db.write() as tx:
+                await extend_hold(tx, hold.hold_id, until_ms=later_ms)
+            async with composition.db.write() as tx:
+                yield tx
+
+    db: Any = Extending()
+    await delete_expired(db, now_ms=hold.until_ms)
+
+    async with composition.db.read() as connection:
+        found = await find_hold(connection, hold.hold_id)
+    assert found is not None
+    assert found.until_ms == later_ms
+
+
+@pytest.mark.parametrize(
+    ("change", "is_kept"),
+    [
+        ({}, True),
+        ({"provider_id": ProviderId("prv_other")}, False),
+        ({"price": 1}, False),
+        ({"currency": "EUR"}, False),
+    ],
+)
+def test_a_held_offer_keeps_provider_and_price(
+    held: HeldOffer, change: dict[str, Any], is_kept: bool
+) -> None:
+    price = held.offer.price
+    amount = price.amount - change.get("price", 0)
+    promised = OfferLimits(
+        provider_id=change.get("provider_id", held.offer.provider_id),
+        price=Price(amount=amount, currency=change.get("currency", price.currency)),
+        within_s=60.0,
+    )
+
+    assert held.keeps(promised) == is_kept

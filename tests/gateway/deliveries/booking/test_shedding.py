@@ -56,6 +56,7 @@ def test_requests_are_accepted_while_no_round_has_shown_how_long_it_takes() -> N
 
 
 async def test_only_untried_requests_and_lost_answers_are_counted(gateway: Gateway) -> None:
+    await gateway.planned()
     gateway.composition.is_busy = True
     await gateway.accepted()
     await gateway.book_next()  # it waits for a drone

@@ -21,10 +21,14 @@ async def test_answers_above_the_limit_are_not_held_back() -> None:
     held = asyncio.ensure_future(brake.hold())
     await asyncio.sleep(0)
 
-    await brake.hold()
+    above = asyncio.ensure_future(brake.hold())
+    await asyncio.sleep(0)
 
-    held.cancel()
-    await asyncio.gather(held, return_exceptions=True)
+    is_free = above.done()
+    for each in (held, above):
+        each.cancel()
+    await asyncio.gather(held, above, return_exceptions=True)
+    assert is_free
 
 
 async def test_a_caller_who_leaves_makes_room_for_the_next() -> None:

@@ -8,7 +8,7 @@ from functools import partial
 
 import pytest
 import uvicorn
-from starlette.types import Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from skyway.runtime.http.client_disconnect import CALLER_GONE
 from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits
@@ -65,6 +65,7 @@ class Front:
     """A server with these limits."""
 
     limits: FrontLimits = LIMITS
+    served: ASGIApp = app
     port: int = 0
     table: ConnectionTable | None = None
 
@@ -88,7 +89,7 @@ class Front:
         self.table = ConnectionTable(self.limits)
         protocol = partial(FrontProtocol, limits=self.limits, table=self.table)
         config = uvicorn.Config(
-            app,
+            self.served,
             http=protocol,  # type: ignore[arg-type]
             port=0,
             lifespan="off",

@@ -1,17 +1,14 @@
 """Raw forms of requests: what the front accepts, it understands as h11 does."""
 
-import asyncio
 from collections.abc import AsyncIterator
-from functools import partial
 from typing import Final
 
 import h11
 import pytest
-import uvicorn
 from starlette.types import Receive, Scope, Send
 
-from skyway.runtime.http.front_limits import ConnectionTable, FrontLimits
-from skyway.runtime.http.front_protocol import FrontProtocol
+from skyway.runtime.http.front_limits import FrontLimits
+from tests.library.runtime.http.test_front_protocol import Front
 
 LIMITS = FrontLimits(
     connections=20, per_address=20, url_bytes=1_000, head_bytes=4_000, head_s=60.0, body_s=60.0
@@ -194,28 +191,16 @@ def understood_by_h11(raw: bytes) -> Understood:
 
 
 @pytest.fixture
-async def port() -> AsyncIterator[int]:
-    table = ConnectionTable(LIMITS)
-    config = uvicorn.Config(
-        app,
-        http=partial(FrontProtocol, limits=LIMITS, table=table),  # type: ignore[arg-type]
-        port=0,
-        lifespan="off",
-        ws="none",
-        log_config=None,
-        proxy_headers=False,
-    )
-    server = uvicorn.Server(config)
-    config.load()
-    server.lifespan = config.lifespan_class(config)
-    await server.startup()
-    yield server.servers[0].sockets[0].getsockname()[1]
+async def front() -> AsyncIterator[Front]:
+    made = Front(LIMITS, app)
+    server = await made.start()
+    yield made
     await server.shutdown()
 
 
-async def understood_by_front(port: int, *parts: bytes) -> Understood:
+async def understood_by_front(front: Front, *parts: bytes) -> Understood:
     seen.clear()
-    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    reader, writer = await front.connect()
     try:
         for part in parts:
             writer.write(part)
@@ -230,11 +215,11 @@ async def understood_by_front(port: int, *parts: bytes) -> Understood:
 
 
 async def test_what_the_front_accepts_it_understands_as_h11_does(
-    port: int, subtests: pytest.Subtests
+    front: Front, subtests: pytest.Subtests
 ) -> None:
     for form, raw in FORMS.items():
         expected = understood_by_h11(raw)
         for cut in (len(raw), len(raw) // 2, len(raw) - 3):
             with subtests.test(form, cut=cut):
-                found = await understood_by_front(port, raw[:cut], raw[cut:])
+                found = await understood_by_front(front, raw[:cut], raw[cut:])
                 assert found == expected[: len(found)]

@@ -16,6 +16,7 @@ from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.mqtt import signature_check
 from skyway.runtime.mqtt.inbox import Arrival, Inbox
 from skyway.runtime.mqtt.signature_check import SignatureCheck
+from skyway.runtime.signing import key_book
 from skyway.runtime.signing.key_book import KeyBook
 from skyway.runtime.signing.key_pair import PrivateKey
 
@@ -156,6 +157,20 @@ async def test_a_message_is_dropped_if_the_look_up_shows_that_its_drone_is_not_o
     door.offer(state(OLD))
 
     assert await door.read() == []
+    assert door.taken.forged_payloads == []
+
+
+async def test_a_message_with_a_newer_key_that_comes_during_the_look_up_waits(door: Door) -> None:
+    door.registry.keys["drn_1"] = OLD.public_key
+    door.registry.meanwhile = lambda: door.offer(state(NEW, 2))
+    door.offer(state(OLD))
+    assert await door.read() == [state(OLD)]
+
+    door.registry.meanwhile = None
+    door.registry.keys["drn_1"] = NEW.public_key
+    door.clock.advance(timedelta(seconds=3))
+
+    assert await door.read() == [state(NEW, 2)]
     assert door.taken.forged_payloads == []
 
 
@@ -379,14 +394,16 @@ async def test_a_drone_that_the_registry_leaves_out_is_not_believed() -> None:
 
 
 class SlowRegistry(Registry):
-    """Its answers about changed keys take 40 s."""
+    """Its first answer about changed keys takes 40 s."""
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__(keys={"drn_1": OLD.public_key})
         self._clock = clock
+        self._next_s = 40.0
 
     async def changed(self) -> Sequence[DroneSignature]:
-        self._clock.advance(timedelta(seconds=40))
+        self._clock.advance(timedelta(seconds=self._next_s))
+        self._next_s = 0.0
         return []
 
 
@@ -399,3 +416,18 @@ async def test_keys_that_may_have_changed_during_a_slow_answer_are_looked_up_ane
     await book.refresh()
 
     assert book.judge("drn_1", ONE.name, state(OLD)) == "UNKNOWN"
+
+
+async def test_the_keys_of_a_bounded_number_of_drones_are_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(key_book, "_MOST_KEPT", 2)
+    names = [DroneId(f"drn_{number}") for number in range(1, 5)]
+    clock = ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC))
+    book = KeyBook(Registry(keys=dict.fromkeys(names, OLD.public_key)), clock)
+
+    await book.look_up(names[:3])
+    await book.look_up(names[3:])
+
+    # The oldest key is forgotten before new ones are looked up.
+    assert [book.has_key(each) for each in names] == [False, True, True, True]

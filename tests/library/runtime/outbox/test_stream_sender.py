@@ -5,6 +5,7 @@ import contextlib
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from datetime import timedelta
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,8 +13,9 @@ from sqlalchemy import Executable, MetaData, Row, Table, select
 
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import ManualClock
+from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.outbox.outbox_store import outbox_table
-from skyway.runtime.outbox.stream_sender import Retry, StreamSender, quick_pace
+from skyway.runtime.outbox.stream_sender import Retry, StreamSender, quick_pace, retry_later
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import ms_to_moment
 from tests.library.runtime.outbox.changes import Changes
@@ -98,10 +100,10 @@ async def sending(db: Database, receiver: Receiver, clock: ManualClock) -> Async
         await asyncio.gather(task, return_exceptions=True)
 
 
-async def write(db: Database, *addresses: str) -> None:
+async def write(db: Database, *addresses: str, stream: str = "s") -> None:
     async with db.write() as tx:
         for address in addresses:
-            tx.report(CHANNEL, address, Note(text=address), stream="s")
+            tx.report(CHANNEL, address, Note(text=address), stream=stream)
 
 
 async def rows(db: Database) -> Sequence[Row[Any]]:
@@ -265,3 +267,72 @@ async def test_a_row_that_one_sender_holds_is_not_sent_by_another(
                 clock.advance(timedelta(seconds=0.5))
 
     assert other.taken == []
+
+
+class AwayOnce(CountingDatabase):
+    """Is away at the first look after a row was sent; the send of another row ends meanwhile."""
+
+    def __init__(self, url: str) -> None:
+        super().__init__(url, outbox=OUTBOX)
+        self.is_away = False
+        self.meanwhile, self.was_away = asyncio.Event(), asyncio.Event()
+
+    async def _answer(self) -> None:
+        if self.is_away:
+            self.is_away = False
+            self.meanwhile.set()
+            for _ in range(10):
+                await asyncio.sleep(0)
+            self.was_away.set()
+            raise ServiceUnavailable("database", "it is away")
+
+    @asynccontextmanager
+    async def write(self) -> AsyncIterator[Tx]:
+        await self._answer()
+        async with super().write() as tx:
+            yield tx
+
+    async def write_alone(
+        self, statement: Executable, parameters: Mapping[str, Any] | Sequence[Mapping[str, Any]]
+    ) -> Sequence[Row[*tuple[Any, ...]]]:
+        await self._answer()
+        return await super().write_alone(statement, parameters)
+
+
+async def test_rows_that_were_sent_before_and_during_a_failed_look_are_deleted(
+    database_url: str, clock: ManualClock
+) -> None:
+    taken: list[str] = []
+
+    async with AwayOnce(database_url) as db:
+
+        async def receive(row: Row[Any]) -> None:
+            taken.append(row.address)
+            if row.address == "/2":
+                db.is_away = True
+                await db.meanwhile.wait()
+
+        async with db.write() as tx:
+            await tx.connection.run_sync(METADATA.create_all)
+        await write(db, "/1", stream="s")
+        await write(db, "/2", stream="t")
+        sender = StreamSender(db, CHANNEL, receive, clock=clock, pace=quick_pace())
+        task = asyncio.create_task(sender.run())
+        async with asyncio.timeout(60):
+            await db.was_away.wait()
+        await write(db, "/3", stream="u")
+        async with asyncio.timeout(60):
+            while "/3" not in taken:
+                await rows(db)
+        left = {row.address for row in await rows(db)}
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    assert left <= {"/3"}
+    assert taken == ["/1", "/2", "/3"]
+
+
+def test_the_pause_of_a_row_that_is_tried_for_weeks_stays_the_longest_one() -> None:
+    row: Any = SimpleNamespace(attempts=100_000)
+
+    assert retry_later(row, (0.2, 30.0)) == Retry(after_s=30.0, attempts=100_001)

@@ -277,6 +277,23 @@ async def test_a_host_carries_no_guest_from_another_pickup(world: BusyWorld) -> 
 
 
 @_on_sqlite
+async def test_a_shared_trip_waits_for_the_guest_that_is_ready_last(world: BusyWorld) -> None:
+    for number in (1, 2, 3):
+        await book_alone(world, f"dlv{number}", asks("b"))
+    host, *others = await world.planned()
+    ready_at = [world.clock.now() + timedelta(minutes=each) for each in (60, 30)]
+
+    trip: MissionRecord | None = host
+    for other, at in zip(others, ready_at, strict=True):
+        request = other.request.model_copy(update={"earliest_pickup_at": at})
+        assert trip is not None
+        trip = carrying(trip, Guest(share_of(other), request, other.mission.packages))
+
+    assert trip is not None
+    assert trip.request.earliest_pickup_at == ready_at[0]
+
+
+@_on_sqlite
 async def test_no_more_deliveries_share_a_trip_than_at_bookings(world: BusyWorld) -> None:
     for number in range(1, 6):
         await book_alone(world, f"dlv{number}", asks("b"))
