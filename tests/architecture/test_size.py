@@ -12,7 +12,7 @@ from tools.house_figures import ROOT, source_files, source_packages
 MOST_FILES: Final = 915
 MOST_FOLDERS: Final = 88
 #: Lines of `skyway/runtime`, which every process stands on.
-MOST_RUNTIME_LINES: Final = 12_314
+MOST_RUNTIME_LINES: Final = 12_315
 
 
 def test_there_are_no_more_files_and_folders_than_before() -> None:

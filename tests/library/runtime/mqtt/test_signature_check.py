@@ -410,6 +410,7 @@ class SlowRegistry(Registry):
 async def test_keys_that_may_have_changed_during_a_slow_answer_are_looked_up_anew() -> None:
     clock = ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC))
     book = KeyBook(SlowRegistry(clock), clock)
+    await book.look_up([DroneId("drn_2")])
     await book.refresh()
     await book.look_up([DroneId("drn_1")])
 
