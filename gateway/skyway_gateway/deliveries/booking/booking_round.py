@@ -203,16 +203,17 @@ def why_infeasible(
 ) -> Infeasible | None:
     """Why no later round can find a drone; None while a later round may find one.
 
-    Without candidates only the registry's reasons count. A request without any provider waits,
-    because the first fleet may still register. A reason that holds for the compared drones of a
-    provider may not hold for its busy drones. An accepted offer does not wait: it can be kept now,
-    or it is lost.
+    Without candidates only the registry's reasons count. While no provider has a drone, a request
+    waits, because the first fleet may still register. A reason that holds for the compared drones
+    of a provider may not hold for its busy drones. An accepted offer does not wait: it can be kept
+    now, or it is lost.
     """
     reasons = (*booking.reasons, *candidates.infeasible)
     if offer is not None:
         return _lost(offer, reasons)
     is_busy = booking.outcome == "BUSY" and not candidates.shortlist.is_empty
-    if is_busy or not reasons or any(_may_pass(reason, candidates) for reason in reasons):
+    of_fleets = [reason for reason in reasons if reason.code != "NO_DRONES"]
+    if is_busy or not of_fleets or any(_may_pass(reason, candidates) for reason in of_fleets):
         return None
     detail = "no provider can fly it: " + "; ".join(_in_words(reason) for reason in reasons)
     return Infeasible(reasons, detail)

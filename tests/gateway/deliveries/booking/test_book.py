@@ -80,7 +80,7 @@ async def test_the_next_round_finishes_a_round_that_was_killed_anywhere(
 ) -> None:
     if not is_feasible:
         gateway.registry.candidates_now = []
-        gateway.registry.infeasible = [reason("NO_DRONES", is_temporary=False)]
+        gateway.registry.infeasible = [reason("OVERWEIGHT", is_temporary=False)]
     wait, was_killed, ends = 0, True, []
     while was_killed:
         wait += 1
@@ -95,7 +95,7 @@ async def test_the_next_round_finishes_a_round_that_was_killed_anywhere(
         ends.append(delivery["state"])
         assert gateway.composition.booking_count - before == int(is_feasible)
         if not is_feasible:
-            assert [one["code"] for one in delivery["reasons"]] == ["NO_DRONES"]
+            assert [one["code"] for one in delivery["reasons"]] == ["OVERWEIGHT"]
     assert wait > 4, "the step was hardly ever killed inside"
     assert set(ends) == {"PLANNED" if is_feasible else "REJECTED"}
 

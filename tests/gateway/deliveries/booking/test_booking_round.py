@@ -43,7 +43,7 @@ def test_only_lasting_reasons_make_a_delivery_infeasible(
     given: list[bool],
     is_infeasible: bool,
 ) -> None:
-    reasons = tuple(reason("NO_DRONES", is_temporary=is_temporary) for is_temporary in given)
+    reasons = tuple(reason("OVERWEIGHT", is_temporary=is_temporary) for is_temporary in given)
     shortlist = Shortlist.of([candidate()] if has_candidates else [])
     found = Candidates(shortlist=shortlist, infeasible=reasons)
     assert (why_infeasible(None, Booking(outcome=outcome), found) is not None) == is_infeasible
@@ -70,6 +70,21 @@ def test_a_reason_of_free_drones_may_not_hold_for_busy_ones(
     found = Candidates(shortlist=shortlist, infeasible=(), more_later=more_later)
 
     assert (why_infeasible(None, booking, found) is not None) == is_infeasible
+
+
+@pytest.mark.parametrize(
+    ("codes", "is_infeasible"),
+    [(["NO_DRONES", "NO_DRONES"], False), (["NO_DRONES", "OVERWEIGHT"], True)],
+)
+def test_a_request_waits_while_no_provider_has_drones_yet(
+    reason: Callable[..., Any], codes: list[str], is_infeasible: bool
+) -> None:
+    reasons = tuple(reason(code, is_temporary=False) for code in codes)
+    found = Candidates(shortlist=Shortlist(), infeasible=reasons)
+
+    infeasible = why_infeasible(None, Booking(outcome="BUSY"), found)
+
+    assert (infeasible is not None) == is_infeasible
 
 
 def test_the_detail_names_provider_code_and_reason(reason: Callable[..., Any]) -> None:
