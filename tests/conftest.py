@@ -8,6 +8,7 @@ import os
 import pwd
 import secrets
 import shutil
+import signal
 import subprocess
 import tempfile
 from collections.abc import AsyncIterator, Callable, Iterator
@@ -62,9 +63,12 @@ gc.set_threshold(100_000)
 def pytest_configure() -> None:
     """Make temporary folders in memory: deleting ten thousand files from a disk takes long.
 
-    All engines share their compiled statements.
+    All engines share their compiled statements. Under `nohup` SIGHUP is handled instead of ignored:
+    processes that tests start would inherit that it is ignored, and no handler.
     """
     share_statements()
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, lambda *_: None)
     if (memory := _memory()) is not None:
         tempfile.tempdir = str(memory)
 
