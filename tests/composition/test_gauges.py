@@ -7,7 +7,10 @@ from typing import Any
 
 import skyway_composition
 import skyway_provider_registry
+from skyway_composition.gauge_store import OPEN_ROWS
 from skyway_composition.gauges import ALARM_CODES, CompositionGauges
+from skyway_composition.tables import outbox
+from sqlalchemy import or_, select
 
 from skyway.runtime.metrics import Gauges
 from tests.composition.test_alarm_routes import raise_alarm
@@ -93,3 +96,16 @@ def test_every_alarm_of_the_services_has_a_series_of_its_own() -> None:
 
     assert len(raised) > 8
     assert raised <= ALARM_CODES
+
+
+async def test_loops_rest_only_while_no_mission_is_open(composition: Any) -> None:
+    open_row = select(or_(*OPEN_ROWS))
+    async with composition.parts.db.read() as connection:
+        assert not (await connection.execute(open_row)).scalar_one()
+
+    await composition.book()
+    async with composition.parts.db.write() as tx:
+        await tx.execute(outbox.delete())
+
+    async with composition.parts.db.read() as connection:
+        assert (await connection.execute(open_row)).scalar_one()

@@ -2,7 +2,10 @@
 
 from datetime import timedelta
 
+from skyway_gateway.gauge_store import OPEN_ROWS
 from skyway_gateway.gauges import GatewayGauges
+from skyway_gateway.tables import outbox
+from sqlalchemy import or_, select
 
 from skyway.runtime.metrics import Gauges
 from tests.gateway.whole_gateway import Gateway
@@ -52,3 +55,17 @@ async def test_a_queue_is_as_old_as_its_first_work_has_been_due(gateway_on_both:
     gateway.clock.advance(timedelta(seconds=5))
 
     assert (await shown(gateway))["skyway_queue_age_seconds"]["booking"] == 35.0
+
+
+async def test_loops_rest_only_while_no_delivery_is_open(gateway_on_both: Gateway) -> None:
+    gateway = gateway_on_both
+    open_row = select(or_(*OPEN_ROWS))
+    async with gateway.parts.db.read() as connection:
+        assert not (await connection.execute(open_row)).scalar_one()
+
+    await gateway.planned()
+    async with gateway.parts.db.write() as tx:
+        await tx.execute(outbox.delete())
+
+    async with gateway.parts.db.read() as connection:
+        assert (await connection.execute(open_row)).scalar_one()
