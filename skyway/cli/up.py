@@ -1,16 +1,19 @@
 """`skyway up`: the whole system on this machine, until Ctrl-C."""
 
 import asyncio
-from typing import IO, TYPE_CHECKING, Annotated, Final, cast
+from collections.abc import Callable
+from typing import IO, TYPE_CHECKING, Annotated, Final, Never, cast
 
 import typer
 
 from skyway.cli.data_folder import DataFolder, DataOption, data_folder, keep_kernels
+from skyway.errors import SkywayError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from skyway.cli.system.children import Ports
+    from skyway.cli.system.running_system import System
 
 #: Fleet seconds per second of wall time. In the small world a flight between two stations takes
 #: about ten seconds, so that one sees the drones move.
@@ -92,14 +95,26 @@ async def _run(
 
     async with running_system(folder, rate=rate, ports=ports, say=say, cells=cells) as system:
         announce(console, system, link=await login_link(system))
-        if demo:
-            folder.small_world_request.touch()
-        else:
-            await first_of(until_requested(folder), system.supervisor.failed())
-        # Imported here: networks take a moment, and most starts need none.
-        from skyway.cli.small_world import live_on
+        small_world = keep_small_world(system, say=say, at_once=demo)
+        await first_of(small_world, system.supervisor.failed())
 
-        await first_of(live_on(system, say=say), system.supervisor.failed())
+
+async def keep_small_world(system: "System", *, say: Callable[[str], None], at_once: bool) -> Never:
+    """Run the small world once somebody asks for it; the system goes on if it is refused."""
+    folder = system.folder
+    if at_once:
+        folder.small_world_request.touch()
+    else:
+        await until_requested(folder)
+    # Imported here: networks take a moment, and most starts need none.
+    from skyway.cli.small_world import live_on
+
+    while True:
+        try:
+            await live_on(system, say=say)
+        except SkywayError as refusal:
+            say(f"The small world does not start: {refusal}")
+        await until_requested(folder)
 
 
 _LOOK_EVERY_S: Final = 0.5

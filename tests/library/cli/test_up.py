@@ -16,7 +16,8 @@ from skyway.cli.main import make_app
 from skyway.cli.system.announce import announce
 from skyway.cli.system.running_system import System
 from skyway.cli.system.supervisor import Supervisor
-from skyway.cli.up import until_requested
+from skyway.cli.up import keep_small_world, until_requested
+from skyway.errors import SkywayError
 
 
 @pytest.mark.parametrize("asking", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -82,3 +83,32 @@ async def test_a_request_of_an_earlier_start_does_not_count(tmp_path: Path) -> N
 
     async with asyncio.timeout(60):
         await waiting
+
+
+async def test_a_refused_small_world_can_be_asked_for_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    system = System(DataFolder(tmp_path), Supervisor(), {}, "mqtt://broker:1883")
+    attempts = 0
+    lines: list[str] = []
+    lives = asyncio.Event()
+
+    async def live_on(system: System, *, say: object) -> None:
+        nonlocal attempts
+        attempts += 1
+        if attempts == 1:
+            raise SkywayError("POST /v1/keys was answered 403")
+        lives.set()
+        await asyncio.Event().wait()
+
+    def say(line: str) -> None:
+        lines.append(line)
+        asyncio.get_running_loop().call_soon(system.folder.small_world_request.touch)
+
+    monkeypatch.setattr("skyway.cli.small_world.live_on", live_on)
+    keeping = asyncio.create_task(keep_small_world(system, say=say, at_once=True))
+    async with asyncio.timeout(60):
+        await lives.wait()
+    keeping.cancel()
+
+    assert lines == ["The small world does not start: POST /v1/keys was answered 403"]
