@@ -61,7 +61,7 @@ sbom:
 	@uvx -q --from cyclonedx-bom cyclonedx-py requirements requirements.txt -o sbom.json
 
 benchmark: $(VENV)/.peers $(COMPILED)
-	@$(BIN)/python -m benchmarks
+	@$(BIN)/python -m skyway_lab
 
 $(VENV)/.peers: requirements-peers.txt $(VENV)/.developers
 	@sh tools/install.sh -r requirements-peers.txt && touch $@ || \

@@ -34,7 +34,7 @@ _MEASURES: Final = {
     "live_hour": (*_DISPATCH, "services/skyway_composition/missions/calendar"),
 }
 
-_COMMAND: Final = re.compile(r"python -m benchmarks (\w+)")
+_COMMAND: Final = re.compile(r"python -m skyway_lab (\w+)")
 _COMMIT: Final = re.compile(r"\bcommit ([0-9a-f]{7,40})\b")
 
 

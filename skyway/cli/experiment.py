@@ -1,6 +1,7 @@
 """`skyway experiment`: the paper's evaluation made again, and what lies past it."""
 
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,9 +9,10 @@ import typer
 
 from skyway.cli.data_folder import data_folder, keep_kernels
 from skyway.cli.dispatch import RayAddress
+from skyway.cli.gateway import fail
 
 if TYPE_CHECKING:
-    from skyway.experiments.report import Section
+    from skyway_lab.experiments.report import Section
 
 
 def experiment_command(
@@ -36,10 +38,12 @@ def experiment_command(
     ray_address: RayAddress = None,
 ) -> None:
     """Measure the planner against the paper's strategies; write a page, figures and CSV files."""
+    if find_spec("skyway_lab") is None:
+        fail("experiments are a package of their own: pip install ./lab in a checkout of Skyway")
     keep_kernels(data_folder())
     # Late: matplotlib, numpy and numba are heavy, and other commands do without them.
-    from skyway.experiments.figures import require_matplotlib
-    from skyway.experiments.page import PARTS
+    from skyway_lab.experiments.figures import require_matplotlib
+    from skyway_lab.experiments.page import PARTS
 
     unknown = [name for name in only or () if name not in PARTS]
     if unknown:
@@ -69,8 +73,9 @@ def _run(
     redraws: bool,
 ) -> Mapping[str, "Section"]:
     """Run these parts one after the other; the page is written anew after each."""
-    from skyway.experiments.laboratory import open_laboratory
-    from skyway.experiments.page import PARTS, QUICK_S, write_fragment, write_page
+    from skyway_lab.experiments.laboratory import open_laboratory
+    from skyway_lab.experiments.page import PARTS, QUICK_S, write_fragment, write_page
+
     from skyway.planner.stop import stopwatch
 
     sections = {}

@@ -9,8 +9,8 @@ from typing import Final
 from tools.house_figures import ROOT, source_files, source_packages
 
 #: Source files and folders with files, without migrations, as `tools/house_figures.py` counts them.
-MOST_FILES: Final = 915
-MOST_FOLDERS: Final = 88
+MOST_FILES: Final = 877
+MOST_FOLDERS: Final = 85
 #: Lines of `skyway/runtime`, which every process stands on.
 MOST_RUNTIME_LINES: Final = 12_315
 

@@ -12,7 +12,7 @@ from typing import Final
 import pytest
 
 ROOT: Final = Path(__file__).parents[2]
-SOURCES: Final = ("skyway", "gateway", "services", "tests", "benchmarks", "examples", "tools")
+SOURCES: Final = ("skyway", "gateway", "services", "tests", "lab", "examples", "tools")
 #: The page that lists the banned words itself.
 GLOSSARY: Final = ROOT / "docs/glossary.md"
 

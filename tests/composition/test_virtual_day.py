@@ -1,6 +1,7 @@
 """A day in virtual time, at its smallest."""
 
-from benchmarks.days.day import Trial
+from skyway_lab.benchmarks.days.day import Trial
+
 from tests.composition.virtual_day import fly_virtually
 
 

@@ -24,11 +24,11 @@ from skyway_composition.networks.station_store import replace_stations
 from skyway_composition.networks.store import VersionRow, add_version
 from skyway_drone_agent.simulated.disturbances import changed, read_scenario
 from skyway_drone_agent.simulated.link_loss import has_outages, outages
+from skyway_lab.benchmarks.days.__main__ import main
+from skyway_lab.benchmarks.days.day import Trial, connected, requests_in
+from skyway_lab.benchmarks.days.figures import SENSOR_ERROR_SOC, Day
+from skyway_lab.benchmarks.days.forecast import forecast_of
 
-from benchmarks.days.__main__ import main
-from benchmarks.days.day import Trial, connected, requests_in
-from benchmarks.days.figures import SENSOR_ERROR_SOC, Day
-from benchmarks.days.forecast import forecast_of
 from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.mission_reports import MissionReport
 from skyway.contracts.weather import ForecastDocument

@@ -22,7 +22,14 @@ FAULTS = (
 @pytest.mark.long
 def test_nothing_is_lost_and_nothing_done_twice_while_parts_fail() -> None:
     options = [f"--only={fault}" for fault in FAULTS]
-    command = [sys.executable, "-m", "benchmarks.chaos", "--minutes=0.3", "--seed=2", *options]
+    command = [
+        sys.executable,
+        "-m",
+        "skyway_lab.benchmarks.chaos",
+        "--minutes=0.3",
+        "--seed=2",
+        *options,
+    ]
 
     run = subprocess.run(
         [*command, "--drones=12", "--stations=20", "--agents=1", "--clock-rate=900"],

@@ -17,7 +17,13 @@ ROOT = Path(__file__).parents[2]
 )
 @pytest.mark.long
 def test_rogues_break_nothing_and_honest_people_go_on(storage: str) -> None:
-    command = [sys.executable, "-m", "benchmarks.hostile", f"--storage={storage}", "--seed=3"]
+    command = [
+        sys.executable,
+        "-m",
+        "skyway_lab.benchmarks.hostile",
+        f"--storage={storage}",
+        "--seed=3",
+    ]
 
     run = subprocess.run(
         # Other tests take the processor meanwhile: only a standstill counts as slower.

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from skyway_lab.benchmarks.load.burst import Burst
+from skyway_lab.benchmarks.load.city import City
+from skyway_lab.benchmarks.load.run import verify
+from skyway_lab.benchmarks.load.storage_pair import storage_pair
+from skyway_lab.benchmarks.load.world import populate
 
-from benchmarks.load.burst import Burst
-from benchmarks.load.city import City
-from benchmarks.load.run import verify
-from benchmarks.load.storage_pair import storage_pair
-from benchmarks.load.world import populate
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.gateway import GatewayApi, read_keys
 from skyway.cli.system.children import Ports

@@ -16,9 +16,9 @@ from skyway_drone_agent.simulated.disturbances import (
     changed,
     read_scenario,
 )
+from skyway_lab.benchmarks.telemetry_thinning.flown import START, Flown, Moment
+from skyway_lab.benchmarks.telemetry_thinning.round_trip import round_trip
 
-from benchmarks.telemetry_thinning.flown import START, Flown, Moment
-from benchmarks.telemetry_thinning.round_trip import round_trip
 from skyway.contracts.flight_step import FlyStep
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.ids import DroneId

@@ -10,9 +10,9 @@ from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.link.uplink import Envelope
 from skyway_drone_agent.messages.state import snapshot_of
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED, changed
+from skyway_lab.benchmarks.telemetry_thinning.flown import START, Flown
+from skyway_lab.benchmarks.telemetry_thinning.round_trip import round_trip
 
-from benchmarks.telemetry_thinning.flown import START, Flown
-from benchmarks.telemetry_thinning.round_trip import round_trip
 from skyway.contracts.drone_report import ActiveFailsafe, DroneState, Failsafe, Fault
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.ids import DroneId, StationId

@@ -9,9 +9,9 @@ from skyway_drone_agent.analysis.analysis import Analysis, Assessment
 from skyway_drone_agent.link.uplink import Envelope
 from skyway_drone_agent.messages.telemetry import TelemetryThinning, telemetry_of
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
+from skyway_lab.benchmarks.telemetry_thinning.flown import START, Flown
+from skyway_lab.benchmarks.telemetry_thinning.round_trip import round_trip
 
-from benchmarks.telemetry_thinning.flown import START, Flown
-from benchmarks.telemetry_thinning.round_trip import round_trip
 from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.geo import Position
 from skyway.ids import DroneId

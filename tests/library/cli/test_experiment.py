@@ -1,9 +1,9 @@
 """`skyway experiment`: its parts and its files."""
 
+from skyway_lab.experiments.page import PARTS, QUICK_S
 from typer.testing import CliRunner
 
 from skyway.cli.main import make_app
-from skyway.experiments.page import PARTS, QUICK_S
 
 
 def test_an_unknown_part_is_refused():
@@ -11,6 +11,15 @@ def test_an_unknown_part_is_refused():
 
     assert result.exit_code == 2
     assert "'nothing' is not a part" in result.stderr
+
+
+def test_without_the_lab_the_command_says_where_it_is(monkeypatch):
+    monkeypatch.setattr("skyway.cli.experiment.find_spec", lambda _: None)
+
+    result = CliRunner().invoke(make_app(), ["experiment"])
+
+    assert result.exit_code == 1
+    assert "pip install ./lab" in result.stderr
 
 
 def test_a_quick_run_of_all_parts_takes_at_most_90_s_of_processor_time():

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 from pydantic import ValidationError
+from skyway_lab.benchmarks.hostile.messages import extreme_messages
 
-from benchmarks.hostile.messages import extreme_messages
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY, Topic
 from skyway.runtime.clock import ManualClock
 from tests.provider_registry.presence.test_follow import Fleet

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 from skyway_composition.missions.following.plausibility import is_ahead
+from skyway_lab.benchmarks.hostile.messages import extreme_messages
 
-from benchmarks.hostile.messages import extreme_messages
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.moments import latest_believed
 

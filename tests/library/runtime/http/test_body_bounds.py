@@ -8,9 +8,9 @@ import pytest
 from pydantic import Field, TypeAdapter, ValidationError
 from skyway_composition.app import openapi_app as composition_app
 from skyway_gateway.app import openapi_app as gateway_app
+from skyway_lab.benchmarks.hostile.worst_bodies import worst_bodies
 from skyway_provider_registry.app import openapi_app as registry_app
 
-from benchmarks.hostile.worst_bodies import worst_bodies
 from skyway.json_model import JsonModel
 from skyway.runtime.http.body_bounds import BodyBounds
 from skyway.runtime.http.service_router import InternalBody, ServiceRoute

@@ -1,0 +1,1 @@
+"""Experiments and benchmarks: what researchers and developers measure Skyway with."""
