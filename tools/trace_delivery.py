@@ -258,10 +258,20 @@ def part(file: str) -> str:
     return base if base == "skyway" else inside[0]
 
 
+def domain_files(calls: Calls) -> set[str]:
+    """The domain files that these calls pass."""
+    return {callee for _, callee in calls if callee and is_domain(callee)}
+
+
+def own_calls(busy: Calls, idle: Calls) -> Calls:
+    """What the delivery calls: without broker, simulation and background loops."""
+    return {(a, b) for a, b in busy - idle if not b.startswith(_STAND_INS)}
+
+
 def print_figures(title: str, calls: Calls, *, with_files: bool) -> None:
     """Print how many domain files and folders these calls pass, in all and in each service."""
     files = {callee for _, callee in calls if callee}
-    domain = {file for file in files if is_domain(file)}
+    domain = domain_files(calls)
     folders = {str(Path(file).parent) for file in domain}
     across = {(a, b) for a, b in calls if {a, b} <= domain and Path(a).parent != Path(b).parent}
     between = {(str(Path(a).parent), str(Path(b).parent)) for a, b in across}
@@ -283,7 +293,7 @@ def main() -> int:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="skyway-trace-") as folder:
         busy, idle = traced_calls(Path(folder))
-    own = {(a, b) for a, b in busy - idle if not b.startswith(_STAND_INS)}
+    own = own_calls(busy, idle)
     print_figures("All that runs during a delivery", busy, with_files=options.files)
     print_figures("Without broker, simulation and background loops", own, with_files=options.files)
     return 0
