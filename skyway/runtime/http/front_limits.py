@@ -34,8 +34,6 @@ class FrontLimits:
     head_s: float
     body_s: float
     header_lines: int = 100
-    #: Requests that may wait on a connection while an earlier one is answered.
-    pipelined: int = 16
     #: Slowest body, bytes a second, after its first `body_s`.
     slowest_body_bps: int = 64 * 1024
     #: Bytes that are read and dropped after a refusal, so that the sender sees the answer.

@@ -39,7 +39,9 @@ class FrontProtocol(HttpToolsProtocol):
     """One connection.
 
     It waits for the head, then for the body, then for the app's answer. A timer runs while the
-    caller must act: send the head, send the body, or read the answer.
+    caller must act: send the head, send the body, or read the answer. A request that comes before
+    the last one is answered is not read, because the parser does not show how it is written: the
+    connection ends with the answer to the last one.
     """
 
     def __init__(
@@ -59,7 +61,7 @@ class FrontProtocol(HttpToolsProtocol):
         self._is_refused = False
         self._is_in_head = False
         self._is_in_body = False
-        self._began_in_this_part = False
+        self._may_begin = self._began_in_this_part = self._is_early = False
         self._refusal: HTTPStatus | None = None
         self._head_bytes = self._header_lines = self._body_bytes = self._framed_bytes = 0
         self._dropped_bytes = 0
@@ -108,7 +110,8 @@ class FrontProtocol(HttpToolsProtocol):
             self._drop(len(data))
             return
         was_in_body, self._began_in_this_part = self._is_in_body, False
-        if not self._is_in_head and not self._is_in_body:
+        self._may_begin = self._is_answered and not self._is_in_head and not self._is_in_body
+        if self._may_begin:
             self._first_line = FirstLine()
         if not self._first_line.goes_on_well(data):
             self._refuse(HTTPStatus.BAD_REQUEST)
@@ -118,6 +121,10 @@ class FrontProtocol(HttpToolsProtocol):
         except httptools.HttpParserUpgrade:
             pass  # an Upgrade is ignored, and the request is answered
         except httptools.HttpParserError:
+            if self._is_early:
+                self._is_refused = True
+                self.shutdown()  # once the last request is answered
+                return
             self._refuse(self._refusal or HTTPStatus.BAD_REQUEST)
             return
         self._count_unparsed(len(data), was_in_body=was_in_body)
@@ -137,8 +144,21 @@ class FrontProtocol(HttpToolsProtocol):
             return True
         return info[0] != _ESTABLISHED
 
+    @property
+    def _is_answered(self) -> bool:
+        """Whether the caller may have the whole answer to its last request."""
+        cycle = self.cycle
+        if cycle is None or cycle.response_complete:
+            return True
+        is_counted = cycle.response_started and not cycle.chunked_encoding
+        return is_counted and cycle.expected_content_length == 0
+
     def on_message_begin(self) -> None:
-        """Begin to count a request."""
+        """Begin to count a request, unless it begins before the last one is answered."""
+        if not self._may_begin:
+            self._is_early = True
+            raise _Refused
+        self._may_begin = False
         super().on_message_begin()
         self.scope["extensions"] = {CALLER_GONE: {"is_gone": self.is_caller_gone}}
         self._is_in_head = self._began_in_this_part = True
@@ -163,9 +183,7 @@ class FrontProtocol(HttpToolsProtocol):
             super().on_header(name, value.strip(b" \t"))
 
     def on_headers_complete(self) -> None:
-        """Hand the request to the app, unless too many wait on this connection."""
-        if len(self.pipeline) >= self._limits.pipelined:
-            self._end(HTTPStatus.TOO_MANY_REQUESTS)
+        """Hand the request to the app, if it can be understood in one way only."""
         if not is_understood_alike(self.url, self.headers, self.parser.get_http_version()):
             self._end(HTTPStatus.BAD_REQUEST)
         self._is_in_head, self._is_in_body = False, True

@@ -21,19 +21,20 @@ LIMITS = FrontLimits(
     head_bytes=4_000,
     head_s=60.0,
     body_s=60.0,
-    pipelined=4,
     dropped_bytes=100_000,
 )
 OK = b"HTTP/1.1 200"
 
 #: Whether the app learned that the caller of `/gone` had left.
 gone: list[bool] = []
+#: `/slow-end` ends its answer, of which all bytes are sent, when this is set.
+may_end = asyncio.Event()
 
 
 async def app(scope: Scope, receive: Receive, send: Send) -> None:
     """Answers how long the body was; `/early` does not read it, `/never` gives no answer.
 
-    `/large` answers with more than the buffers of a connection hold.
+    `/slow-end` ends late. `/large` answers with more than the buffers of a connection hold.
     """
     if scope["type"] != "http":
         return
@@ -53,6 +54,13 @@ async def app(scope: Scope, receive: Receive, send: Send) -> None:
         has_more = message.get("more_body", False)
     if scope["path"] == "/never":
         await receive()
+        return
+    if scope["path"] == "/slow-end":
+        headers = [(b"content-length", b"1")]
+        await send({"type": "http.response.start", "status": 200, "headers": headers})
+        await send({"type": "http.response.body", "body": b"a", "more_body": True})
+        await may_end.wait()
+        await send({"type": "http.response.body"})
         return
     body = b"a" * 30_000_000 if scope["path"] == "/large" else str(size).encode()
     headers = [(b"content-length", str(len(body)).encode())]
@@ -188,16 +196,37 @@ async def test_a_body_behind_a_split_head_does_not_count_as_head(front: Front) -
     assert answer.endswith(b"50000")
 
 
-async def test_a_few_pipelined_requests_are_answered_in_order(front: Front) -> None:
-    answer = await front.ask(get() * 4 + get(b"/", CLOSE))
+async def test_a_request_before_the_answer_to_the_last_one_ends_the_connection(
+    front: Front,
+) -> None:
+    together = await front.ask(get() * 1_000)
+    assert together.count(OK) == 1
 
-    assert answer.count(OK) == 5
+    reader, writer = await front.connect()
+    writer.write(get(b"/never"))
+    await writer.drain()
+    writer.write(get())
+    await writer.drain()
+    writer.write_eof()
+    one_by_one = await reader.read()
+    writer.close()
+
+    assert OK not in one_by_one
 
 
-async def test_many_pipelined_requests_end_the_connection(front: Front) -> None:
-    answer = await front.ask(get() * 1_000)
+async def test_a_request_after_the_last_byte_of_an_answer_is_read(front: Front) -> None:
+    may_end.clear()
+    reader, writer = await front.connect()
+    writer.write(get(b"/slow-end"))
+    await reader.readuntil(b"\r\n\r\n")
+    assert await reader.readexactly(1) == b"a"
+    writer.write(get(b"/", CLOSE))
+    for _ in range(20):  # the server, in the same loop, reads the request
+        await asyncio.sleep(0)
+    may_end.set()
 
-    assert answer.count(OK) <= 5
+    assert (await reader.read()).count(OK) == 1
+    writer.close()
 
 
 async def test_requests_after_one_another_share_a_connection(front: Front) -> None:

@@ -134,6 +134,12 @@ FORMS: Final[dict[str, bytes]] = {
     + GET
     + b"X-Second: 1\r\n\r\n",
     "two requests": GET + b"\r\n" + POST + b"Content-Length: 2\r\n\r\nhi",
+    "a second request with two spaces": GET + b"\r\nGET  / HTTP/1.1\r\nHost: x\r\n\r\n",
+    "a second request without a version": GET + b"\r\nGET /\r\nHost: x\r\n\r\n",
+    "a second request of icecast": GET + b"\r\nSOURCE / ICE/1.0\r\nHost: x\r\n\r\n",
+    "a second request after a bare newline": GET + b"\r\n\n" + GET + b"\r\n",
+    "a bad request after a body": POST + b"Content-Length: 2\r\n\r\nhiGET  / HTTP/1.1\r\n\r\n",
+    "a bad request after chunks": CHUNKED + b"\r\n0\r\n\r\nGET /\r\nHost: x\r\n\r\n",
     "close, then a request": GET + b"Connection: close\r\n\r\n" + GET + b"X-Second: 1\r\n\r\n",
     "expectation": POST + b"Expect: 100-continue\r\nContent-Length: 5\r\n\r\nhello",
 }
