@@ -1,6 +1,7 @@
 """Raw forms of requests: what the front accepts, it understands as h11 does."""
 
 from collections.abc import AsyncIterator
+from random import Random
 from typing import Final
 
 import h11
@@ -184,7 +185,9 @@ def understood_by_h11(raw: bytes) -> Understood:
             elif isinstance(event, h11.Data):
                 body += event.data
             elif isinstance(event, h11.EndOfMessage):
-                found.append((request.method, request.target, [*request.headers], body))
+                path, _, query = request.target.partition(b"?")
+                target = request.target if query else path
+                found.append((request.method, target, [*request.headers], body))
                 connection.send(h11.Response(status_code=400, headers=[]))
                 connection.send(h11.EndOfMessage())
                 if connection.our_state is not h11.DONE:
@@ -192,7 +195,7 @@ def understood_by_h11(raw: bytes) -> Understood:
                 connection.start_next_cycle()
             else:
                 return found
-    except h11.RemoteProtocolError:
+    except (h11.RemoteProtocolError, h11.LocalProtocolError):  # the second: of its own answer
         return found
 
 
@@ -228,4 +231,66 @@ async def test_what_the_front_accepts_it_understands_as_h11_does(
         for cut in (len(raw), len(raw) // 2, len(raw) - 3):
             with subtests.test(form, cut=cut):
                 found = await understood_by_front(front, raw[:cut], raw[cut:])
+                assert found == expected[: len(found)]
+
+
+#: What is put into requests at random places.
+PIECES: Final = (
+    *(
+        b"\r\n",
+        b"\n",
+        b"\r",
+        b" ",
+        b"\t",
+        b"\x00",
+        b"\x80",
+        b":",
+        b";",
+        b",",
+        b"#",
+        b"?",
+        b"+",
+        b"-",
+    ),
+    *(
+        b"0",
+        b"5",
+        b"hello",
+        b"0\r\n\r\n",
+        b"HTTP/1.0",
+        b"HTTP/1.1",
+        b"http://",
+        b"HEAD ",
+        b"CONNECT ",
+    ),
+    *(b"chunked", b"Transfer-Encoding: ", b"Content-Length: ", b"Host: y\r\n", b"X: \r\n y\r\n"),
+    *(b"Connection: close\r\n", b"Upgrade: h2c\r\n", b"Expect: 100-continue\r\n", GET + b"\r\n"),
+)
+
+
+def changed(raw: bytes, chance: Random) -> bytes:
+    """The request with pieces put in, cut out or repeated at random places."""
+    for _ in range(chance.randint(1, 3)):
+        begin, end = sorted(chance.randint(0, len(raw)) for _ in range(2))
+        match chance.choice(("put in", "cut out", "repeat")):
+            case "put in":
+                raw = raw[:begin] + chance.choice(PIECES) + raw[begin:]
+            case "cut out":
+                raw = raw[:begin] + raw[begin + chance.randint(1, 4) :]
+            case _:
+                raw = raw[:end] + raw[begin:]
+    return raw[: LIMITS.head_bytes]
+
+
+async def test_changed_at_random_a_request_is_understood_as_by_h11_or_refused(
+    front: Front, subtests: pytest.Subtests
+) -> None:
+    chance, forms = Random(1), [*FORMS.values()]
+    for _ in range(1_500):
+        raw = changed(b"".join(chance.sample(forms, chance.choice((1, 1, 2)))), chance)
+        cut = chance.randint(0, len(raw))
+        found = await understood_by_front(front, raw[:cut], raw[cut:])
+        expected = understood_by_h11(raw)
+        if found != expected[: len(found)]:
+            with subtests.test(raw=raw, cut=cut):
                 assert found == expected[: len(found)]
