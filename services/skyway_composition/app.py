@@ -1,7 +1,7 @@
 """Composition as an app: its routes, what it opens and closes, and its loops."""
 
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Final
 
@@ -27,7 +27,6 @@ from skyway.runtime.signing.cloud_key_file import read_signing_key
 from skyway.runtime.signing.seal import CloudSeal
 from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarm_routes import alarm_routes, drone_alarm_routes
-from skyway_composition.cell_routes import CellEntrance, cell_routes
 from skyway_composition.closures.routes import area_routes, place_routes
 from skyway_composition.closures.span_routes import span_routes
 from skyway_composition.gauges import CompositionGauges
@@ -51,6 +50,7 @@ from skyway_composition.networks.routes import (
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
 from skyway_composition.networks.status_routes import service_status_routes
 from skyway_composition.networks.weather_routes import weather_routes
+from skyway_composition.own_cells import CellEntrance
 from skyway_composition.pads.routes import pad_routes
 from skyway_composition.parts import SERVICE, Parts, parts_of, registry_client
 from skyway_composition.planning.routes import (
@@ -85,7 +85,6 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 bookings=parts.bookings,
                 keeper=parts.keeper,
                 no_shows=parts.no_shows,
-                own=parts.own_cells,
             ),
             tracking_routes(db=db, gate=gate),
             schedule_routes(db=db, gate=gate, clock=clock),
@@ -140,7 +139,6 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             quarantine_routes(
                 db=db, gate=gate, replays=Replays(db, clock, parts.handler, parts.keys)
             ),
-            cell_routes(db=db, gate=gate, clock=clock, own=parts.own_cells),
             metrics_routes(gate=parts.metrics_gate, gauges=parts.gauges),
             figures_routes(gate=gate, gauges=parts.gauges),
         ],
@@ -175,24 +173,25 @@ def build_app(settings: CompositionSettings) -> FastAPI:
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         await migrate(settings.database_url, PACKAGE)
-        async with (
-            parts.db,
-            parts.membership,
-            parts.solver,
-            parts.inquiries,
-            parts.problems,
-            parts.search,
-            gateway,
-            registry,
-            mqtt,
-            Loops() as loops,
-        ):
+        async with parts.db, AsyncExitStack() as opened:
             await parts.own_cells.read_database(parts.db)
+            for each in (
+                parts.membership,
+                parts.solver,
+                parts.inquiries,
+                parts.problems,
+                parts.search,
+                gateway,
+                registry,
+                mqtt,
+            ):
+                await opened.enter_async_context(each)
+            loops = await opened.enter_async_context(Loops())
             if parts.db.dialect != "sqlite":  # another replica may follow the drones
                 parts.solver.needed.set()
             loops.start("warm", parts.solver.warm_when_needed())
             work.start(loops)
-            start_pruning(loops, parts.membership, parts.own_cells, parts.db, parts.clock, settings)
+            start_pruning(loops, parts.membership, parts.db, parts.clock, settings)
             yield
 
     async def readiness() -> dict[str, bool]:

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from skyway.runtime.settings import ServiceSettings
 
@@ -18,8 +18,8 @@ class CompositionSettings(ServiceSettings):
     )
     cell_url: str | None = Field(
         default=None,
-        description="The address of this composition in the table of cells. Without it this "
-        "composition serves the networks that have no cell.",
+        description="The address of this composition, as it stands in `SKYWAY_CELLS`. Without it "
+        "this composition is that of `SKYWAY_COMPOSITION_URL`.",
     )
     solver_threads: Annotated[
         int,
@@ -85,3 +85,16 @@ class CompositionSettings(ServiceSettings):
         description="Days of fleet time for which a version of a network is kept after a newer "
         "version has replaced it. Without it all versions are kept for ever.",
     )
+
+    @field_validator("cell_url")
+    @classmethod
+    def _serves_networks(cls, url: str | None, info: ValidationInfo) -> str | None:
+        """Refuse an address to which no service sends requests."""
+        cells = info.data.get("cells", {})
+        if url not in (None, info.data.get("composition_url"), *cells.values()):
+            known = ", ".join(f"{network_id}={each}" for network_id, each in cells.items())
+            raise ValueError(
+                f"{url} serves no network: it is neither SKYWAY_COMPOSITION_URL nor in "
+                f"SKYWAY_CELLS ({known or 'which is empty'})"
+            )
+        return url

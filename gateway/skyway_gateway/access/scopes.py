@@ -147,14 +147,10 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
     ),
     "operations:read": (
         "GET /v1/alarms",
-        "GET /v1/cells",
         "GET /v1/quarantine",
         "GET /v1/system",
     ),
     "operations:write": (
-        "PUT /v1/cells/{network_id}",
-        "PATCH /v1/cells/{network_id}",
-        "POST /v1/cells/{network_id}/moves",
         "POST /v1/alarms/{alarm_id}/acknowledgements",
         "POST /v1/quarantine/{quarantine_id}/replay",
         "DELETE /v1/quarantine/{quarantine_id}",
@@ -194,10 +190,6 @@ NEEDS_KEY: Final = frozenset(
         "POST /v1/webhooks",
         "PATCH /v1/webhooks/{webhook_id}",
         "POST /v1/webhooks/{webhook_id}/secret-rotations",
-        # Which server receives the calls of a network.
-        "PUT /v1/cells/{network_id}",
-        "PATCH /v1/cells/{network_id}",
-        "POST /v1/cells/{network_id}/moves",
     }
 )
 

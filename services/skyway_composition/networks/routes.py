@@ -119,7 +119,10 @@ def network_routes(
         after = query.after(str)
         async with db.read() as connection:
             rows = await store.current_after(
-                connection, str(after[0]) if after else "", limit=query.limit + 1
+                connection,
+                str(after[0]) if after else "",
+                without=networks.own.foreign,
+                limit=query.limit + 1,
             )
         return page_of(rows, query, item=_info, sort_key=lambda row: (row.network_id,))
 

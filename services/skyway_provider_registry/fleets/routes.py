@@ -8,6 +8,7 @@ from fastapi import Depends, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from pydantic import Discriminator, Field, Tag
 
+from skyway.cells import CellClients
 from skyway.contracts.drones import MOST_NEW_DRONES
 from skyway.ids import DroneId, NetworkId, ProviderId
 from skyway.runtime.clock import FleetClock
@@ -20,7 +21,6 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.signing.cloud_key_file import CloudKeyFile
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
-from skyway_provider_registry.cells import store as cell_store
 from skyway_provider_registry.enrolment import credential_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets import battery_store, statistics_store, store
@@ -39,6 +39,7 @@ from skyway_provider_registry.fleets.registration import (
     changed_columns,
     faults_of,
     prepare,
+    refuse_another_cell,
     store_drones,
 )
 from skyway_provider_registry.fleets.statistics_store import FleetStatistics, totals
@@ -56,6 +57,7 @@ def fleet_routes(
     clock: FleetClock,
     stations: StationLookup,
     password_file: PasswordFile,
+    servers: CellClients,
 ) -> ServiceRouter:
     """GET, PATCH and DELETE of /v1/providers/{provider_id}/drones and /{drone_id}."""
     router = ServiceRouter(tags=("drones",), prefix="/v1/providers/{provider_id}/drones")
@@ -108,8 +110,8 @@ def fleet_routes(
                 before = await store.of_caller(
                     tx.connection, caller, provider_id=provider_id, drone_id=drone_id
                 )
-                await cell_store.refuse_another_cell(
-                    tx.connection, before.network_id, NetworkId(str(values["network_id"]))
+                refuse_another_cell(
+                    servers, before.network_id, NetworkId(str(values["network_id"]))
                 )
             await store.change(
                 tx, caller, provider_id=provider_id, drone_id=drone_id, values=values

@@ -11,7 +11,7 @@ from urllib.parse import quote, urlencode
 
 import aiohttp
 import httpx
-from fastapi import Request, Response
+from fastapi import Request
 from fastapi.responses import StreamingResponse
 from httpx_aiohttp import AiohttpTransport
 from pydantic import TypeAdapter, ValidationError
@@ -170,7 +170,7 @@ class ServiceClient:
 
     async def forward(
         self, request: Request, path: str, caller: Caller | None, *, timeout_s: float = _FORWARD_S
-    ) -> Response:
+    ) -> StreamingResponse:
         """The service's own answer to a whole request; both bodies are streamed, never held.
 
         The query is passed on, and of the headers only those that services understand.
