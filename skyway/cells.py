@@ -5,25 +5,60 @@ serves all networks that the setting does not name.
 """
 
 import asyncio
+import re
 from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
-from typing import Final, Generic, Self, TypeVar
+from typing import Annotated, Final, Generic, Self, TypeVar
+
+from pydantic import Field, field_validator
+from pydantic_settings import NoDecode
 
 from skyway.ids import NetworkId
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.settings import ServiceSettings
 
 AnswerT = TypeVar("AnswerT")
 
 #: Names the network of a request, so that a composition can refuse the networks of others.
 NETWORK_HEADER: Final = "Skyway-Network"
 
+#: A network, and the address of its composition without a slash at the end.
+_CELL: Final = re.compile(r"([A-Za-z0-9_-]{1,64})=(https?://[^\s?#/@]+(?:/[^\s?#/]+)*)")
+
 #: The server of all networks without a cell.
 DEFAULT_SERVER: Final = "composition"
 
 #: The longest wait for each server when all servers are asked, wall seconds.
 ANSWERS_WITHIN_S: Final = 3.0
+
+
+class CellSettings(ServiceSettings):
+    """`ServiceSettings`, and which composition serves which network."""
+
+    cells: Annotated[dict[NetworkId, str], NoDecode] = Field(
+        default={},
+        description="`NETWORK=URL`, separated by commas: networks with a composition of their own. "
+        "That of `SKYWAY_COMPOSITION_URL` serves all others. Set it the same for gateway, registry "
+        "and each composition.",
+    )
+
+    @field_validator("cells", mode="before")
+    @classmethod
+    def _read_cells(cls, value: object) -> object:
+        """Each network with the address of its composition."""
+        if not isinstance(value, str):
+            return value
+        cells: dict[str, str] = {}
+        for part in filter(None, map(str.strip, value.split(","))):
+            found = _CELL.fullmatch(part)
+            if found is None:
+                raise ValueError(f"{part} must look like texas=http://composition-texas:8002")
+            network_id, url = found.groups()
+            if cells.setdefault(network_id, url) != url:
+                raise ValueError(f"{network_id} has two addresses: {cells[network_id]} and {url}")
+        return cells
 
 
 class CellClients:

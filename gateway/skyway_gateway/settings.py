@@ -9,12 +9,12 @@ from typing import Annotated
 from pydantic import AnyHttpUrl, Field, ValidationInfo, field_validator
 from pydantic_settings import NoDecode
 
+from skyway.cells import CellSettings
 from skyway.contracts.candidate import MOST_QUERIES
 from skyway.ids import NetworkId
-from skyway.runtime.settings import ServiceSettings
 
 
-class GatewaySettings(ServiceSettings):
+class GatewaySettings(CellSettings):
     """The settings of the gateway."""
 
     port: int = Field(

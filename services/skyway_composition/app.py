@@ -1,13 +1,17 @@
 """Composition as an app: its routes, what it opens and closes, and its loops."""
 
-from collections.abc import AsyncIterator
+import re
+from collections.abc import AsyncIterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from fastapi import FastAPI
+from fastapi import FastAPI, Request
 
+from skyway.cells import NETWORK_HEADER
 from skyway.contracts.weather import ForecastDocument
+from skyway.ids import NetworkId
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -50,7 +54,7 @@ from skyway_composition.networks.routes import (
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
 from skyway_composition.networks.status_routes import service_status_routes
 from skyway_composition.networks.weather_routes import weather_routes
-from skyway_composition.own_cells import CellEntrance
+from skyway_composition.own_cells import OwnCells
 from skyway_composition.pads.routes import pad_routes
 from skyway_composition.parts import SERVICE, Parts, parts_of, registry_client
 from skyway_composition.planning.routes import (
@@ -66,6 +70,25 @@ from skyway_composition.statistics.routes import mission_statistics_routes, stat
 from skyway_composition.work import Work
 
 PACKAGE: Final = "skyway_composition"
+
+_OF_A_NETWORK: Final = re.compile(r"/(?:v1|internal)/networks/([^/]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class CellEntrance:
+    """Admits requests of other services if they are for this composition's own networks."""
+
+    entrance: ServiceEntrance
+    own: OwnCells
+
+    async def __call__(self, request: Request) -> Mapping[str, str]:
+        """Check the service's secret, and the network in the header and in the path."""
+        headers = await self.entrance(request)
+        found = _OF_A_NETWORK.match(request.scope["path"])
+        for name in (request.headers.get(NETWORK_HEADER), found and found[1]):
+            if name is not None:
+                self.own.refuse_foreign(NetworkId(name))
+        return headers
 
 
 def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:

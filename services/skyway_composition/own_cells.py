@@ -4,25 +4,18 @@ It refuses requests for the networks of other compositions, and drops the messag
 A network that was moved to another composition stays in the database with its past.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, Self
 
-from fastapi import Request
-
-from skyway.cells import NETWORK_HEADER
 from skyway.ids import DroneId, NetworkId
 from skyway.runtime.errors import InvalidSettings, Misdirected
-from skyway.runtime.http.entrance import ServiceEntrance
 from skyway.runtime.sql.database import Database
 from skyway_composition.cell_store import open_missions
 from skyway_composition.settings import CompositionSettings
 
 #: The most drones whose networks are cached, about 200 bytes each.
 _MOST_HOMES: Final = 200_000
-
-_OF_A_NETWORK: Final = re.compile(r"/(?:v1|internal)/networks/([^/]+)")
 
 
 @dataclass(slots=True)
@@ -92,20 +85,3 @@ class OwnCells:
         """Whether another composition handles the messages of this drone."""
         network_id = self._homes.get(drone_id)
         return network_id is not None and not self.serves(network_id)
-
-
-@dataclass(frozen=True, slots=True)
-class CellEntrance:
-    """Admits requests of other services if they are for this composition's own networks."""
-
-    entrance: ServiceEntrance
-    own: OwnCells
-
-    async def __call__(self, request: Request) -> Mapping[str, str]:
-        """Check the service's secret, and the network in the header and in the path."""
-        headers = await self.entrance(request)
-        found = _OF_A_NETWORK.match(request.scope["path"])
-        for name in (request.headers.get(NETWORK_HEADER), found and found[1]):
-            if name is not None:
-                self.own.refuse_foreign(NetworkId(name))
-        return headers

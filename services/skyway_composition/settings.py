@@ -4,11 +4,11 @@ from typing import Annotated
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from skyway.runtime.settings import ServiceSettings
+from skyway.cells import CellSettings
 
 
-class CompositionSettings(ServiceSettings):
-    """`ServiceSettings`, the limits of planning, and how long closures and alarms are kept."""
+class CompositionSettings(CellSettings):
+    """`CellSettings`, the limits of planning, and how long closures and alarms are kept."""
 
     port: int = Field(
         default=8002,

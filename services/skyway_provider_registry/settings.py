@@ -6,15 +6,15 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 from pydantic_settings import NoDecode
 
+from skyway.cells import CellSettings
 from skyway.errors import InvalidInput
 from skyway.runtime.mqtt.address import BrokerAddress
-from skyway.runtime.settings import ServiceSettings
 
 BrokerKind = Literal["mosquitto", "nats"]
 
 
-class RegistrySettings(ServiceSettings):
-    """`ServiceSettings`, the broker's files, and how long telemetry is kept."""
+class RegistrySettings(CellSettings):
+    """`CellSettings`, the broker's files, and how long telemetry is kept."""
 
     port: int = Field(
         default=8001,

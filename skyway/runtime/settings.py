@@ -1,18 +1,13 @@
 """The settings that a cloud service reads from its environment; each service adds its own."""
 
-import re
 import ssl
 from pathlib import Path
-from typing import Annotated, Final, Self
+from typing import Self
 
-from pydantic import Field, ValidationError, field_validator
-from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+from pydantic import Field, ValidationError
+from pydantic_settings import BaseSettings, SettingsConfigDict
 
-from skyway.ids import NetworkId
 from skyway.runtime.errors import InvalidSettings
-
-#: A network, and the address of its composition without a slash at the end.
-_CELL: Final = re.compile(r"([A-Za-z0-9_-]{1,64})=(https?://[^\s?#/@]+(?:/[^\s?#/]+)*)")
 
 
 class DatabaseSettings(BaseSettings):
@@ -141,28 +136,6 @@ class ServiceSettings(ArchiveSettings):
         default="http://127.0.0.1:8002",
         description="Where the other services find composition.",
     )
-    cells: Annotated[dict[NetworkId, str], NoDecode] = Field(
-        default={},
-        description="`NETWORK=URL`, separated by commas: networks with a composition of their own. "
-        "That of `SKYWAY_COMPOSITION_URL` serves all others. Set it the same for gateway, registry "
-        "and each composition.",
-    )
-
-    @field_validator("cells", mode="before")
-    @classmethod
-    def _read_cells(cls, value: object) -> object:
-        """Each network with the address of its composition."""
-        if not isinstance(value, str):
-            return value
-        cells: dict[str, str] = {}
-        for part in filter(None, map(str.strip, value.split(","))):
-            found = _CELL.fullmatch(part)
-            if found is None:
-                raise ValueError(f"{part} must look like texas=http://composition-texas:8002")
-            network_id, url = found.groups()
-            if cells.setdefault(network_id, url) != url:
-                raise ValueError(f"{network_id} has two addresses: {cells[network_id]} and {url}")
-        return cells
 
     @property
     def mqtt_tls(self) -> ssl.SSLContext | None:

@@ -1,6 +1,7 @@
 """The setting of cells decides to which server each call goes."""
 
-from collections.abc import AsyncIterator, Callable, Collection
+import re
+from collections.abc import AsyncIterator, Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -8,12 +9,12 @@ import httpx
 import pytest
 
 from skyway.announced_networks import check_stations
-from skyway.cells import NETWORK_HEADER, CellClients, ask_all
+from skyway.cells import NETWORK_HEADER, CellClients, CellSettings, ask_all
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.json_model import WireModel
-from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
+from skyway.runtime.errors import InvalidSettings, RemoteProblem, ServiceUnavailable
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceIdentity
 
@@ -186,3 +187,35 @@ async def test_no_network_is_published_when_every_server_says_so(
     around.empty = {"composition", "north"}
     with pytest.raises(RemoteProblem):
         await check_stations(clients, query)
+
+
+def cells_of_environment(monkeypatch: pytest.MonkeyPatch, text: str) -> Mapping[NetworkId, str]:
+    """The cells of a service with this variable."""
+    given = {"DATABASE_URL": "sqlite:///a.db", "MQTT_URL": "mqtt://a", "SECRETS_DIR": "/s"}
+    for name, value in (given | {"CELLS": text}).items():
+        monkeypatch.setenv(f"SKYWAY_{name}", value)
+    return CellSettings.load().cells
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("texas", "texas must look like texas=http://composition-texas:8002"),
+        ("texas=composition:8002", "texas=composition:8002 must look like"),
+        ("texas=http://a:8002/", "texas=http://a:8002/ must look like"),
+        ("two words=http://a:8002", "two words=http://a:8002 must look like"),
+        ("texas=http://user:word@a:8002", "must look like"),
+        ("texas=http://a, ohio=http://b,texas=http://b", "two addresses: http://a and http://b"),
+    ],
+)
+def test_a_wrong_or_contradictory_cell_is_named(
+    monkeypatch: pytest.MonkeyPatch, text: str, fault: str
+) -> None:
+    with pytest.raises(InvalidSettings, match=f"SKYWAY_CELLS: .*{re.escape(fault)}"):
+        cells_of_environment(monkeypatch, text)
+
+
+def test_cells_are_networks_with_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
+    cells = cells_of_environment(monkeypatch, "texas=http://a:8002/c , ohio=https://b,")
+
+    assert cells == {"texas": "http://a:8002/c", "ohio": "https://b"}

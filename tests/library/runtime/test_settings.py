@@ -1,6 +1,5 @@
 """What a service reads from its environment."""
 
-import re
 import ssl
 from pathlib import Path
 
@@ -73,29 +72,3 @@ def test_a_file_without_a_certificate_is_named(
 
     with pytest.raises(InvalidSettings, match=r"SKYWAY_MQTT_CA_FILE: .*ca\.pem holds no"):
         _ = ServiceSettings.load().mqtt_tls
-
-
-@pytest.mark.parametrize(
-    ("text", "fault"),
-    [
-        ("texas", "texas must look like texas=http://composition-texas:8002"),
-        ("texas=composition:8002", "texas=composition:8002 must look like"),
-        ("texas=http://a:8002/", "texas=http://a:8002/ must look like"),
-        ("two words=http://a:8002", "two words=http://a:8002 must look like"),
-        ("texas=http://user:word@a:8002", "must look like"),
-        ("texas=http://a, ohio=http://b,texas=http://b", "two addresses: http://a and http://b"),
-    ],
-)
-def test_a_wrong_or_contradictory_cell_is_named(
-    monkeypatch: pytest.MonkeyPatch, text: str, fault: str
-) -> None:
-    monkeypatch.setenv("SKYWAY_CELLS", text)
-
-    with pytest.raises(InvalidSettings, match=f"SKYWAY_CELLS: .*{re.escape(fault)}"):
-        ServiceSettings.load()
-
-
-def test_cells_are_networks_with_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SKYWAY_CELLS", "texas=http://a:8002/c , ohio=https://b,")
-
-    assert ServiceSettings.load().cells == {"texas": "http://a:8002/c", "ohio": "https://b"}
