@@ -48,7 +48,6 @@ from skyway_composition.missions.schedule.routes import schedule_routes
 from skyway_composition.missions.tracking_routes import tracking_routes
 from skyway_composition.networks.change_weather import WeatherChanges
 from skyway_composition.networks.routes import (
-    airspace_routes,
     network_routes,
 )
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
@@ -131,7 +130,6 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 clock=clock,
                 count_drones=parts.count_drones,
             ),
-            airspace_routes(gate=gate, networks=networks),
             station_check_routes(db=db, gate=gate, networks=networks),
             pad_routes(db=db, gate=gate, clock=clock),
             live_routes(db=db, gate=gate, clock=clock),

@@ -125,12 +125,10 @@ CALLS: Final[Mapping[Scope, tuple[str, ...]]] = {
     "network:read": (
         "GET /v1/networks",
         "GET /v1/networks/{network_id}",
-        "GET /v1/networks/{network_id}/segments",
         "GET /v1/networks/{network_id}/stations",
         "GET /v1/networks/{network_id}/status",
         "GET /v1/networks/{network_id}/versions",
         "GET /v1/networks/{network_id}/weather",
-        "GET /v1/networks/{network_id}/zones",
         "GET /v1/stations/{station_id}/pads",
         "GET /v1/stations/{station_id}/reservations",
         "GET /v1/stations/{station_id}/schedule",

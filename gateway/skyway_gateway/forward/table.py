@@ -119,8 +119,6 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     ),
     Forwarded("DELETE", f"{_NETWORK}/weather", "composition", _OPERATOR),
     Forwarded("GET", f"{_NETWORK}/stations", "composition", _ANY_OR_DRONE),
-    Forwarded("GET", f"{_NETWORK}/segments", "composition", _ANY),
-    Forwarded("GET", f"{_NETWORK}/zones", "composition", _ANY),
     Forwarded("GET", "/v1/stations/{station_id}/pads", "composition", _ANY_OR_DRONE),
     Forwarded("GET", "/v1/stations/{station_id}/reservations", "composition", _ANY),
     Forwarded(
