@@ -1,4 +1,4 @@
-"""Every public path serves somebody: the console or the command line uses it, or a guide names it."""
+"""Every public path serves somebody: console or command line use it, or a guide names it."""
 
 import json
 import re
@@ -13,7 +13,7 @@ PATHS = sorted(json.loads((ROOT / "openapi/gateway.json").read_text())["paths"])
 
 
 def users_and_guides() -> Iterator[str]:
-    """The console's own scripts, the command line, and the guides; vendors' scripts name nothing."""
+    """The console's own scripts, the command line, and the guides."""
     console = ROOT / "gateway/skyway_console/console"
     scripts = (each for each in console.rglob("*.js") if "vendor" not in each.parts)
     guides = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
