@@ -6,7 +6,7 @@ serves all networks that the setting does not name.
 
 import asyncio
 import re
-from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Collection, Mapping
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from typing import Annotated, Final, Generic, Self, TypeVar
@@ -62,10 +62,7 @@ class CellSettings(ServiceSettings):
 
 
 class CellClients:
-    """The clients of all servers of composition, open until the `async with` block ends.
-
-    `closed` are networks that accept no new requests.
-    """
+    """The clients of all servers of composition; `closed` networks accept no new requests."""
 
     def __init__(
         self,
@@ -73,11 +70,12 @@ class CellClients:
         cells: Mapping[NetworkId, str],
         closed: Collection[NetworkId] = (),
     ) -> None:
-        self.cells = cells
-        self.default = default
-        self._closed = closed
+        self.cells, self.default, self._closed = cells, default, closed
         self._opened = AsyncExitStack()
-        self._by_url = {url: default.at(url) for url in cells.values()} | {default.url: default}
+        self._by_url = {default.url: default}
+        for url in cells.values():
+            served = ", ".join(each for each, its_url in cells.items() if its_url == url)
+            self._by_url.setdefault(url, default.at(url, name=f"the cell {served}"))
 
     async def __aenter__(self) -> Self:
         """Open all clients; nothing is connected yet."""
@@ -103,9 +101,7 @@ class CellClients:
         """The server of a network; requests to it name the network."""
         if network_id is None or not self.cells:
             return self.default
-        url = self.url_of(network_id)
-        name = DEFAULT_SERVER if url == self.default.url else _label(network_id)
-        return self._by_url[url].adding(name, {NETWORK_HEADER: network_id})
+        return self._by_url[self.url_of(network_id)].adding({NETWORK_HEADER: network_id})
 
     def open_for(self, network_id: NetworkId | None) -> ServiceClient:
         """The server of a network, for a new request.
@@ -120,24 +116,9 @@ class CellClients:
             raise ServiceUnavailable(f"the network {network_id}", detail)
         return self.of(network_id)
 
-    def serving(self, network_id: NetworkId | None) -> Sequence[ServiceClient]:
-        """The server of a network; all servers if the network is None."""
-        return list(self.every().values()) if network_id is None else [self.of(network_id)]
-
     def every(self) -> Mapping[str, ServiceClient]:
         """Each server once, by a name that says which networks it serves."""
-        networks: dict[str, list[NetworkId]] = {}
-        for network_id, url in self.cells.items():
-            networks.setdefault(url, []).append(network_id)
-        networks.pop(self.default.url, None)
-        return {DEFAULT_SERVER: self.default} | {
-            _label(*served): self._by_url[url].adding(_label(*served), {})
-            for url, served in networks.items()
-        }
-
-
-def _label(*network_ids: NetworkId) -> str:
-    return f"the cell {', '.join(network_ids)}"
+        return {client.name: client for client in self._by_url.values()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,13 +129,7 @@ class Answers(Generic[AnswerT]):
     silent: Mapping[str, ServiceUnavailable]
 
     def must_be_whole(self) -> None:
-        """Go on only if every server has answered.
-
-        Raises
-        ------
-        ServiceUnavailable
-            Names a server that has not answered.
-        """
+        """Go on only if every server has answered; else the error names one that has not."""
         for error in self.silent.values():
             raise error
 
@@ -183,7 +158,6 @@ async def ask_all(
             return error
 
     answers = dict(zip(clients, await asyncio.gather(*map(one, clients.values())), strict=True))
-    return Answers(
-        {name: each for name, each in answers.items() if not isinstance(each, ServiceUnavailable)},
-        {name: each for name, each in answers.items() if isinstance(each, ServiceUnavailable)},
-    )
+    silent = {n: each for n, each in answers.items() if isinstance(each, ServiceUnavailable)}
+    given = {n: e for n, e in answers.items() if not isinstance(e, ServiceUnavailable)}
+    return Answers(given, silent)

@@ -42,13 +42,7 @@ class NetworkFinder:
     db: Database
 
     async def of_station(self, station_id: StationId) -> NetworkId | None:
-        """The network of a station; None if no server knows the station.
-
-        Raises
-        ------
-        ServiceUnavailable
-            A server does not answer, and may have the station.
-        """
+        """The network of a station; None if no server knows it. A silent server may know it."""
         if not self.servers.needs_networks:
             return None
         cached = self.networks.network_of(station_id) or self.networks.last_network_of(station_id)
@@ -79,8 +73,7 @@ class NetworkFinder:
 class RoutedComposition:
     """`Composition` over REST, at the servers of all networks.
 
-    A call raises `ServiceUnavailable` with the name of the cell if the cell's server does not
-    answer. A closed network gets no new quotes and bookings.
+    The error of a silent server names its cell. A closed network gets no new quotes and bookings.
     """
 
     servers: CellClients

@@ -20,7 +20,7 @@ _MOST_HOMES: Final = 200_000
 
 @dataclass(slots=True)
 class OwnCells:
-    """The networks of this composition; `url` is its own address, `default` that of all others.
+    """The networks of this composition; `url` is its own address, `default` that without cells.
 
     `foreign` are the networks in its database that another composition serves.
     """
@@ -34,12 +34,16 @@ class OwnCells:
     @classmethod
     def of(cls, settings: CompositionSettings) -> Self:
         """The networks that these settings give to this composition."""
-        default = settings.composition_url
+        default = settings.composition_url.rstrip("/")
         return cls(settings.cells, default, settings.cell_url or default)
+
+    def url_of(self, network_id: NetworkId) -> str:
+        """The address of the composition that serves the network."""
+        return self.cells.get(network_id, self.default)
 
     def serves(self, network_id: NetworkId) -> bool:
         """Whether this composition serves the network."""
-        return self.cells.get(network_id, self.default) == self.url
+        return self.url_of(network_id) == self.url
 
     async def read_database(self, db: Database) -> None:
         """Read which networks in this database another composition serves.
@@ -47,7 +51,7 @@ class OwnCells:
         Raises
         ------
         InvalidSettings
-            Such a network has missions that are not over: drones would wait for nobody's answer.
+            Such a network has missions that are not over, and nobody would answer their drones.
         """
         async with db.read() as connection:
             found = await open_missions(connection)
@@ -55,9 +59,9 @@ class OwnCells:
         for network_id in sorted(self.foreign):
             if found[network_id]:
                 raise InvalidSettings(
-                    f"SKYWAY_CELLS: {network_id} is at {self.cells.get(network_id, self.default)}, "
-                    f"and this composition ({self.url}) has {found[network_id]} missions of it "
-                    "that are not over: change the setting when they are over"
+                    f"SKYWAY_CELLS: {network_id} is at {self.url_of(network_id)}, and this "
+                    f"composition ({self.url}) has {found[network_id]} missions of it that are "
+                    "not over: change the setting when they are over"
                 )
 
     def refuse_foreign(self, network_id: NetworkId) -> None:
@@ -70,8 +74,8 @@ class OwnCells:
         """
         if not self.serves(network_id):
             raise Misdirected(
-                f"{network_id} is served by {self.cells.get(network_id, self.default)}, not by "
-                f"this composition ({self.url}): set SKYWAY_CELLS the same for all services"
+                f"{network_id} is served by {self.url_of(network_id)}, not by this composition "
+                f"({self.url}): set SKYWAY_CELLS the same for all services"
             )
 
     def note_home(self, drone_id: DroneId, network_id: NetworkId | None) -> None:

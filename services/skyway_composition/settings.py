@@ -90,11 +90,11 @@ class CompositionSettings(CellSettings):
     @classmethod
     def _serves_networks(cls, url: str | None, info: ValidationInfo) -> str | None:
         """Refuse an address to which no service sends requests."""
-        cells = info.data.get("cells", {})
-        if url not in (None, info.data.get("composition_url"), *cells.values()):
-            known = ", ".join(f"{network_id}={each}" for network_id, each in cells.items())
+        default, cells = info.data.get("composition_url", ""), info.data.get("cells", {})
+        url = None if url is None else url.rstrip("/")
+        if url not in (None, default.rstrip("/"), *cells.values()):
             raise ValueError(
-                f"{url} serves no network: it is neither SKYWAY_COMPOSITION_URL nor in "
-                f"SKYWAY_CELLS ({known or 'which is empty'})"
+                f"{url} serves no network: it is neither SKYWAY_COMPOSITION_URL ({default}) nor "
+                f"in SKYWAY_CELLS ({', '.join(cells.values()) or 'which is empty'})"
             )
         return url

@@ -2,8 +2,7 @@
 
 A call whose path has a network or a station goes to the server of that network. A call with another
 id, such as a mission's, goes to all servers, and only one knows the id. A list is merged from the
-lists of all servers; the header `Skyway-Silent-Cells` names the servers whose part is
-missing.
+lists of all servers; the header `Skyway-Silent-Cells` names the servers whose part is missing.
 """
 
 import asyncio
@@ -37,7 +36,6 @@ _PROBLEMS: Final = "/v1/compositions"
 #: A problem with a larger body contains its own network, so any server can plan it.
 _LARGEST_REFERENCE_BYTES: Final = 1024 * 1024
 
-_DEFAULT_LIMIT: Final = 50
 #: Reads a limit as the servers do: `5.0` is a whole number.
 _LIMIT: Final = TypeAdapter(int)
 
@@ -50,13 +48,7 @@ class ForwardToCells:
     find: NetworkFinder
 
     async def __call__(self, request: Request, row: Forwarded, caller: Caller | None) -> Response:
-        """The answer of the server, or the merged answer of all servers.
-
-        Raises
-        ------
-        ServiceUnavailable
-            A server does not answer, and no other server knows the id; the error names its cell.
-        """
+        """The answer of the server, or the merged answer of all; an error names a silent cell."""
         client: ServiceClient | None = None
         if not self.servers.cells:
             client = self.servers.default
@@ -83,10 +75,7 @@ class ForwardToCells:
     async def _named_in_body(self, request: Request, row: Forwarded) -> ServiceClient:
         """The server of the network that the body names; a problem may have its own network.
 
-        Raises
-        ------
-        InvalidInput
-            A ground stop names no network. Servers cannot begin it together in one transaction.
+        A ground stop without a network is refused: servers cannot begin it in one transaction.
         """
         length = request.headers.get("content-length")
         # Without a length the body may be as large as the largest problem.
@@ -94,12 +83,9 @@ class ForwardToCells:
             return self.servers.default
         named = _network_named(await request.body(), row)
         if named is None and row.path == "/v1/ground-stops":
-            known = ", ".join(self.servers.cells)
-            raise InvalidInput(
-                "network_id",
-                f"is missing: some networks have cells of their own ({known}), so stop each "
-                "network by itself",
-            )
+            cells = ", ".join(self.servers.cells)
+            fault = f"is missing: stop each network by itself, because some have cells ({cells})"
+            raise InvalidInput("network_id", fault)
         return self.servers.of(named)
 
     async def _first_that_knows(
@@ -110,10 +96,8 @@ class ForwardToCells:
         The call does not wait for a server that hangs and does not know it.
         """
         await request.body()  # the request keeps its body, so that each server gets it
-        asked = [
-            asyncio.create_task(_ask(each, request, row, caller))
-            for each in self.servers.every().values()
-        ]
+        asks = (_ask(each, request, row, caller) for each in self.servers.every().values())
+        asked = [asyncio.create_task(each) for each in asks]
         silent: ServiceUnavailable | None = None
         found: Response | None = None
         try:
@@ -125,9 +109,9 @@ class ForwardToCells:
                 else:
                     if found.status_code != HTTPStatus.NOT_FOUND:
                         return found
-            if silent is not None or found is None:
-                raise silent or ServiceUnavailable("composition", "it has no server")
-            return found
+            if silent is None and found is not None:
+                return found
+            raise silent or ServiceUnavailable("composition", "it has no server")
         finally:
             for task in asked:
                 task.cancel()
@@ -150,7 +134,7 @@ class ForwardToCells:
         if row.path in COUNTED:
             merged = merged_counts(pages)
         else:
-            limit = _LIMIT.validate_python(request.query_params.get("limit", _DEFAULT_LIMIT))
+            limit = _LIMIT.validate_python(request.query_params.get("limit", 50))
             merged = merged_page(pages, MERGED[row.path], limit=limit)
         silent = {SILENT_HEADER: "; ".join(answers.silent)} if answers.silent else {}
         body = json.dumps(merged, ensure_ascii=False).encode()
@@ -172,13 +156,7 @@ def _network_named(body: bytes, row: Forwarded) -> NetworkId | None:
 async def _ask(
     server: ServiceClient, request: Request, row: Forwarded, caller: Caller | None
 ) -> Response:
-    """The answer of one server.
-
-    Raises
-    ------
-    ServiceUnavailable
-        The server does not answer, or fails: it may know the id.
-    """
+    """The answer of one server; ServiceUnavailable if it is silent or fails: it may know the id."""
     path = request.scope["path"]
     answer = await server.forward(request, path, caller, timeout_s=row.timeout_s)
     try:

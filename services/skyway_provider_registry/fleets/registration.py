@@ -14,10 +14,9 @@ from skyway.contracts.signature import CloudKeys
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidInput
-from skyway.ids import DroneId, DroneModelId, NetworkId, ProviderId, StationId
+from skyway.ids import DroneId, DroneModelId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import Conflict
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway_provider_registry.change_store import next_change
@@ -60,24 +59,6 @@ class CompositionStations:
         """The positions of the existing stations among these, and the unknown station ids."""
         query = StationCheckQuery(station_ids=tuple(dict.fromkeys(station_ids)))
         return await check_stations(self._servers, query)
-
-
-def refuse_another_cell(
-    servers: CellClients, current: NetworkId | None, network_id: NetworkId
-) -> None:
-    """Go on only if a drone may move its home from its current network to this network.
-
-    Raises
-    ------
-    Conflict
-        OTHER_CELL: another composition serves this network, and has no record of the drone.
-    """
-    if current is not None and servers.url_of(current) != servers.url_of(network_id):
-        raise Conflict(
-            "OTHER_CELL",
-            f"the drone is at home in {current}, and another composition serves {network_id}: "
-            "remove the drone, and register it again",
-        )
 
 
 #: The changes that are columns of the same name and value.

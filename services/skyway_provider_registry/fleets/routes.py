@@ -12,6 +12,7 @@ from skyway.cells import CellClients
 from skyway.contracts.drones import MOST_NEW_DRONES
 from skyway.ids import DroneId, NetworkId, ProviderId
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import Conflict
 from skyway.runtime.http.answers import IdempotencyKey, conflicts, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
@@ -39,7 +40,6 @@ from skyway_provider_registry.fleets.registration import (
     changed_columns,
     faults_of,
     prepare,
-    refuse_another_cell,
     store_drones,
 )
 from skyway_provider_registry.fleets.statistics_store import FleetStatistics, totals
@@ -110,9 +110,13 @@ def fleet_routes(
                 before = await store.of_caller(
                     tx.connection, caller, provider_id=provider_id, drone_id=drone_id
                 )
-                refuse_another_cell(
-                    servers, before.network_id, NetworkId(str(values["network_id"]))
-                )
+                home = NetworkId(str(values["network_id"]))
+                if servers.url_of(before.network_id) != servers.url_of(home):
+                    detail = (
+                        f"the drone is at home in {before.network_id}, and another composition "
+                        f"serves {home}: remove the drone, and register it again"
+                    )
+                    raise Conflict("OTHER_CELL", detail)
             await store.change(
                 tx, caller, provider_id=provider_id, drone_id=drone_id, values=values
             )

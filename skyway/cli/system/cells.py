@@ -4,25 +4,14 @@ A file in the data folder keeps their networks, because later starts need their 
 """
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 
 from skyway.broker_setup.private_file import write_private
 from skyway.cli.data_folder import DataFolder
-from skyway.errors import SkywayError
 
 
 def cells_of(folder: DataFolder, networks: Sequence[str] = ()) -> Mapping[str, str]:
-    """The network of each cell by the cell's name: the kept cells, and after them new ones.
-
-    Raises
-    ------
-    SkywayError
-        A new one is no id of a network.
-    """
-    for network in networks:
-        if re.fullmatch(r"[A-Za-z0-9_-]{1,64}", network) is None:
-            raise SkywayError(f"--cell {network}: the id of a network has letters, digits, - and _")
+    """The network of each cell by the cell's name: the kept cells, and after them new ones."""
     file = folder.cells_file
     kept: list[str] = json.loads(file.read_text()) if file.exists() else []
     every = dict.fromkeys([*kept, *networks])

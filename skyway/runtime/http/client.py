@@ -101,14 +101,14 @@ class ServiceClient:
         self._opened: httpx.AsyncBaseTransport | None = None
         self._added: Mapping[str, str] = {}
 
-    def at(self, url: str) -> "ServiceClient":
+    def at(self, url: str, *, name: str) -> "ServiceClient":
         """A client of the same service at another address, with connections of its own."""
-        return ServiceClient(self.name, url, self._identity, transport=self._transport)
+        return ServiceClient(name, url, self._identity, transport=self._transport)
 
-    def adding(self, name: str, headers: Mapping[str, str]) -> Self:
-        """The same connections under another name; these headers are added to each request."""
+    def adding(self, headers: Mapping[str, str]) -> Self:
+        """The same connections; these headers are added to each request."""
         copied = copy.copy(self)
-        copied.name, copied._added = name, headers
+        copied._added = headers
         return copied
 
     async def __aenter__(self) -> Self:

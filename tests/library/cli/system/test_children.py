@@ -9,7 +9,6 @@ from skyway.cli.data_folder import DataFolder
 from skyway.cli.system.cells import cells_of, keep_cells
 from skyway.cli.system.children import Ports, bind, cell_urls, child, environment
 from skyway.cli.system.secrets import make_secrets, write_keys_file
-from skyway.errors import SkywayError
 
 URL = "mqtt://127.0.0.1:1883"
 
@@ -100,8 +99,3 @@ def test_cells_are_kept_and_every_process_knows_their_addresses(
     assert process.command[-1] == "skyway_composition"
     assert process.environment["SKYWAY_CELL_URL"] == urls["cell-2"]
     assert process.environment["SKYWAY_DATABASE_URL"] == "sqlite:///cell-2.db"
-
-
-def test_a_cell_for_no_possible_network_is_refused(folder: DataFolder) -> None:
-    with pytest.raises(SkywayError, match="--cell a=b: the id of a network has letters"):
-        cells_of(folder, ["a=b"])
